@@ -1,0 +1,273 @@
+"""Everything that can go wrong, as one tree.
+
+    IdentificationError
+    ├── InputError                 the caller's data or words are at fault; exit status 2
+    │   ├── RunFileError           a run file cannot be read as a run
+    │   │   ├── UnreadableFile     there is no such file, or it cannot be opened
+    │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
+    │   │   ├── LineTooLong        one line is longer than the limit
+    │   │   ├── NotText            a binary or compressed file, NUL bytes, an unknown encoding
+    │   │   ├── EmptyFile          no byte, or nothing but blank lines
+    │   │   ├── NoTable            no line of numbers in columns was found
+    │   │   ├── NoHeader           numbers without a line of column names
+    │   │   ├── NoRows             a header and nothing below it
+    │   │   ├── TooFewRows         fewer samples than an identification can use
+    │   │   ├── RaggedRow          a line with another number of fields than the others
+    │   │   ├── UnclosedQuote      a quotation mark without its partner
+    │   │   ├── MissingColumn      a required channel has no column
+    │   │   ├── AmbiguousColumn    several columns could be the same channel
+    │   │   ├── DuplicateColumn    two columns have the same name
+    │   │   ├── UnknownUnit        a unit that is not in the table
+    │   │   ├── WrongUnit          a unit of another quantity
+    │   │   ├── AmbiguousUnit      no unit is given, or two that disagree
+    │   │   ├── MappingError       the mapping itself is at fault
+    │   │   ├── NotANumber         a cell that is no number
+    │   │   ├── NotFinite          NaN or infinity in a cell
+    │   │   ├── MissingValue       a blank cell
+    │   │   ├── RepeatedTime       two samples at one time
+    │   │   ├── BackwardTime       a time before the one above it
+    │   │   └── AbsurdValue        a value that no brushed motor has
+    │   └── OptionError            an option has a value that is not accepted
+    └── ComputationError           the input was sound, the calculation was not; exit status 1
+
+Catch a leaf to recover, a node to report.  Every message says what was wrong with the value,
+what was expected and what to do next, on one line.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+__all__ = [
+    "AbsurdValue",
+    "AmbiguousColumn",
+    "AmbiguousUnit",
+    "BackwardTime",
+    "ComputationError",
+    "DuplicateColumn",
+    "EmptyFile",
+    "FileTooLarge",
+    "IdentificationError",
+    "InputError",
+    "LineTooLong",
+    "MappingError",
+    "MissingColumn",
+    "MissingValue",
+    "NoHeader",
+    "NoRows",
+    "NoTable",
+    "NotANumber",
+    "NotFinite",
+    "NotText",
+    "OptionError",
+    "RaggedRow",
+    "RepeatedTime",
+    "RunFileError",
+    "TooFewRows",
+    "UnclosedQuote",
+    "UnknownUnit",
+    "UnreadableFile",
+    "WrongUnit",
+]
+
+
+class IdentificationError(Exception):
+    """Base of all errors that this package raises on purpose."""
+
+
+class InputError(IdentificationError):
+    """Data or words of the caller are at fault.
+
+    Args:
+        message: What was wrong, what was expected, what to do next.
+        file: Name of the file at fault, as the caller named it.
+        row: Line of that file, counted from 1 with the header line.
+        column: Name of the column as it stands in the file.
+        value: The offending text or number.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | None = None,
+        row: int | None = None,
+        column: str | None = None,
+        value: object = None,
+    ) -> None:
+        self.message = message
+        self.file = file
+        self.row = row
+        self.column = column
+        self.value = value
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        """The place and the message on one line: ``run3.csv, row 412, column current_A: ...``."""
+        place = [self.file] if self.file else []
+        if self.row is not None:
+            place.append(f"row {self.row}")
+        if self.column is not None:
+            place.append(f"column {self.column}")
+        return f"{', '.join(place)}: {self.message}" if place else self.message
+
+
+class RunFileError(InputError):
+    """A run file cannot be read as a run of a motor.
+
+    `code` is a stable word for scripts, such as ``missing_column``; every leaf has its own.
+    """
+
+    code: ClassVar[str] = "run_file"
+
+
+class UnreadableFile(RunFileError):
+    """The file is not there, is no ordinary file, or the system does not let it be read."""
+
+    code: ClassVar[str] = "unreadable_file"
+
+
+class FileTooLarge(RunFileError):
+    """The file has more bytes, rows or columns than the limits allow."""
+
+    code: ClassVar[str] = "file_too_large"
+
+
+class LineTooLong(RunFileError):
+    """One line is longer than the limit: the file is no table of samples."""
+
+    code: ClassVar[str] = "line_too_long"
+
+
+class NotText(RunFileError):
+    """The bytes are not text: another format, NUL bytes or an encoding that is not accepted."""
+
+    code: ClassVar[str] = "not_text"
+
+
+class EmptyFile(RunFileError):
+    """There is nothing in the file."""
+
+    code: ClassVar[str] = "empty_file"
+
+
+class NoTable(RunFileError):
+    """No line of numbers in at least two columns was found."""
+
+    code: ClassVar[str] = "no_table"
+
+
+class NoHeader(RunFileError):
+    """The numbers have no line of column names above them."""
+
+    code: ClassVar[str] = "no_header"
+
+
+class NoRows(RunFileError):
+    """There are column names and no samples below them."""
+
+    code: ClassVar[str] = "no_rows"
+
+
+class TooFewRows(RunFileError):
+    """There are fewer samples than an identification can use."""
+
+    code: ClassVar[str] = "too_few_rows"
+
+
+class RaggedRow(RunFileError):
+    """A line has another number of fields than the table."""
+
+    code: ClassVar[str] = "ragged_row"
+
+
+class UnclosedQuote(RunFileError):
+    """A quotation mark is opened and not closed on its line."""
+
+    code: ClassVar[str] = "unclosed_quote"
+
+
+class MissingColumn(RunFileError):
+    """A required channel has no column."""
+
+    code: ClassVar[str] = "missing_column"
+
+
+class AmbiguousColumn(RunFileError):
+    """Several columns could be the same channel."""
+
+    code: ClassVar[str] = "ambiguous_column"
+
+
+class DuplicateColumn(RunFileError):
+    """Two columns have the same name."""
+
+    code: ClassVar[str] = "duplicate_column"
+
+
+class UnknownUnit(RunFileError):
+    """A unit is not in the table of accepted units."""
+
+    code: ClassVar[str] = "unknown_unit"
+
+
+class WrongUnit(RunFileError):
+    """The unit is one of another quantity."""
+
+    code: ClassVar[str] = "wrong_unit"
+
+
+class AmbiguousUnit(RunFileError):
+    """No unit is given for the column, or two that disagree."""
+
+    code: ClassVar[str] = "ambiguous_unit"
+
+
+class MappingError(RunFileError):
+    """The mapping that was given with the file is at fault."""
+
+    code: ClassVar[str] = "bad_mapping"
+
+
+class NotANumber(RunFileError):
+    """A cell is no number."""
+
+    code: ClassVar[str] = "not_a_number"
+
+
+class NotFinite(RunFileError):
+    """A cell holds NaN, an infinity or a number too large to hold."""
+
+    code: ClassVar[str] = "not_finite"
+
+
+class MissingValue(RunFileError):
+    """A cell is blank."""
+
+    code: ClassVar[str] = "missing_value"
+
+
+class RepeatedTime(RunFileError):
+    """Two samples have the same time."""
+
+    code: ClassVar[str] = "repeated_time"
+
+
+class BackwardTime(RunFileError):
+    """A sample is earlier than the one above it."""
+
+    code: ClassVar[str] = "backward_time"
+
+
+class AbsurdValue(RunFileError):
+    """A value is one that no brushed motor can have."""
+
+    code: ClassVar[str] = "absurd_value"
+
+
+class OptionError(InputError):
+    """An option has a value that is not accepted."""
+
+
+class ComputationError(IdentificationError):
+    """The input was sound and the calculation still did not succeed."""

@@ -1,0 +1,106 @@
+"""Fit of the declared model from nothing but the runs.
+
+Regression gives several starting vectors; one simulation of all of them side by side ranks them;
+Gauss-Newton goes on from the best, and from the next where that one does not converge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import ComputationError
+from identification.fit.scaling import logarithmic_where_certain, scaled_coordinates
+from identification.fit.solve import Fit, solve
+from identification.fit.start import starting_values
+from identification.model.weighting import Weighting
+from identification.model.composite import Hold, MotorModel
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator, initial_states
+
+__all__ = ["fit_declared", "replanned", "straightened"]
+
+Array = NDArray[np.float64]
+
+_STARTS: Final = 3
+_LEAST_INDUCTANCE: Final = 2e-3
+
+
+def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
+    """Fit the declared model.
+
+    Args:
+        records: Training records.
+        hold: Behaviour of the voltage between samples.
+
+    Raises:
+        ComputationError: No start leads to a finite simulation.
+    """
+    model = MotorModel(hold=hold)
+    ranked = _ranked(model, records, starting_values(records))
+    best: Fit | None = None
+    for values in ranked[:_STARTS]:
+        if best is not None and best.converged:
+            break
+        simulator = Simulator.fitting(model, records, values)
+        coordinates = _bounded(simulator, records, values)
+        fit = replanned(solve(simulator, coordinates, coordinates.of(values)))
+        if best is None or fit.cost < best.cost:
+            best = fit
+    if best is None or not np.isfinite(best.cost):
+        raise ComputationError(
+            "the declared model cannot be simulated over these runs from any starting value; "
+            "expected finite currents and speeds: check units and the sign of each channel"
+        )
+    return straightened(best)
+
+
+def straightened(fit: Fit) -> Fit:
+    """The fit in coordinates in which its posterior is closer to normal."""
+    deviations = np.sqrt(np.diag(fit.equations.covariance())) * fit.coordinates.slopes(fit.position)
+    coordinates = logarithmic_where_certain(fit.coordinates, fit.values, deviations)
+    return solve(
+        fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting
+    )
+
+
+def replanned(fit: Fit) -> Fit:
+    """The fit with a step plan that suits where it ended; unchanged if the plan did already."""
+    for _ in range(3):
+        simulator = fit.simulator
+        model, records, plan = simulator.model, simulator.records, simulator.plan
+        rate = Simulator.rate(model, records, fit.values)
+        if plan.suits(rate):
+            return fit
+        simulator = Simulator.fitting(model, records, fit.values, plan.parts)
+        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting)
+    return fit
+
+
+def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> list[Array]:
+    """Starting vectors by their simulation error, best first."""
+    # The stiffest candidate sets the plan, so that a bad one diverges by itself only.
+    plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
+    plan = max(plans, key=lambda p: p.rate)
+    simulator = Simulator(model, tuple(records), plan)
+    states = [initial_states(model, record) for record in records]
+    weighting = Weighting.white(records)
+    cost = weighting.sized(simulator.misfit(candidates, states, weighting))[1]
+    order = np.argsort(np.where(np.isfinite(cost), cost, np.inf))
+    return [candidates[:, k] for k in order if np.isfinite(cost[k])]
+
+
+def _bounded(simulator: Simulator, records: Sequence[Record], values: Array):  # noqa: ANN202
+    """Coordinates with an inductance that the sampling could at least hint at."""
+    parameters = list(simulator.model.parameters)
+    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
+    for k, parameter in enumerate(parameters):
+        if parameter.name == "L":
+            # An electrical time constant far below the sample interval cannot be told from none.
+            least = _LEAST_INDUCTANCE * float(values[0]) * interval
+            parameters[k] = replace(parameter, lower=least)
+    return scaled_coordinates(parameters, values)

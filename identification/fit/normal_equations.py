@@ -1,0 +1,179 @@
+"""Normal equations of the simulation error, with initial states eliminated.
+
+With J the derivative of the whitened, weighted residual by the parameters and X by the initial
+state of one record,
+
+    H = sum_records [ J'J - J'X (X'X + S^-1)^-1 X'J ] + prior
+
+where S is the broad prior of the initial state, so that a state no sensor sees stays finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.weighting import Weighting
+from identification.model.parameter import Coordinates
+from identification.model.simulate import Simulator, initial_states
+
+__all__ = ["NormalEquations", "normal_equations"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Gradient and Gauss-Newton matrix at one point, in search coordinates.
+
+    Args:
+        matrix: (n_parameter, n_parameter) with initial states eliminated and the prior included.
+        information: The same without the prior: what the data say.
+        gradient: (n_parameter,) descent direction, initial states eliminated, prior included.
+        state_matrices: For each record (n_state, n_state) X'X + S^-1.
+        couplings: For each record (n_state, n_parameter) X'J.
+        state_gradients: For each record (n_state,).
+    """
+
+    matrix: Array
+    information: Array
+    gradient: Array
+    state_matrices: tuple[Array, ...]
+    couplings: tuple[Array, ...]
+    state_gradients: tuple[Array, ...]
+
+    @property
+    def decrement(self) -> float:
+        """Predicted decrease of the cost by a full step; compares with 1, the size of chance."""
+        return float(0.5 * self.gradient @ _solved(self.matrix, self.gradient))
+
+    def step(
+        self, damping: float, position: Array, coordinates: Coordinates
+    ) -> tuple[Array, list[Array]]:
+        """Damped step of parameters and initial states that stays inside the bounds.
+
+        Args:
+            damping: Levenberg-Marquardt parameter relative to the diagonal [-].
+            position: (n_parameter,) where the step starts.
+            coordinates: Bounds.
+
+        Returns:
+            (n_parameter,) and for each record (n_state,).
+        """
+        damped = self.matrix + damping * np.diag(np.diag(self.matrix))
+        free = np.ones(position.size, dtype=bool)
+        step = np.zeros(position.size)
+        for _ in range(position.size):
+            step[:] = 0.0
+            step[free] = _solved(damped[np.ix_(free, free)], self.gradient[free])
+            beyond = free & (
+                ((position + step < coordinates.lower) & (position <= coordinates.lower))
+                | ((position + step > coordinates.upper) & (position >= coordinates.upper))
+            )
+            if not beyond.any():
+                break
+            free &= ~beyond
+        step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
+        moved = [
+            np.linalg.solve(matrix, gradient - coupling @ step)
+            for matrix, coupling, gradient in zip(
+                self.state_matrices, self.couplings, self.state_gradients, strict=True
+            )
+        ]
+        return step, moved
+
+    def covariance(self) -> Array:
+        """Covariance of the search coordinates, prior included."""
+        return _inverse(self.matrix)
+
+    def state_response(self, k: int) -> Array:
+        """(n_state, n_parameter): how the best initial state of record `k` follows parameters."""
+        return np.asarray(-np.linalg.solve(self.state_matrices[k], self.couplings[k]))
+
+
+def normal_equations(
+    simulator: Simulator,
+    coordinates: Coordinates,
+    position: Array,
+    states: Sequence[Array],
+    weighting: Weighting,
+) -> NormalEquations:
+    """Normal equations at one point.
+
+    Args:
+        simulator: Model and records.
+        coordinates: Map to search coordinates, with priors.
+        position: (n_parameter,) search coordinates.
+        states: For each record (n_state,).
+        weighting: Noise model with its deviations.
+    """
+    n, n_state = position.size, simulator.n_state
+    values = coordinates.values(position)
+    slopes = coordinates.slopes(position)
+    logged, tangents = simulator.tangent(values, states, np.diag(slopes))
+    information, gradient = np.zeros((n, n)), np.zeros(n)
+    matrices, couplings, state_gradients = [], [], []
+    for k, record in enumerate(simulator.records):
+        full, right = _products(record.measured - logged[k], tangents[k], weighting, k)
+        precision = _state_precision(simulator, k)
+        centre = initial_states(simulator.model, record)
+        xx = full[n:, n:] + np.diag(precision)
+        xg = right[n:] + precision * (centre - states[k])
+        xj = full[n:, :n]
+        information += full[:n, :n] - xj.T @ np.linalg.solve(xx, xj)
+        gradient += right[:n] - xj.T @ np.linalg.solve(xx, xg)
+        matrices.append(xx)
+        couplings.append(xj)
+        state_gradients.append(xg)
+    prior = 1.0 / coordinates.prior_sd**2
+    matrix = information + np.diag(prior)
+    gradient = gradient + prior * np.where(prior > 0, coordinates.prior_mean - position, 0.0)
+    assert matrices[0].shape == (n_state, n_state)
+    return NormalEquations(
+        matrix, information, gradient, tuple(matrices), tuple(couplings), tuple(state_gradients)
+    )
+
+
+def _products(
+    residual: Array, tangent: Array, weighting: Weighting, k: int
+) -> tuple[Array, Array]:
+    """J'WJ and J'Wr of one record, parameters first, then its initial states."""
+    size = tangent.shape[2]
+    full, right = np.zeros((size, size)), np.zeros(size)
+    weights = weighting.sample_weights(k)
+    for channel in range(2):
+        root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
+        jacobian = weighting.whitened(tangent[:, channel, :], channel) * root[:, None]
+        target = weighting.whitened(residual[:, channel], channel) * root
+        full += jacobian.T @ jacobian
+        right += jacobian.T @ target
+    return full, right
+
+
+def _state_precision(simulator: Simulator, k: int) -> Array:
+    """Inverse variance of the broad prior of the initial state: the range of what was logged."""
+    record = simulator.records[k]
+    size = record.span
+    kinds = {"current": size[0], "speed": size[1], "temperature": 30.0, "zero": 30.0}
+    own = [kinds[state.follows] for term in simulator.model.terms for state in term.states]
+    return np.asarray(1.0 / np.array([size[0], size[1], *own]) ** 2)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solution of a symmetric system, scaled to unit diagonal first; least squares if singular."""
+    if matrix.size == 0:
+        return right
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size)
+    return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size)
+
+
+def _inverse(matrix: Array) -> Array:
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size)
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, 1e-14)
+    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))

@@ -1,0 +1,156 @@
+"""Gauss-Newton on the simulation error, with free initial states and unknown noise.
+
+The likelihood of independent normal errors with one unknown standard deviation a channel is, with
+that deviation at its best value, a sum of N/2 log(SSE) over the channels.  Its Gauss-Newton step
+is that of least squares weighted by the current deviations.  Initial states concern their own
+record only and are eliminated from the normal equations (Schur complement), so that a hundred
+runs cost no more than their simulation.
+
+Damping: the steps for a ladder of Levenberg-Marquardt parameters are simulated side by side, as
+lanes of one simulation, and the best is taken; no step is ever computed twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.normal_equations import NormalEquations, normal_equations
+from identification.model.weighting import Weighting
+from identification.model.excitation import Record
+from identification.model.parameter import Coordinates
+from identification.model.simulate import Simulator, initial_states
+
+__all__ = ["Fit", "solve"]
+
+Array = NDArray[np.float64]
+
+_LADDER: Final = np.array([0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e3])
+_MOST_STEPS: Final = 60
+_ENOUGH: Final = 1e-4
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the fit ended.
+
+    Args:
+        simulator: The model and the records.
+        coordinates: Map between physical values and what was searched.
+        position: (n_parameter,) search coordinates at the optimum.
+        states: For each record (n_state,) initial states.
+        weighting: Noise model of the channels.
+        cost: Negative log posterior, up to a constant.
+        equations: Normal equations at the optimum.
+        converged: Whether the last step was far below the uncertainty.
+    """
+
+    simulator: Simulator
+    coordinates: Coordinates
+    position: Array
+    states: tuple[Array, ...]
+    weighting: Weighting
+    cost: float
+    equations: NormalEquations
+    converged: bool
+
+    @property
+    def values(self) -> Array:
+        """(n_parameter,) physical values."""
+        return self.coordinates.values(self.position)
+
+    def simulated(self) -> list[Array]:
+        """For each record (n_sample, 2) what the sensors would log."""
+        logged = self.simulator.logged(self.values[:, None], self.states)
+        return [y[:, :, 0] for y in logged]
+
+    def residuals(self) -> list[Array]:
+        """For each record (n_sample, 2) measured minus simulated [A, rad/s]."""
+        return [
+            record.measured - y
+            for record, y in zip(self.simulator.records, self.simulated(), strict=True)
+        ]
+
+
+def solve(
+    simulator: Simulator,
+    coordinates: Coordinates,
+    position: Array,
+    states: Sequence[Array] | None = None,
+    weighting: Weighting | None = None,
+) -> Fit:
+    """Fit parameters and initial states to the records of `simulator`.
+
+    Args:
+        simulator: Model and records.
+        coordinates: Map to search coordinates, with bounds and priors.
+        position: (n_parameter,) where to start, in search coordinates.
+        states: Initial states to start from; taken from the first samples if absent.
+        weighting: Noise model; white with unknown size if absent.
+
+    Returns:
+        The optimum; `converged` is False where the step limit was reached.
+    """
+    records = simulator.records
+    weighting = weighting or Weighting.white(records)
+    at = np.clip(position, coordinates.lower, coordinates.upper)
+    x0 = [initial_states(simulator.model, r) for r in records] if states is None else list(states)
+    costs, weighting = _cost(simulator, coordinates, at[:, None], x0, weighting)
+    cost = float(costs[0])
+    converged = False
+    equations = normal_equations(simulator, coordinates, at, x0, weighting)
+    for _ in range(_MOST_STEPS):
+        trial = _ladder(equations, coordinates, at, x0)
+        costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
+        best = int(np.argmin(costs))
+        if not costs[best] < cost:
+            # No damping in the ladder helps: at the optimum, up to rounding of the cost.
+            converged = equations.decrement < 1.0
+            break
+        gain = cost - float(costs[best])
+        cost, weighting = float(costs[best]), sized
+        at, x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
+        equations = normal_equations(simulator, coordinates, at, x0, weighting)
+        if gain < _ENOUGH and equations.decrement < _ENOUGH * 10:
+            converged = True
+            break
+    return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
+
+
+def refit(fit: Fit, **changes: object) -> Fit:
+    """The fit with another simulator or weighting, started where it ended."""
+    changed = replace(fit, **changes)  # type: ignore[arg-type]
+    return solve(
+        changed.simulator, changed.coordinates, changed.position, changed.states, changed.weighting
+    )
+
+
+def _ladder(
+    equations: NormalEquations, coordinates: Coordinates, at: Array, x0: Sequence[Array]
+) -> tuple[Array, list[Array]]:
+    """Steps for every damping: (n_parameter, n_damping) and for each record (n_state, n_damping)."""
+    ends = [equations.step(damping, at, coordinates) for damping in _LADDER]
+    position = np.column_stack([at + step for step, _ in ends])
+    states = [
+        np.column_stack([start + moved[k] for _, moved in ends]) for k, start in enumerate(x0)
+    ]
+    return position, states
+
+
+def _cost(
+    simulator: Simulator,
+    coordinates: Coordinates,
+    position: Array,
+    states: Sequence[Array],
+    weighting: Weighting,
+) -> tuple[Array, Weighting]:
+    """Cost of each lane of `position`, and the noise model sized to the best of them."""
+    sums = simulator.misfit(coordinates.values(position), states, weighting)
+    prior = coordinates.log_prior(position)
+    cost = weighting.sized(sums)[1] - prior
+    cost = np.where(np.isfinite(cost), cost, np.inf)
+    return cost, weighting.sized(sums[:, int(np.argmin(cost))])[0]

@@ -1,0 +1,148 @@
+"""Starting values from the runs themselves; nobody is asked for a guess.
+
+The two balances are linear in their coefficients once derivatives are replaced by filtered
+derivatives (state-variable filters): with the same low-pass on every signal,
+
+    v_f = Ra i_f + Ra alpha_Ra ((T - 25) i)_f + Kt w_f + Kt alpha_Kt ((T - 25) w)_f + L (di/dt)_f
+    (Kt(T) i)_f = J (dw/dt)_f + b w_f + [constant + dry friction]
+
+The best cutoff depends on the motor (its time constants span six decades) and on the noise, so
+several are tried and the simulation error decides between their answers; the two terms in
+brackets keep friction that the declared model lacks from spoiling the start of J and b.
+
+Source: Young, Automatica 17 (1981), 23-39 (state-variable filters in the identification of
+continuous-time models).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from identification.model.excitation import Record
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+
+__all__ = ["starting_values"]
+
+Array = NDArray[np.float64]
+
+_CUTOFFS: Final = 8
+_LEAST_SPAN_DEGC: Final = 3.0
+_TYPICAL = {"alpha_Ra": 0.0035, "alpha_Kt": -0.001}
+_LARGEST_SLOPE: Final = 0.02
+
+
+def starting_values(records: Sequence[Record]) -> Array:
+    """Candidate parameter vectors to start a fit from, one a filter cutoff.
+
+    Args:
+        records: Training records.
+
+    Returns:
+        (7, n_candidate) physical values in the order of the declared parameters, all inside
+        their physical bounds and finite.
+    """
+    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
+    longest = max(float(r.time[-1] - r.time[0]) for r in records)
+    lowest = min(6.0 / longest, 0.25 / interval)
+    cutoffs = np.geomspace(lowest, 1.0 / interval, _CUTOFFS)
+    scales = _scales(records, interval)
+    found = [_regressed(records, cutoff, interval, scales) for cutoff in cutoffs]
+    found.append(scales)
+    return np.column_stack(found)
+
+
+def _scales(records: Sequence[Record], interval: float) -> Array:
+    """Values from sizes alone, for runs so poor that a regression says nothing."""
+
+    def size(column: Array) -> float:
+        return float(np.sqrt(np.mean(column**2)))
+
+    voltage = size(np.concatenate([r.column("voltage") for r in records]))
+    current = size(np.concatenate([r.measured[:, 0] for r in records]))
+    speed = size(np.concatenate([r.measured[:, 1] for r in records]))
+    voltage = voltage or 1.0
+    resistance = 0.3 * voltage / current if current > 0 else 1.0
+    constant = 0.7 * voltage / speed if speed > 0 else 0.1
+    friction = 0.2 * constant * (current or 1.0) / (speed or 1.0)
+    inertia = 50.0 * interval * (friction + constant**2 / resistance)
+    inductance = resistance * 2.0 * interval
+    slopes = (_TYPICAL["alpha_Ra"], _TYPICAL["alpha_Kt"])
+    return np.array(
+        [resistance, slopes[0], constant, slopes[1], inertia, friction, inductance]
+    )
+
+
+def _regressed(
+    records: Sequence[Record], cutoff: float, interval: float, scales: Array
+) -> Array:
+    electrical, mechanical = [], []
+    for record in records:
+        e, m = _rows(record, cutoff, interval)
+        electrical.append(e)
+        mechanical.append(m)
+    v, i, ti, w, tw, di = np.concatenate(electrical).T
+    spans = np.concatenate([r.column("temperature") for r in records])
+    heated = np.ptp(spans) >= _LEAST_SPAN_DEGC
+    columns = [i, w, di, ti, tw] if heated else [i, w, di]
+    answer = _least_squares(np.column_stack(columns), v)
+    resistance, constant, inductance = answer[:3]
+    resistance = _positive(resistance, scales[0])
+    constant = _positive(constant, scales[2])
+    alpha_ra, alpha_kt = _TYPICAL["alpha_Ra"], _TYPICAL["alpha_Kt"]
+    if heated:
+        alpha_ra = float(np.clip(answer[3] / resistance, -_LARGEST_SLOPE, _LARGEST_SLOPE))
+        alpha_kt = float(np.clip(answer[4] / constant, -_LARGEST_SLOPE, _LARGEST_SLOPE))
+    mi, mti, dw, mw, one, dry = np.concatenate(mechanical).T
+    torque = constant * (mi + alpha_kt * mti)
+    inertia, friction = _least_squares(np.column_stack([dw, mw, one, dry]), torque)[:2]
+    inertia = _positive(inertia, scales[4])
+    floor = 1e-3 * constant**2 / resistance
+    friction = max(float(friction), floor) if np.isfinite(friction) else floor
+    inductance = max(float(inductance), 0.05 * resistance * interval)
+    return np.array(
+        [resistance, alpha_ra, constant, alpha_kt, inertia, friction, inductance]
+    )
+
+
+def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]:
+    """Filtered regressors of one record: electrical (n, 6) and mechanical (n, 6)."""
+    heat = record.column("temperature") - REFERENCE_TEMPERATURE_DEGC
+    current, speed = record.measured.T
+    smooth = signal.cont2discrete(([cutoff**2], [1.0, 2 * cutoff, cutoff**2]), interval, "bilinear")
+    rate = signal.cont2discrete(
+        ([cutoff**2, 0.0], [1.0, 2 * cutoff, cutoff**2]), interval, "bilinear"
+    )
+
+    def low(x: Array) -> Array:
+        b, a = np.ravel(smooth[0]), np.ravel(smooth[1])
+        state = signal.lfilter_zi(b, a) * x[0]
+        return np.asarray(signal.lfilter(b, a, x, zi=state)[0])
+
+    def slope(x: Array) -> Array:
+        return np.asarray(signal.lfilter(np.ravel(rate[0]), np.ravel(rate[1]), x - x[0]))
+
+    one = np.ones_like(current)
+    skip = min(int(6.0 / (cutoff * interval)), record.rows // 2)
+    i, w, ti = low(current), low(speed), low(heat * current)
+    v, tw = low(record.column("voltage")), low(heat * speed)
+    electrical = np.column_stack([v, i, ti, w, tw, slope(current)])[skip:]
+    dry = low(np.sign(np.where(np.abs(w) > 1e-9 * (np.abs(w).max() + 1e-300), w, 0.0)))
+    mechanical = np.column_stack([i, ti, slope(speed), w, one, dry])[skip:]
+    return electrical, mechanical
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    size[size == 0] = 1.0
+    answer = np.linalg.lstsq(columns / size, target, rcond=1e-6)[0]
+    return np.asarray(answer / size)
+
+
+def _positive(value: float, fallback: float) -> float:
+    """`value` where it is positive and not absurdly far from what sizes alone suggest."""
+    return float(value) if np.isfinite(value) and value > 1e-4 * fallback else float(fallback)

@@ -1,0 +1,79 @@
+"""The declared model: the source paper's two balances, with coefficients that depend on heat.
+
+    L di/dt = v - Ra(T) i - Kt(T) w          Ra(T) = Ra25 (1 + alpha_Ra (T - 25))
+    J dw/dt = Kt(T) i - b w                  Kt(T) = Kt25 (1 + alpha_Kt (T - 25))
+
+In SI units the back-EMF constant equals the torque constant, so one Kt stands in both.
+
+Source: Sidahmed and Mahmoud, Int. J. Advance Research in Computer Science and Management
+Studies 2(9), 2014, pages 384-388, equations 1-6, 11 and 12.
+"""
+
+from __future__ import annotations
+
+from identification.model.parameter import Parameter
+from identification.model.term import Expression
+from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
+
+__all__ = ["DECLARED", "coefficient_at", "current_rate", "speed_rate"]
+
+
+def _declared(name: str, **search: object) -> Parameter:
+    known = DECLARED_PARAMETERS[name]
+    return Parameter(name, known.unit, known.meaning, **search)  # type: ignore[arg-type]
+
+
+DECLARED = (
+    _declared("Ra25", search="log"),
+    # Copper is 0.0039, aluminium 0.0043, and brushes and leads dilute either (CRC Handbook of
+    # Chemistry and Physics, electrical resistivity of pure metals).
+    _declared("alpha_Ra", scale=1e-3, prior_mean=0.0035, prior_sd=3.0),
+    _declared("Kt25", search="log"),
+    # Remanence: ferrite -0.0020, NdFeB -0.0012, SmCo -0.0004, AlNiCo -0.0002 1/K (MMPA standard
+    # 0100-00, table of magnetic materials).
+    _declared("alpha_Kt", scale=1e-3, prior_mean=-0.001, prior_sd=2.0),
+    _declared("J", search="log"),
+    _declared("b", lower=0.0),
+    _declared("L", lower=0.0),
+)
+"""Parameters of the declared model; data give `b`, `L` their scales and the logarithms centres."""
+
+
+def coefficient_at(
+    reference: Expression, slope: Expression, temperature: Expression
+) -> Expression:
+    """Ra(T) or Kt(T) from its value at 25 degC (equations 11 and 12).
+
+    Args:
+        reference: Value at 25 degC.
+        slope: Temperature coefficient [1/K].
+        temperature: Temperature [degC].
+    """
+    return reference * (1 + slope * (temperature - REFERENCE_TEMPERATURE_DEGC))
+
+
+def current_rate(
+    voltage: Expression,
+    current: Expression,
+    speed: Expression,
+    resistance: Expression,
+    constant: Expression,
+    inductance: Expression,
+) -> Expression:
+    """di/dt by the voltage balance of the armature (equations 2 to 4) [A/s]."""
+    return (voltage - resistance * current - constant * speed) / inductance
+
+
+def speed_rate(
+    torque: Expression,
+    current: Expression,
+    speed: Expression,
+    constant: Expression,
+    friction: Expression,
+    inertia: Expression,
+) -> Expression:
+    """dw/dt by the torque balance of the shaft (equations 1, 5 and 6) [rad/s^2].
+
+    `torque` is what acts besides the motor's own Kt i and viscous friction.
+    """
+    return (constant * current - friction * speed + torque) / inertia

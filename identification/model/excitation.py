@@ -1,0 +1,160 @@
+"""From runs to records: what drives a simulation, and what it is compared with.
+
+A *record* is one segment of one run without gaps.  Its inputs are known functions of time and go
+into the simulation; its outputs are what the simulation has to explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_smoothing_spline
+
+from identification.ingest.run import Run
+from identification.model.composite import INPUTS
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+
+__all__ = ["Record", "records_of", "smooth_temperature"]
+
+Array = NDArray[np.float64]
+
+_KNOTS: Final = 200
+
+
+@dataclass(frozen=True)
+class Record:
+    """One segment of one run.
+
+    Args:
+        run: Number of the run in the order of recording.
+        name: File name of the run.
+        start: First sample of the segment in its run.
+        time: (n_sample,) time in the run [s].
+        inputs: (n_sample, n_input) in the order of `INPUTS`; the last interval has zero length.
+        measured: (n_sample, 2) logged current and speed [A, rad/s].
+        weight: (n_sample, 2) one where the sample counts, zero where the sensor was clipped.
+    """
+
+    run: int
+    name: str
+    start: int
+    time: Array
+    inputs: Array
+    measured: Array
+    weight: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+    @property
+    def interval(self) -> float:
+        """Longest sample interval [s]."""
+        return float(self.inputs[:, 0].max())
+
+    @cached_property
+    def head(self) -> Array:
+        """(2,) current and speed where the record begins: the median of its first samples."""
+        return np.asarray(np.median(self.measured[:3], axis=0))
+
+    @cached_property
+    def span(self) -> Array:
+        """(2,) size of current and speed in the record, never zero [A, rad/s]."""
+        size = np.ptp(self.measured, axis=0) + np.abs(self.measured).max(axis=0)
+        return np.where(size > 0, size, 1.0)
+
+    def column(self, name: str) -> Array:
+        """One input (n_sample,)."""
+        return self.inputs[:, INPUTS.index(name)]
+
+
+def records_of(runs: Sequence[Run], first: int = 0) -> list[Record]:
+    """Records of runs in the order in which they were recorded.
+
+    Args:
+        runs: The runs.
+        first: Number of the first run, where others were recorded before.
+    """
+    records: list[Record] = []
+    peak = -np.inf
+    for k, run in enumerate(runs):
+        temperature = smooth_temperature(run)
+        highest = np.maximum.accumulate(np.maximum(temperature, peak))
+        peak = float(highest[-1])
+        for start, stop in run.segments:
+            if stop - start >= 2:
+                records.append(_record(run, first + k, start, stop, temperature, highest))
+    return records
+
+
+def _record(
+    run: Run, number: int, start: int, stop: int, temperature: Array, highest: Array
+) -> Record:
+    span = slice(start, stop)
+    time = run.time[span] - run.time[0]
+    interval = np.append(np.diff(time), 0.0)
+    speed = run.speed[span]
+    if run.position is not None:
+        angle = run.position[span]
+    else:
+        moved = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
+        angle = np.concatenate([[0.0], np.cumsum(moved)])
+
+    def following(x: Array) -> Array:
+        return np.append(x[1:], x[-1])
+
+    columns = {
+        "interval": interval,
+        "voltage": run.voltage[span],
+        "voltage_next": following(run.voltage[span]),
+        "temperature": temperature[span],
+        "temperature_next": following(temperature[span]),
+        "angle": angle,
+        "angle_next": following(angle),
+        "time": time,
+        "run": np.full(time.size, float(number)),
+        "peak_temperature": highest[span],
+    }
+    clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]
+    weight = np.column_stack(
+        [np.ones(time.size) if mask is None else 1.0 - mask[span] for mask in clipped]
+    )
+    return Record(
+        run=number,
+        name=run.name,
+        start=start,
+        time=time,
+        inputs=np.column_stack([columns[name] for name in INPUTS]),
+        measured=np.column_stack([run.current[span], speed]),
+        weight=weight,
+    )
+
+
+def smooth_temperature(run: Run) -> Array:
+    """The logged temperature without its quantisation and noise, (n_sample,) [degC].
+
+    A motor's temperature moves over many samples while its logger steps by a tenth or a whole
+    degree; a smoothing spline through the means of short spans, its stiffness chosen by
+    generalised cross-validation, follows the first and not the second.  A run without
+    temperature is taken to be at 25 degC throughout, which makes its Ra25 and Kt25 those of its
+    unknown temperature.
+    """
+    if run.temperature is None:
+        return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)
+    edges = np.unique(np.linspace(0, run.time.size, min(_KNOTS, run.time.size) + 1).astype(int))
+    count = np.diff(edges)
+    time = np.add.reduceat(run.time, edges[:-1]) / count
+    mean = np.add.reduceat(run.temperature, edges[:-1]) / count
+    if time.size < 8 or np.ptp(mean) == 0.0:
+        return np.interp(run.time, time, mean)
+    # The spline is fitted in units of the span, since its penalty is not scale free.
+    unit = (time - time[0]) / (time[-1] - time[0])
+    spline = make_smoothing_spline(unit, mean - mean.mean())
+    at = np.clip((run.time - time[0]) / (time[-1] - time[0]), 0.0, 1.0)
+    return np.asarray(spline(at) + mean.mean(), dtype=np.float64)

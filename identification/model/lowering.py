@@ -1,0 +1,317 @@
+"""From CasADi's list of scalar operations to the text of an LLVM loop.
+
+Each operation of the list belongs to one of three places, by what it depends on:
+
+    constant   parameters only     computed for a block of lanes before the loop
+    shared     inputs only         one scalar a step, spread over the lanes where it is used
+    lane       the carry           computed for a block of lanes in every step
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Final
+
+import casadi as ca
+
+from identification.errors import ComputationError
+
+__all__ = ["LANES", "lower"]
+
+LANES: Final = 8
+"""Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
+
+_VECTOR = f"<{LANES} x double>"
+_MASK = f"<{LANES} x i1>"
+# Contraction to fused multiply-add and division by a reciprocal only where LLVM proves it exact:
+# NaN and infinity have to survive, they are how a diverging simulation is noticed.
+_FLAGS = "contract"
+
+_BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
+_INTRINSIC = {
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_FABS: "fabs",
+    ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil",
+}
+_INTRINSIC_2 = {
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_FMIN: "minnum",
+    ca.OP_FMAX: "maxnum",
+    ca.OP_COPYSIGN: "copysign",
+}
+
+
+def lower(step: ca.Function) -> str:
+    """LLVM module with one function ``scan`` that repeats `step` over time for a block of lanes.
+
+    Args:
+        step: SX function (carry, input, parameter) -> (carry, output).
+
+    Raises:
+        ComputationError: The step uses an operation that is not translated.
+    """
+    return _Lowering(step).text()
+
+
+class _Value:
+    """An operand: its name in the text and where it is computed."""
+
+    __slots__ = ("name", "place")
+
+    def __init__(self, name: str, place: str) -> None:
+        self.name = name
+        self.place = place  # "constant", "shared", "lane" or "literal"
+
+
+class _Lowering:
+    def __init__(self, step: ca.Function) -> None:
+        self._step = step
+        self._count = 0
+        self._lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
+        self._declared: set[str] = set()
+        self._spread: dict[str, str] = {}
+        self._loaded: dict[tuple[int, int], _Value] = {}
+        self._inverse: dict[str, _Value] = {}
+
+    def text(self) -> str:
+        step = self._step
+        n_carry, n_output = step.size1_out(0), step.size1_out(1)
+        work: dict[int, _Value] = {}
+        carried: list[_Value] = [_literal(0.0)] * n_carry
+        outputs: list[_Value] = [_literal(0.0)] * n_output
+        for k in range(step.n_instructions()):
+            operation = step.instruction_id(k)
+            target = step.instruction_output(k)
+            if operation == ca.OP_CONST:
+                work[target[0]] = _literal(step.instruction_constant(k))
+            elif operation == ca.OP_INPUT:
+                work[target[0]] = self._input(*step.instruction_input(k))
+            elif operation == ca.OP_OUTPUT:
+                which, row = target
+                value = work[step.instruction_input(k)[0]]
+                (carried if which == 0 else outputs)[row] = value
+            else:
+                operands = [work[j] for j in step.instruction_input(k)]
+                work[target[0]] = self._operation(operation, operands)
+        return self._assemble(carried, outputs)
+
+    # -- operands -----------------------------------------------------------------------------
+
+    def _new(self) -> str:
+        self._count += 1
+        return f"%r{self._count}"
+
+    def _emit(self, place: str, expression: str) -> _Value:
+        name = self._new()
+        self._lines[place].append(f"  {name} = {expression}")
+        return _Value(name, place)
+
+    def _input(self, which: int, row: int) -> _Value:
+        if which == 0:
+            return _Value(f"%carry{row}", "lane")
+        key = (which, row)
+        if key not in self._loaded:
+            self._loaded[key] = self._load_input(row) if which == 1 else self._load_parameter(row)
+        return self._loaded[key]
+
+    def _load_input(self, row: int) -> _Value:
+        address = self._emit("shared", f"getelementptr double, ptr %u, i64 {row}")
+        return self._emit("shared", f"load double, ptr {address.name}, align 8")
+
+    def _load_parameter(self, row: int) -> _Value:
+        offset = self._emit("constant", f"mul i64 %stride, {row}")
+        address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
+        return self._emit("constant", f"load {_VECTOR}, ptr {address.name}, align 8")
+
+    def _as_vector(self, value: _Value) -> str:
+        if value.place == "literal":
+            return "<" + ", ".join([f"double {value.name}"] * LANES) + ">"
+        if value.place != "shared":
+            return value.name
+        if value.name not in self._spread:
+            lines = self._lines["shared"]
+            single, spread = self._new(), self._new()
+            lines.append(
+                f"  {single} = insertelement {_VECTOR} poison, double {value.name}, i64 0"
+            )
+            lines.append(
+                f"  {spread} = shufflevector {_VECTOR} {single}, {_VECTOR} poison, "
+                f"<{LANES} x i32> zeroinitializer"
+            )
+            self._spread[value.name] = spread
+        return self._spread[value.name]
+
+    # -- operations ---------------------------------------------------------------------------
+
+    def _operation(self, operation: int, operands: list[_Value]) -> _Value:
+        places = {operand.place for operand in operands} - {"literal"}
+        if places <= {"shared"}:
+            place, kind, mask = "shared", "double", "i1"
+            names = [operand.name for operand in operands]
+        else:
+            place = "constant" if places == {"constant"} else "lane"
+            kind, mask = _VECTOR, _MASK
+            names = [self._as_vector(operand) for operand in operands]
+
+        def emit(expression: str) -> _Value:
+            return self._emit(place, expression)
+
+        def number(x: float) -> str:
+            literal = _literal(x)
+            return literal.name if kind == "double" else self._as_vector(literal)
+
+        if operation == ca.OP_DIV and operands[1].place != place and operands[1].place != "literal":
+            inverse = self._reciprocal(operands[1])
+            return self._operation(ca.OP_MUL, [operands[0], inverse])
+        if operation in _BINARY:
+            return emit(f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}")
+        if operation in _INTRINSIC:
+            return emit(self._call(_INTRINSIC[operation], kind, names[:1]))
+        if operation in _INTRINSIC_2:
+            return emit(self._call(_INTRINSIC_2[operation], kind, names[:2]))
+        if operation in _COMPARE:
+            bit = emit(f"fcmp {_COMPARE[operation]} {kind} {names[0]}, {names[1]}")
+            return emit(f"uitofp {mask} {bit.name} to {kind}")
+        return self._rewritten(operation, names, kind, mask, emit, number)
+
+    def _reciprocal(self, value: _Value) -> _Value:
+        """One division before the loop, or one a step, in place of one a lane and step."""
+        if value.name not in self._inverse:
+            self._inverse[value.name] = self._operation(ca.OP_INV, [value])
+        return self._inverse[value.name]
+
+    def _rewritten(
+        self,
+        operation: int,
+        names: list[str],
+        kind: str,
+        mask: str,
+        emit: Callable[[str], _Value],
+        number: Callable[[float], str],
+    ) -> _Value:
+        """Operations that LLVM has no word for, in terms of those it has."""
+        first = names[0]
+        if operation == ca.OP_ASSIGN:
+            return emit(f"fadd {kind} {first}, {number(-0.0)}")
+        if operation == ca.OP_NEG:
+            return emit(f"fneg {kind} {first}")
+        if operation == ca.OP_SQ:
+            return emit(f"fmul {_FLAGS} {kind} {first}, {first}")
+        if operation == ca.OP_TWICE:
+            return emit(f"fadd {_FLAGS} {kind} {first}, {first}")
+        if operation == ca.OP_INV:
+            return emit(f"fdiv {_FLAGS} {kind} {number(1.0)}, {first}")
+        if operation == ca.OP_TANH:
+            double = emit(f"fmul {kind} {first}, {number(2.0)}")
+            power = emit(self._call("exp", kind, [double.name]))
+            below = emit(f"fadd {kind} {power.name}, {number(1.0)}")
+            part = emit(f"fdiv {kind} {number(2.0)}, {below.name}")
+            return emit(f"fsub {kind} {number(1.0)}, {part.name}")
+        if operation == ca.OP_SIGN:
+            above = emit(f"fcmp ogt {kind} {first}, {number(0.0)}")
+            below = emit(f"fcmp olt {kind} {first}, {number(0.0)}")
+            up = emit(f"uitofp {mask} {above.name} to {kind}")
+            down = emit(f"uitofp {mask} {below.name} to {kind}")
+            return emit(f"fsub {kind} {up.name}, {down.name}")
+        if operation == ca.OP_NOT:
+            bit = emit(f"fcmp oeq {kind} {first}, {number(0.0)}")
+            return emit(f"uitofp {mask} {bit.name} to {kind}")
+        if operation in (ca.OP_AND, ca.OP_OR):
+            word = "and" if operation == ca.OP_AND else "or"
+            left = emit(f"fcmp une {kind} {first}, {number(0.0)}")
+            right = emit(f"fcmp une {kind} {names[1]}, {number(0.0)}")
+            bit = emit(f"{word} {mask} {left.name}, {right.name}")
+            return emit(f"uitofp {mask} {bit.name} to {kind}")
+        if operation == ca.OP_IF_ELSE_ZERO:
+            bit = emit(f"fcmp une {kind} {first}, {number(0.0)}")
+            return emit(f"select {mask} {bit.name}, {kind} {names[1]}, {kind} {number(0.0)}")
+        raise ComputationError(
+            f"operation {operation} of a model has no translation; expected arithmetic, exp, log, "
+            "sin, cos, tanh, sqrt, powers, comparisons or if_else: write the term with those"
+        )
+
+    def _call(self, intrinsic: str, kind: str, names: list[str]) -> str:
+        suffix = "f64" if kind == "double" else f"v{LANES}f64"
+        self._declared.add(
+            f"declare {kind} @llvm.{intrinsic}.{suffix}({', '.join([kind] * len(names))})"
+        )
+        return f"call {kind} @llvm.{intrinsic}.{suffix}({', '.join(f'{kind} {n}' for n in names)})"
+
+    # -- the function -------------------------------------------------------------------------
+
+    def _assemble(self, carried: list[_Value], outputs: list[_Value]) -> str:
+        n_input = self._step.size1_in(1)
+        n_output = len(outputs)
+        next_names = [self._as_vector(value) for value in carried]
+        stores: list[str] = []
+        for row, value in enumerate(outputs):
+            offset, address = self._new(), self._new()
+            stores += [
+                f"  {offset} = mul i64 %stride, {row}",
+                f"  {address} = getelementptr double, ptr %y, i64 {offset}",
+                f"  store {_VECTOR} {self._as_vector(value)}, ptr {address}, align 8",
+            ]
+        starts, ends, phis = [], [], []
+        for row, name in enumerate(next_names):
+            starts += [
+                f"  %co{row} = mul i64 %stride, {row}",
+                f"  %ca{row} = getelementptr double, ptr %carry, i64 %co{row}",
+                f"  %cs{row} = load {_VECTOR}, ptr %ca{row}, align 8",
+            ]
+            phis.append(f"  %carry{row} = phi {_VECTOR} [ %cs{row}, %entry ], [ {name}, %loop ]")
+            ends += [
+                f"  %cf{row} = phi {_VECTOR} [ %cs{row}, %entry ], [ {name}, %loop ]",
+            ]
+        finish = [
+            f"  store {_VECTOR} %cf{row}, ptr %ca{row}, align 8" for row in range(len(next_names))
+        ]
+        return "\n".join(
+            [
+                *sorted(self._declared),
+                "define void @scan(i64 %n, i64 %stride, ptr noalias %inputs, ptr noalias %p, "
+                "ptr noalias %carry, ptr noalias %outputs) {",
+                "entry:",
+                *starts,
+                *self._lines["constant"],
+                f"  %row = mul i64 %stride, {n_output}",
+                "  %empty = icmp sle i64 %n, 0",
+                "  br i1 %empty, label %done, label %loop",
+                "loop:",
+                "  %k = phi i64 [ 0, %entry ], [ %k1, %loop ]",
+                "  %u = phi ptr [ %inputs, %entry ], [ %u1, %loop ]",
+                "  %y = phi ptr [ %outputs, %entry ], [ %y1, %loop ]",
+                *phis,
+                *self._lines["shared"],
+                *self._lines["lane"],
+                *stores,
+                "  %k1 = add i64 %k, 1",
+                f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
+                "  %y1 = getelementptr double, ptr %y, i64 %row",
+                "  %more = icmp slt i64 %k1, %n",
+                "  br i1 %more, label %loop, label %done",
+                "done:",
+                *ends,
+                *finish,
+                "  ret void",
+                "}",
+                "",
+            ]
+        )
+
+
+def _literal(x: float) -> _Value:
+    """A number in LLVM's exact hexadecimal notation."""
+    bits = int.from_bytes(_double(x), "big")
+    return _Value(f"0x{bits:016X}", "literal")
+
+
+def _double(x: float) -> bytes:
+    return struct.pack(">d", float(x))

@@ -1,0 +1,201 @@
+"""Fast simulation: a CasADi step function compiled to a loop over time, many lanes at once.
+
+A motor model is a step: from the state now and the inputs of one sample interval to the state at
+the next sample.  Simulating is repeating it, and everything this package does with a model
+(likelihoods for a set of walkers, tangents for Gauss-Newton, screening of effects, filtering) is
+the same repetition with other quantities in the *carry*.  CasADi writes the step down as a flat
+list of scalar operations; this file turns the list into LLVM code in which every operation works
+on a block of *lanes* (walkers, tangent directions, candidates), keeps the carry in registers and
+has the loop over time inside.
+
+Why not CasADi's own virtual machine: it spends about a microsecond a step and lane.  Why not
+numba: it takes seconds to compile each new model, and a search tries dozens.  Straight-line code
+handed to LLVM directly is compiled in tens of milliseconds and runs as fast as generated code can.
+
+Three classes of operation are told apart, since they cost differently: those of parameters only
+are computed once before the loop, those of inputs only once a step for all lanes, and the rest
+for every lane.
+
+    scan = Scan(step)                        # step: (carry, input, parameter) -> (carry, output)
+    carry, outputs = scan(inputs, parameters, carry)
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import casadi as ca
+import llvmlite.binding as llvm
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.lowering import LANES, lower
+
+__all__ = ["LANES", "Scan", "scan_of"]
+
+Array = NDArray[np.float64]
+
+_SIGNATURE: Final = ctypes.CFUNCTYPE(
+    None,
+    ctypes.c_int64,  # steps
+    ctypes.c_int64,  # lanes, padded: the stride between rows of parameters, carry and outputs
+    ctypes.c_void_p,  # inputs (n_step, n_input)
+    ctypes.c_void_p,  # parameters (n_parameter, n_lane)
+    ctypes.c_void_p,  # carry (n_carry, n_lane), overwritten
+    ctypes.c_void_p,  # outputs (n_step, n_output, n_lane)
+)
+
+
+class Scan:
+    """A step function compiled into a loop over time.
+
+    Args:
+        step: CasADi SX function with inputs carry (n_carry,), input (n_input,), parameter
+            (n_parameter,) and outputs carry (n_carry,), output (n_output,).
+    """
+
+    def __init__(self, step: ca.Function) -> None:
+        self.n_carry, self.n_input, self.n_parameter = (step.size1_in(k) for k in range(3))
+        self.n_output = step.size1_out(1)
+        if step.size1_out(0) != self.n_carry:
+            raise ValueError(
+                f"the step takes a carry of {self.n_carry} and returns one of "
+                f"{step.size1_out(0)}; expected equal lengths"
+            )
+        self._engine, self._kernel = _compile(lower(step))
+
+    def __call__(
+        self,
+        inputs: Sequence[Array],
+        parameters: Sequence[Array] | Array,
+        carries: Sequence[Array],
+    ) -> tuple[list[Array], list[Array]]:
+        """Run the loop over every record, in parallel over records and blocks of lanes.
+
+        Args:
+            inputs: For each record (n_step, n_input).
+            parameters: (n_parameter, n_lane) for all records, or one such array a record.
+            carries: For each record the carry before the first step (n_carry, n_lane).
+
+        Returns:
+            For each record the carry after the last step (n_carry, n_lane), and the outputs
+            (n_step, n_output, n_lane).
+        """
+        shared = isinstance(parameters, np.ndarray)
+        tasks, finals, outputs = [], [], []
+        keep: list[Array] = []
+        padded_shared = _padded(parameters) if isinstance(parameters, np.ndarray) else None
+        for k, (rows, start) in enumerate(zip(inputs, carries, strict=True)):
+            n_lane = start.shape[1]
+            carry = _padded(start)
+            padded = padded_shared if shared else _padded(parameters[k])
+            assert padded is not None
+            self._check(rows, padded, carry)
+            rows = np.ascontiguousarray(rows, dtype=np.float64)
+            stride = carry.shape[1]
+            output = np.empty((rows.shape[0], self.n_output, stride))
+            keep += [rows, padded]
+            for block in range(0, stride, LANES):
+                tasks.append(
+                    (
+                        rows.shape[0],
+                        stride,
+                        rows.ctypes.data,
+                        padded.ctypes.data + 8 * block,
+                        carry.ctypes.data + 8 * block,
+                        output.ctypes.data + 8 * block,
+                    )
+                )
+            finals.append(carry[:, :n_lane])
+            outputs.append(output[:, :, :n_lane])
+        if len(tasks) == 1:
+            self._kernel(*tasks[0])
+        else:
+            for _ in _workers().map(lambda task: self._kernel(*task), tasks):
+                pass
+        return finals, outputs
+
+    def _check(self, rows: Array, parameters: Array, carry: Array) -> None:
+        found = (rows.shape[1], parameters.shape[0], carry.shape[0])
+        expected = (self.n_input, self.n_parameter, self.n_carry)
+        if found != expected or parameters.shape[1] != carry.shape[1]:
+            raise ValueError(
+                f"inputs, parameters and carry have {found} rows on {parameters.shape[1]} and "
+                f"{carry.shape[1]} lanes; the step takes {expected} on equally many lanes"
+            )
+
+
+def scan_of(step: ca.Function) -> Scan:
+    """The compiled loop of a step function; the same function is compiled only once."""
+    key = hashlib.sha256(step.serialize().encode()).hexdigest()
+    found = _cache.get(key)
+    if found is None:
+        found = _cache[key] = Scan(step)
+        while len(_cache) > _CACHE_SIZE:
+            _cache.pop(next(iter(_cache)))
+    return found
+
+
+_CACHE_SIZE = 512
+_cache: dict[str, Scan] = {}
+
+
+def _padded(rows: Array) -> Array:
+    """A contiguous copy whose lanes are filled up to whole blocks with the last lane."""
+    missing = -rows.shape[1] % LANES
+    copy = np.empty((rows.shape[0], rows.shape[1] + missing))
+    copy[:, : rows.shape[1]] = rows
+    if missing:
+        copy[:, rows.shape[1] :] = rows[:, -1:]
+    return copy
+
+
+@functools.cache
+def _workers() -> ThreadPoolExecutor:
+    """Threads that call the kernels; ctypes lets go of the interpreter's lock meanwhile."""
+    try:
+        cores = len(os.sched_getaffinity(0))
+    except AttributeError:
+        cores = os.cpu_count() or 1
+    return ThreadPoolExecutor(cores, thread_name_prefix="scan")
+
+
+os.register_at_fork(after_in_child=_workers.cache_clear)
+
+
+@functools.cache
+def _initialized() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+def _target() -> llvm.TargetMachine:
+    """A new one for each kernel: the engine takes it over and frees it with itself."""
+    _initialized()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=2,
+        jit=True,
+    )
+
+
+def _compile(text: str) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
+    """Machine code of one kernel; the engine owns it and has to live as long."""
+    target = _target()
+    module = llvm.parse_assembly(text)
+    module.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_unrolling = False
+    options.slp_vectorization = False
+    passes = llvm.create_pass_builder(target, options)
+    passes.getModulePassManager().run(module, passes)
+    engine = llvm.create_mcjit_compiler(module, target)
+    engine.finalize_object()
+    return engine, _SIGNATURE(engine.get_function_address("scan"))

@@ -1,0 +1,240 @@
+"""Simulation of a model over records, many parameter vectors at once.
+
+    simulator = Simulator(model, records, values)
+    simulator.logged(values, states)        what the sensors would log
+    simulator.tangent(values, states, ...)  and its exact derivative in given directions
+
+`values` are physical parameters, (n_parameter,) or (n_parameter, n_lane).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+from identification.model.scan import Scan, scan_of
+from identification.model.step import Plan, advance, plan_for, step_function
+from identification.model.weighting import Weighting
+
+__all__ = ["Simulator", "initial_states", "rate_of"]
+
+Array = NDArray[np.float64]
+
+_SAMPLED: Final = 200
+
+
+def rate_of(
+    model: MotorModel, records: Sequence[Record], values: Array, states: Sequence[Array]
+) -> float:
+    """Largest spectral radius of h df/dx over the records, where `states` pass through [-].
+
+    Args:
+        values: (n_parameter,) physical.
+        states: For each record (n_point, n_state) states to look at.
+    """
+    x, u, p = _symbols(model)
+    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])
+    largest = 0.0
+    for record, points in zip(records, states, strict=True):
+        rows = np.linspace(0, record.rows - 1, points.shape[0]).astype(int)
+        each = jacobian.map(points.shape[0])
+        columns = np.repeat(values[:, None], points.shape[0], axis=1)
+        found = np.asarray(each(points.T, record.inputs[rows].T, columns))
+        n = points.shape[1]
+        stack = found.reshape(n, points.shape[0], n).transpose(1, 0, 2)
+        stack = stack[np.isfinite(stack).all(axis=(1, 2))]
+        if stack.size:
+            radius = np.abs(np.linalg.eigvals(stack)).max()
+            largest = max(largest, float(radius) * record.interval)
+    return largest
+
+
+def initial_states(model: MotorModel, record: Record) -> Array:
+    """Where a record most plausibly starts, (n_state,): logged current and speed, steady rest."""
+    current, speed = record.head
+    known = {
+        "temperature": record.column("temperature")[0],
+        "current": current,
+        "speed": speed,
+        "zero": 0.0,
+    }
+    own = [known[state.follows] for term in model.terms for state in term.states]
+    return np.array([current, speed, *own])
+
+
+def _symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
+    return (
+        ca.SX.sym("x", len(model.state_names)),
+        ca.SX.sym("u", len(INPUTS)),
+        ca.SX.sym("p", len(model.parameters)),
+    )
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A model made ready to be simulated over records.
+
+    Args:
+        model: The model.
+        records: What drives it.
+        plan: How a sample interval is computed; see `plan_for`.
+    """
+
+    model: MotorModel
+    records: tuple[Record, ...]
+    plan: Plan
+
+    @cached_property
+    def inputs(self) -> list[Array]:
+        """Inputs of each record (n_sample, n_input)."""
+        return [record.inputs for record in self.records]
+
+    @staticmethod
+    def fitting(
+        model: MotorModel, records: Sequence[Record], values: Array, parts: int = 1,
+        margin: float = 1.5,
+    ) -> Simulator:
+        """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
+        rate = Simulator.rate(model, records, values)
+        return Simulator(model, tuple(records), plan_for(margin * rate, parts))
+
+    @staticmethod
+    def rate(model: MotorModel, records: Sequence[Record], values: Array) -> float:
+        """Largest h |df/dx| where the measured current and speed pass through [-]."""
+        states = []
+        for record in records:
+            rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
+            start = initial_states(model, record)
+            points = np.repeat(start[None, :], rows.size, axis=0)
+            points[:, :2] = record.measured[rows]
+            states.append(points)
+        return rate_of(model, records, values, states)
+
+    @property
+    def n_state(self) -> int:
+        """Number of states."""
+        return len(self.model.state_names)
+
+    def logged(self, values: Array, states: Sequence[Array]) -> list[Array]:
+        """What the sensors would log.
+
+        Args:
+            values: (n_parameter, n_lane) physical.
+            states: For each record (n_state,) or (n_state, n_lane) at its first sample.
+
+        Returns:
+            For each record (n_sample, 2, n_lane) [A, rad/s].
+        """
+        carries = [_lanes(state, values.shape[1]) for state in states]
+        return self._logged_scan(self.inputs, values, carries)[1]
+
+    @cached_property
+    def _logged_scan(self) -> Scan:
+        return scan_of(step_function(self.model, self.plan))
+
+    def misfit(
+        self, values: Array, states: Sequence[Array], weighting: Weighting
+    ) -> Array:
+        """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
+
+        The sums are kept in the carry, so that nothing is written to memory on the way; this is
+        what a likelihood costs.
+
+        Args:
+            values: (n_parameter, n_lane) physical.
+            states: For each record (n_state,) or (n_state, n_lane).
+            weighting: Noise model; its deviations are not applied.
+        """
+        scan = self._misfit_scan(tuple(tuple(taps) for taps in weighting.whitening))
+        memory = np.zeros((scan.n_carry - self.n_state, values.shape[1]))
+        carries = [np.concatenate([_lanes(x, values.shape[1]), memory]) for x in states]
+        finals, _ = scan(weighting.compared(), values, carries)
+        return np.asarray(np.sum([f[self.n_state : self.n_state + 2] for f in finals], axis=0))
+
+    def _misfit_scan(self, whitening: tuple[tuple[float, ...], ...]) -> Scan:
+        key = ("misfit", whitening)
+        if key not in self._scans:
+            x, u, p = _symbols(self.model)
+            measured, weight = ca.SX.sym("y", 2), ca.SX.sym("w", 2)
+            sums = ca.SX.sym("s", 2)
+            following, logged = step_function(self.model, self.plan)(x, u, p)
+            carried, ends, total = [x, sums], [], []
+            for channel, taps in enumerate(whitening):
+                past = ca.SX.sym("e", len(taps) - 1)
+                now = ca.vertcat(measured[channel] - logged[channel], past)
+                white = ca.dot(ca.DM(list(taps)), now)
+                total.append(sums[channel] + weight[channel] * white * white)
+                carried.append(past)
+                ends += [now[lag] for lag in range(len(taps) - 1)]
+            step = ca.Function(
+                "misfit",
+                [ca.vertcat(*carried), ca.vertcat(u, measured, weight), p],
+                [ca.vertcat(following, *total, *ends), ca.SX(0, 1)],
+            )
+            self._scans[key] = scan_of(step)
+        return self._scans[key]
+
+    @cached_property
+    def _scans(self) -> dict[object, Scan]:
+        return {}
+
+    def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
+        """All states over time, for each record (n_sample, n_state, n_lane)."""
+        x, u, p = _symbols(self.model)
+        step = ca.Function("states", [x, u, p], [advance(self.model, self.plan, x, u, p), x])
+        carries = [_lanes(state, values.shape[1]) for state in states]
+        return scan_of(step)(self.inputs, values, carries)[1]
+
+    def tangent(
+        self, values: Array, states: Sequence[Array], directions: Array
+    ) -> tuple[list[Array], list[Array]]:
+        """Logged channels and their derivatives, by parameters and by initial states.
+
+        The tangents come from CasADi's derivative of the very step that is simulated, so they are
+        those of the discrete model, exact to rounding.
+
+        Args:
+            values: (n_parameter,) physical.
+            states: For each record (n_state,).
+            directions: (n_parameter, n_direction) physical.
+
+        Returns:
+            For each record the logged channels (n_sample, 2) and their derivatives
+            (n_sample, 2, n_direction + n_state); the last are by the initial states.
+        """
+        n, m = self.n_state, directions.shape[1]
+        lanes = m + n
+        seeds = np.concatenate([directions, np.zeros((directions.shape[0], n))], axis=1)
+        parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
+        start = np.concatenate([np.zeros((n, m)), np.eye(n)], axis=1)
+        carries = [np.concatenate([_lanes(state, lanes), start]) for state in states]
+        _, outputs = self._tangent_scan(self.inputs, parameter, carries)
+        return [y[:, :2, 0] for y in outputs], [y[:, 2:, :] for y in outputs]
+
+    @cached_property
+    def _tangent_scan(self) -> Scan:
+        x, u, p = _symbols(self.model)
+        dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
+        both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
+        following, logged = step_function(self.model, self.plan)(x, u, p)
+        step = ca.Function(
+            "tangent",
+            [ca.vertcat(x, dx), u, ca.vertcat(p, dp)],
+            [
+                ca.vertcat(following, ca.jtimes(following, both, seeds)),
+                ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
+            ],
+        )
+        return scan_of(step)
+
+
+def _lanes(state: Array, count: int) -> Array:
+    return np.repeat(state[:, None], count, axis=1) if state.ndim == 1 else state

@@ -1,0 +1,165 @@
+"""What a model is made of: small terms that say where they enter the equations.
+
+A term is a frozen class: its parameters, the formula, and nothing else.  There is one abstract
+class for each place at which physics can enter, and each asks for one method:
+
+    AbstractTorque        a torque on the shaft                          [N m]
+    AbstractVoltage       a voltage in the armature loop                 [V]
+    AbstractCoefficient   a factor on Ra, Kt, L, J or b                  [-]
+    AbstractTemperature   what winding or magnet feel instead of the log [degC]
+    AbstractSupply        what the terminals see instead of the log      [V]
+    AbstractSensor        what a sensor logs instead of the state        [A] or [rad/s]
+
+Any of them may bring states of its own (`states` and `rates`).  `composite.py` adds terms to the
+declared equations without knowing a single one, so a new effect is one class in one file.
+
+The methods must work on CasADi symbols: arithmetic, `casadi.exp` and the like, no NumPy
+functions and no Python `if` on a signal.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
+
+from identification.model.parameter import Parameter
+
+__all__ = [
+    "AbstractCoefficient",
+    "AbstractSensor",
+    "AbstractSupply",
+    "AbstractTemperature",
+    "AbstractTerm",
+    "AbstractTorque",
+    "AbstractVoltage",
+    "Expression",
+    "Signals",
+    "State",
+    "Values",
+]
+
+Expression = Any
+"""A CasADi SX scalar; CasADi ships no types."""
+
+Values = SimpleNamespace
+"""Parameters of the term by name, as symbols, and the declared ones."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A state that a term brings.
+
+    Args:
+        name: Name, unique within the term.
+        unit: Unit, for the report.
+        follows: What it equals in steady state at the start of a run (``temperature``,
+            ``current``, ``speed``) or ``zero``; the start of the free initial value.
+    """
+
+    name: str
+    unit: str
+    follows: Literal["temperature", "current", "speed", "zero"] = "zero"
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What a term may depend on, at one instant.
+
+    Args:
+        current: Armature current [A].
+        speed: Shaft speed [rad/s].
+        voltage: Logged terminal voltage [V].
+        temperature: Logged temperature, smoothed [degC].
+        angle: Logged shaft angle, or the integral of the logged speed [rad].
+        time: Time in the run [s].
+        run: Number of the run in the order of recording, from 0 [-].
+        peak_temperature: Highest temperature logged so far in the campaign [degC].
+        winding_temperature: What the winding has [degC].
+        magnet_temperature: What the magnet has [degC].
+    """
+
+    current: Expression
+    speed: Expression
+    voltage: Expression
+    temperature: Expression
+    angle: Expression
+    time: Expression
+    run: Expression
+    peak_temperature: Expression
+    winding_temperature: Expression = None
+    magnet_temperature: Expression = None
+
+
+class AbstractTerm(ABC):
+    """A piece of physics with a name; see the module's docstring for its kinds."""
+
+    name: ClassVar[str]
+    equation: ClassVar[Literal["electrical", "mechanical", "thermal", "sensor"]]
+    drivers: ClassVar[tuple[str, ...]]
+    source: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    states: ClassVar[tuple[State, ...]] = ()
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Time derivative of each state of this term [unit of the state / s]."""
+        return []
+
+
+class AbstractTorque(AbstractTerm):
+    """A torque on the shaft, positive in the direction of positive speed."""
+
+    @abstractmethod
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque added to the right-hand side of J dw/dt = Kt i - b w + ... [N m]."""
+
+
+class AbstractVoltage(AbstractTerm):
+    """A voltage in the armature loop."""
+
+    @abstractmethod
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Voltage added to the right-hand side of L di/dt = v - Ra i - Kt w + ... [V]."""
+
+
+class AbstractCoefficient(AbstractTerm):
+    """A factor on one of the coefficients of the declared equations."""
+
+    coefficient: ClassVar[Literal["Ra", "Kt", "L", "J", "b"]]
+
+    @abstractmethod
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on the coefficient; one where the effect vanishes [-]."""
+
+
+class AbstractTemperature(AbstractTerm):
+    """The temperature of winding or magnet, where it is not the logged one."""
+
+    body: ClassVar[Literal["winding", "magnet"]]
+
+    @abstractmethod
+    def felt(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        """Temperature of the body, given the one without this term [degC]."""
+
+
+class AbstractSupply(AbstractTerm):
+    """The voltage at the terminals, where it is not the logged one."""
+
+    @abstractmethod
+    def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
+        """Voltage at the terminals, given the one without this term [V]."""
+
+
+class AbstractSensor(AbstractTerm):
+    """What a sensor logs, where it is not the state itself."""
+
+    channel: ClassVar[Literal["current", "speed"]]
+
+    @abstractmethod
+    def logged(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        """Logged value, given the one without this term [A] or [rad/s]."""

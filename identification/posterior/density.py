@@ -1,0 +1,88 @@
+"""The posterior density of a fitted model, for many walkers at once.
+
+Sampled are the search coordinates of the parameters and the logarithms of the two noise
+deviations.  The initial state of each record is not: given the parameters its likelihood is normal
+(exactly so for a linear motor), so it is integrated out by following its conditional optimum,
+which moves with the parameters as the normal equations say.  A campaign of a hundred runs is
+thereby sampled in as few dimensions as one of two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.solve import Fit
+
+__all__ = ["Posterior"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Log density over (n_walker, n_dim) points, as emcee wants it.
+
+    Args:
+        fit: The optimum around which the initial states are followed.
+        shares: (2,) effective share of the samples of each channel, below one where the
+            residuals keep a correlation that the noise model does not hold.
+    """
+
+    fit: Fit
+    shares: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Sampled dimensions: parameters, then the noise deviations."""
+        return (*self.fit.coordinates.names, "noise_current_A", "noise_speed_rad_s")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the physical values of `names`."""
+        return (*(p.unit for p in self.fit.coordinates.parameters), "A", "rad/s")
+
+    @property
+    def centre(self) -> Array:
+        """(n_dim,) the optimum."""
+        return np.append(self.fit.position, np.log(self.fit.weighting.deviation))
+
+    def covariance(self) -> Array:
+        """(n_dim, n_dim) of the normal approximation at the optimum."""
+        n = self.fit.position.size
+        covariance = np.zeros((n + 2, n + 2))
+        covariance[:n, :n] = self.fit.equations.covariance()
+        counts = np.maximum(self.fit.weighting.counts * self.shares, 2.0)
+        covariance[n:, n:] = np.diag(0.5 / counts)
+        return covariance
+
+    def physical(self, points: Array) -> Array:
+        """Physical values (..., n_dim) of points (..., n_dim)."""
+        flat = points.reshape(-1, points.shape[-1]).T
+        n = self.fit.position.size
+        values = np.concatenate([self.fit.coordinates.values(flat[:n]), np.exp(flat[n:])])
+        return values.T.reshape(points.shape)
+
+    def __call__(self, points: Array) -> Array:
+        """Log posterior density of points (n_walker, n_dim), (n_walker,)."""
+        fit = self.fit
+        n = fit.position.size
+        position, log_deviation = points[:, :n].T, points[:, n:].T
+        prior = fit.coordinates.log_prior(position)
+        # Out of bounds nothing is simulated: the walker's place is taken by the optimum.
+        inside = np.isfinite(prior)
+        safe = np.where(inside, position, fit.position[:, None])
+        moved = safe - fit.position[:, None]
+        states = [
+            start[:, None] + fit.equations.state_response(k) @ moved
+            for k, start in enumerate(fit.states)
+        ]
+        values = fit.coordinates.values(safe)
+        sums = fit.simulator.misfit(values, states, fit.weighting)
+        counts = fit.weighting.counts[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            channels = counts * log_deviation + 0.5 * sums * np.exp(-2 * log_deviation)
+            density = prior - np.sum(self.shares[:, None] * channels, axis=0)
+        return np.where(inside & np.isfinite(density), density, -np.inf)

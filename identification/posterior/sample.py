@@ -1,0 +1,154 @@
+"""Sampling of the posterior with emcee.
+
+The ensemble starts from the normal approximation of the fit, and a good share of the proposals
+comes from there too (independent draws from a multivariate t around the optimum): for the nearly
+normal posteriors of long records they decorrelate in a few steps where the stretch move takes
+fifty.  Differential evolution and stretch moves keep the sampler right where the posterior is
+bent or runs into a bound.
+
+Source: Foreman-Mackey et al., PASP 125 (2013), 306 (emcee); ter Braak, Statistics and Computing 16
+(2006), 239-249 (differential evolution); Tierney, Annals of Statistics 22 (1994), 1701-1728
+(independence chains).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import emcee
+import numpy as np
+from emcee import moves
+from numpy.typing import NDArray
+
+from identification.posterior.convergence import Convergence, convergence_of
+from identification.posterior.density import Posterior
+
+__all__ = ["Sample", "sample"]
+
+Array = NDArray[np.float64]
+
+_FREEDOM: Final = 5.0
+_INFLATION: Final = 1.1
+_CHUNK: Final = 50
+_LEAST_STEPS: Final = 200
+_LENGTHS: Final = 50.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Draws of the posterior.
+
+    Args:
+        chain: (n_step, n_walker, n_dim) physical values after burn-in.
+        log_density: (n_step, n_walker).
+        names: Names of the dimensions.
+        units: Their units.
+        convergence: How well the chain has mixed.
+    """
+
+    chain: Array
+    log_density: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    convergence: Convergence
+
+    def draws(self, most: int = 2000) -> dict[str, Array]:
+        """At most `most` draws, evenly spread over the chain, by name."""
+        flat = self.chain.reshape(-1, self.chain.shape[2])
+        rows = np.unique(np.linspace(0, flat.shape[0] - 1, most).astype(int))
+        return {name: flat[rows, k] for k, name in enumerate(self.names)}
+
+
+def sample(
+    posterior: Posterior,
+    seed: int,
+    most_steps: int = 3000,
+    progress: Callable[[float], None] | None = None,
+) -> Sample:
+    """Sample until the chain is 50 autocorrelation times long.
+
+    Args:
+        posterior: The density.
+        seed: Seed; the same seed gives the same chain.
+        most_steps: Steps after which to stop in any case; `Convergence.reached` says so.
+        progress: Called with the fraction done.
+    """
+    rng = np.random.default_rng(seed)
+    covariance = posterior.covariance()
+    n_dim = covariance.shape[0]
+    walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
+    sampler = emcee.EnsembleSampler(
+        walkers, n_dim, posterior, vectorize=True, moves=_moves(posterior.centre, covariance)
+    )
+    start = _start(posterior, covariance, walkers, rng)
+    state = emcee.State(start, random_state=np.random.RandomState(seed).get_state())  # noqa: NPY002
+    done, tau = 0, np.inf
+    while done < most_steps:
+        state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
+        done += _CHUNK
+        tau = float(np.max(emcee.autocorr.integrated_time(sampler.get_chain(), tol=0)))
+        if progress is not None:
+            goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
+            progress(min(1.0, done / min(goal, most_steps)))
+        if done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau:
+            break
+    burn = _burn_in(done, tau)
+    chain = sampler.get_chain(discard=burn)
+    return Sample(
+        chain=posterior.physical(chain),
+        log_density=sampler.get_log_prob(discard=burn),
+        names=posterior.names,
+        units=posterior.units,
+        convergence=convergence_of(chain, float(np.mean(sampler.acceptance_fraction)), _LENGTHS),
+    )
+
+
+def _burn_in(done: int, tau: float) -> int:
+    """Steps to leave out: three autocorrelation times, at least a tenth, at most half."""
+    return int(np.clip(3 * tau, done // 10, done // 2)) if np.isfinite(tau) else done // 2
+
+
+def _moves(centre: Array, covariance: Array) -> list[tuple[object, float]]:
+    independent = moves.MHMove(_Independent(centre, _INFLATION * covariance))
+    return [(independent, 0.6), (moves.DEMove(), 0.25), (moves.StretchMove(), 0.15)]
+
+
+class _Independent:
+    """Draws from a multivariate t around the optimum, whatever the walker's place."""
+
+    def __init__(self, centre: Array, covariance: Array) -> None:
+        self._centre = centre
+        self._root = np.linalg.cholesky(covariance)
+
+    def __call__(
+        self, coordinates: Array, random: np.random.RandomState
+    ) -> tuple[Array, Array]:
+        n_walker, n_dim = coordinates.shape
+        normal = random.randn(n_walker, n_dim)
+        size = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=n_walker))
+        proposed = self._centre + (normal * size[:, None]) @ self._root.T
+        return proposed, self._log_density(coordinates) - self._log_density(proposed)
+
+    def _log_density(self, points: Array) -> Array:
+        scaled = np.linalg.solve(self._root, (points - self._centre).T)
+        distance = np.sum(scaled**2, axis=0)
+        return -0.5 * (_FREEDOM + points.shape[1]) * np.log1p(distance / _FREEDOM)
+
+
+def _start(
+    posterior: Posterior, covariance: Array, walkers: int, rng: np.random.Generator
+) -> Array:
+    """Walkers drawn from the normal approximation, mirrored at the bounds."""
+    root = np.linalg.cholesky(covariance)
+    centre = posterior.centre
+    points = centre + rng.standard_normal((walkers, centre.size)) @ root.T
+    coordinates = posterior.fit.coordinates
+    n = posterior.fit.position.size
+    lower, upper = coordinates.lower, coordinates.upper
+    inner = points[:, :n]
+    inner = np.where(inner < lower, 2 * lower - inner, inner)
+    inner = np.where(inner > upper, 2 * upper - inner, inner)
+    points[:, :n] = np.clip(inner, lower, upper)
+    return points
