@@ -20,7 +20,7 @@ from identification.model.weighting import Weighting
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["NormalEquations", "normal_equations"]
+__all__ = ["NormalEquations", "normal_equations", "products", "state_precision"]
 
 Array = NDArray[np.float64]
 
@@ -110,15 +110,15 @@ def normal_equations(
         states: For each record (n_state,).
         weighting: Noise model with its deviations.
     """
-    n, n_state = position.size, simulator.n_state
+    n = position.size
     values = coordinates.values(position)
     slopes = coordinates.slopes(position)
     logged, tangents = simulator.tangent(values, states, np.diag(slopes))
     information, gradient = np.zeros((n, n)), np.zeros(n)
     matrices, couplings, state_gradients = [], [], []
     for k, record in enumerate(simulator.records):
-        full, right = _products(record.measured - logged[k], tangents[k], weighting, k)
-        precision = _state_precision(simulator, k)
+        full, right = products(record.measured - logged[k], tangents[k], weighting, k)
+        precision = state_precision(simulator, k)
         centre = initial_states(simulator.model, record)
         xx = full[n:, n:] + np.diag(precision)
         xg = right[n:] + precision * (centre - states[k])
@@ -131,16 +131,25 @@ def normal_equations(
     prior = 1.0 / coordinates.prior_sd**2
     matrix = information + np.diag(prior)
     gradient = gradient + prior * np.where(prior > 0, coordinates.prior_mean - position, 0.0)
-    assert matrices[0].shape == (n_state, n_state)
     return NormalEquations(
         matrix, information, gradient, tuple(matrices), tuple(couplings), tuple(state_gradients)
     )
 
 
-def _products(
+def products(
     residual: Array, tangent: Array, weighting: Weighting, k: int
 ) -> tuple[Array, Array]:
-    """J'WJ and J'Wr of one record, parameters first, then its initial states."""
+    """J'WJ and J'Wr of one record.
+
+    Args:
+        residual: (n_sample, 2) measured minus simulated.
+        tangent: (n_sample, 2, n_direction) derivatives of what is simulated.
+        weighting: Noise model with its deviations.
+        k: Number of the record.
+
+    Returns:
+        (n_direction, n_direction) and (n_direction,), in the order of the directions.
+    """
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)
     weights = weighting.sample_weights(k)
@@ -153,8 +162,11 @@ def _products(
     return full, right
 
 
-def _state_precision(simulator: Simulator, k: int) -> Array:
-    """Inverse variance of the broad prior of the initial state: the range of what was logged."""
+def state_precision(simulator: Simulator, k: int) -> Array:
+    """Inverse variance of the broad prior of the initial state, (n_state,).
+
+    Its width is the range of what was logged; a state that no sensor shows is a temperature.
+    """
     record = simulator.records[k]
     size = record.span
     kinds = {"current": size[0], "speed": size[1], "temperature": 30.0, "zero": 30.0}

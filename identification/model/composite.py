@@ -18,6 +18,8 @@ from identification.model.declared import DECLARED, coefficient_at, current_rate
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
+    AbstractDelay,
+    AbstractHold,
     AbstractSensor,
     AbstractSupply,
     AbstractTemperature,
@@ -67,6 +69,28 @@ class MotorModel:
     def without(self, name: str) -> MotorModel:
         """This model without the term of that name."""
         return replace(self, terms=tuple(term for term in self.terms if term.name != name))
+
+    @property
+    def held(self) -> Hold:
+        """Behaviour of the voltage between samples, with the terms that turn it round."""
+        turned = sum(isinstance(term, AbstractHold) for term in self.terms) % 2
+        other: Hold = "foh" if self.hold == "zoh" else "zoh"
+        return other if turned else self.hold
+
+    @property
+    def delays(self) -> tuple[AbstractDelay, ...]:
+        """The terms that delay a channel."""
+        return tuple(term for term in self.terms if isinstance(term, AbstractDelay))
+
+    @property
+    def advance(self) -> int:
+        """Samples by which the voltage runs ahead of the log."""
+        return sum(int(term.depth) for term in self.delays if term.channel == "voltage")
+
+    def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
+        """Delay of the channels of `term` in sample intervals, from all parameters [-]."""
+        own = self._values(parameter)[1]
+        return term.lag(own[self.terms.index(term)])
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

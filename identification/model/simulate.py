@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
+from identification.model.memory import memory_size, memory_start
 from identification.model.scan import Scan, scan_of
 from identification.model.step import Plan, advance, plan_for, step_function
 from identification.model.weighting import Weighting
@@ -95,7 +96,31 @@ class Simulator:
     @cached_property
     def inputs(self) -> list[Array]:
         """Inputs of each record (n_sample, n_input)."""
-        return [record.inputs for record in self.records]
+        return [self._shifted(record.inputs) for record in self.records]
+
+    def _shifted(self, inputs: Array) -> Array:
+        """Inputs with the voltage as many samples ahead as the model asks."""
+        ahead = self.model.advance
+        if not ahead:
+            return inputs
+        shifted = inputs.copy()
+        rows = np.minimum(np.arange(inputs.shape[0]) + ahead, inputs.shape[0] - 1)
+        for name in ("voltage", "voltage_next"):
+            column = INPUTS.index(name)
+            shifted[:, column] = inputs[rows, column]
+        return shifted
+
+    def _carries(self, states: Sequence[Array], lanes: int) -> list[Array]:
+        """Carry before the first sample of each record (n_state + n_memory, n_lane)."""
+        return [
+            np.concatenate(
+                [
+                    _lanes(state, lanes),
+                    _lanes(memory_start(self.model, record.head), lanes),
+                ]
+            )
+            for state, record in zip(states, self.records, strict=True)
+        ]
 
     @staticmethod
     def fitting(
@@ -133,7 +158,7 @@ class Simulator:
         Returns:
             For each record (n_sample, 2, n_lane) [A, rad/s].
         """
-        carries = [_lanes(state, values.shape[1]) for state in states]
+        carries = self._carries(states, values.shape[1])
         return self._logged_scan(self.inputs, values, carries)[1]
 
     @cached_property
@@ -154,15 +179,21 @@ class Simulator:
             weighting: Noise model; its deviations are not applied.
         """
         scan = self._misfit_scan(tuple(tuple(taps) for taps in weighting.whitening))
-        memory = np.zeros((scan.n_carry - self.n_state, values.shape[1]))
-        carries = [np.concatenate([_lanes(x, values.shape[1]), memory]) for x in states]
-        finals, _ = scan(weighting.compared(), values, carries)
-        return np.asarray(np.sum([f[self.n_state : self.n_state + 2] for f in finals], axis=0))
+        starts = self._carries(states, values.shape[1])
+        own = starts[0].shape[0]
+        sums = np.zeros((scan.n_carry - own, values.shape[1]))
+        compared = [
+            np.column_stack([rows, record.measured, weighting.sample_weights(k)])
+            for k, (rows, record) in enumerate(zip(self.inputs, self.records, strict=True))
+        ]
+        finals, _ = scan(compared, values, [np.concatenate([x, sums]) for x in starts])
+        return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
 
     def _misfit_scan(self, whitening: tuple[tuple[float, ...], ...]) -> Scan:
         key = ("misfit", whitening)
         if key not in self._scans:
-            x, u, p = _symbols(self.model)
+            _, u, p = _symbols(self.model)
+            x = ca.SX.sym("x", self.n_state + memory_size(self.model))
             measured, weight = ca.SX.sym("y", 2), ca.SX.sym("w", 2)
             sums = ca.SX.sym("s", 2)
             following, logged = step_function(self.model, self.plan)(x, u, p)
@@ -212,16 +243,18 @@ class Simulator:
         """
         n, m = self.n_state, directions.shape[1]
         lanes = m + n
+        size = n + memory_size(self.model)
         seeds = np.concatenate([directions, np.zeros((directions.shape[0], n))], axis=1)
         parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
-        start = np.concatenate([np.zeros((n, m)), np.eye(n)], axis=1)
-        carries = [np.concatenate([_lanes(state, lanes), start]) for state in states]
+        start = np.concatenate([np.zeros((size, m)), np.eye(size, n)], axis=1)
+        carries = [np.concatenate([carry, start]) for carry in self._carries(states, lanes)]
         _, outputs = self._tangent_scan(self.inputs, parameter, carries)
         return [y[:, :2, 0] for y in outputs], [y[:, 2:, :] for y in outputs]
 
     @cached_property
     def _tangent_scan(self) -> Scan:
-        x, u, p = _symbols(self.model)
+        _, u, p = _symbols(self.model)
+        x = ca.SX.sym("x", self.n_state + memory_size(self.model))
         dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
         both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
         following, logged = step_function(self.model, self.plan)(x, u, p)

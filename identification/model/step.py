@@ -30,6 +30,7 @@ from typing import Final
 import casadi as ca
 
 from identification.model.composite import INPUTS, MotorModel
+from identification.model.memory import memory_size, remembered
 from identification.model.term import Expression
 
 __all__ = ["Plan", "plan_for", "step_function"]
@@ -87,13 +88,24 @@ def _terms(z: float) -> int:
 
 
 def step_function(model: MotorModel, plan: Plan) -> ca.Function:
-    """SX function (state, inputs, parameter) -> (state at the next sample, logged now)."""
-    state = ca.SX.sym("x", len(model.state_names))
+    """SX function (carry, inputs, parameter) -> (carry at the next sample, logged now).
+
+    The carry is the state, followed by what delayed channels remember (`memory.py`).
+    """
+    n = len(model.state_names)
+    carry = ca.SX.sym("x", n + memory_size(model))
     inputs = ca.SX.sym("u", len(INPUTS))
     parameter = ca.SX.sym("p", len(model.parameters))
+    state = carry[:n]
     advanced = advance(model, plan, state, inputs, parameter)
     logged = model.logged(state, inputs, parameter)
-    return ca.Function("step", [state, inputs, parameter], [advanced, logged])
+    if model.delays:
+        end = _inputs_within(model, inputs, 1, 1)[0]
+        memory, logged = remembered(
+            model, state, advanced, carry[n:], (inputs, end), parameter, logged
+        )
+        advanced = ca.vertcat(advanced, memory)
+    return ca.Function("step", [carry, inputs, parameter], [advanced, logged])
 
 
 def advance(
@@ -139,7 +151,7 @@ def _inputs_within(
             # df/dt alone, A would be that of the start, an error of first order in the heating.
             now.append(column[name] + (fraction + 0.5 / parts) * change)
             slope.append(ca.SX(0))
-        elif name in ("voltage", "angle") and not (name == "voltage" and model.hold == "zoh"):
+        elif name in ("voltage", "angle") and not (name == "voltage" and model.held == "zoh"):
             now.append(column[name] + fraction * change)
             slope.append(change * inverse)
         elif name == "time":

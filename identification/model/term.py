@@ -9,6 +9,8 @@ class for each place at which physics can enter, and each asks for one method:
     AbstractTemperature   what winding or magnet feel instead of the log [degC]
     AbstractSupply        what the terminals see instead of the log      [V]
     AbstractSensor        what a sensor logs instead of the state        [A] or [rad/s]
+    AbstractDelay         a channel that lags the others                 [s]
+    AbstractHold          the other behaviour of the voltage between samples
 
 Any of them may bring states of its own (`states` and `rates`).  `composite.py` adds terms to the
 declared equations without knowing a single one, so a new effect is one class in one file.
@@ -28,6 +30,8 @@ from identification.model.parameter import Parameter
 
 __all__ = [
     "AbstractCoefficient",
+    "AbstractDelay",
+    "AbstractHold",
     "AbstractSensor",
     "AbstractSupply",
     "AbstractTemperature",
@@ -163,3 +167,28 @@ class AbstractSensor(AbstractTerm):
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Logged value, given the one without this term [A] or [rad/s]."""
+
+
+class AbstractDelay(AbstractTerm):
+    """A channel that lags the others by its parameter `delay` [s].
+
+    The logged value is that of the model a while ago, taken between samples from the cubic through
+    value and slope at both ends of the interval (the slopes jump at samples where the voltage
+    does, so a straight line would be off by the curvature of the current).  A voltage that lags
+    is the same as both other channels leading: the simulation is driven with the voltage `depth`
+    samples ahead and both channels are delayed by the rest.
+    """
+
+    channel: Any  # "current", "speed" or "voltage"; a field of the term
+    depth: Any  # whole sample intervals kept; a field of the term
+    interval: Any  # sample interval [s]; a field of the term
+
+    def lag(self, values: Values) -> Expression:
+        """By how much the simulated channels are delayed, in sample intervals [-]."""
+        if self.channel == "voltage":
+            return self.depth - values.delay / self.interval
+        return values.delay / self.interval
+
+
+class AbstractHold(AbstractTerm):
+    """The voltage between samples behaves the other way than declared."""

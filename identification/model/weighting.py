@@ -66,13 +66,6 @@ class Weighting:
         weight = self.records[k].weight
         return weight if self.robust is None else weight * self.robust[k]
 
-    def compared(self) -> list[Array]:
-        """For each record its inputs with measured channels and weights behind them."""
-        return [
-            np.column_stack([record.inputs, record.measured, self.sample_weights(k)])
-            for k, record in enumerate(self.records)
-        ]
-
     def sums_of_squares(self, residuals: Sequence[Array]) -> Array:
         """(2,) weighted sums of squares of whitened residuals."""
         total = np.zeros(2)

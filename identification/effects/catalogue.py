@@ -1,0 +1,68 @@
+"""All effects that are known, on one screen.
+
+Adding one is a class in one of the files beside this and a line here.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from identification.effects.electrical import BrushDrop, FluxSaturation, InductanceSaturation
+from identification.effects.friction import (
+    CoulombFriction,
+    QuadraticDrag,
+    StribeckFriction,
+    ViscousTemperature,
+)
+from identification.effects.load import (
+    CoggingTorque,
+    InertiaChange,
+    LoadStep,
+    LoadTorque,
+    ShaftCompliance,
+)
+from identification.effects.sensor import (
+    ChannelDelay,
+    CurrentFilter,
+    CurrentOffset,
+    InputHold,
+    SpeedFilter,
+    SpeedOffset,
+    VoltageOffset,
+)
+from identification.effects.thermal import (
+    Demagnetization,
+    MagnetLag,
+    ResistanceCurvature,
+    SelfHeating,
+    WindingLag,
+)
+
+__all__ = ["CATALOGUE"]
+
+CATALOGUE: Final = {
+    "coulomb_friction": CoulombFriction,
+    "stribeck_friction": StribeckFriction,
+    "quadratic_drag": QuadraticDrag,
+    "viscous_temperature": ViscousTemperature,
+    "load_torque": LoadTorque,
+    "load_step": LoadStep,
+    "cogging_torque": CoggingTorque,
+    "inertia_change": InertiaChange,
+    "shaft_compliance": ShaftCompliance,
+    "brush_drop": BrushDrop,
+    "flux_saturation": FluxSaturation,
+    "inductance_saturation": InductanceSaturation,
+    "self_heating": SelfHeating,
+    "winding_lag": WindingLag,
+    "magnet_lag": MagnetLag,
+    "resistance_curvature": ResistanceCurvature,
+    "demagnetization": Demagnetization,
+    "current_offset": CurrentOffset,
+    "voltage_offset": VoltageOffset,
+    "speed_offset": SpeedOffset,
+    "channel_delay": ChannelDelay,
+    "speed_filter": SpeedFilter,
+    "current_filter": CurrentFilter,
+    "input_hold": InputHold,
+}

@@ -1,0 +1,139 @@
+"""What the search needs to know of an effect besides its physics.
+
+An effect is a term (`model.term`) that also says where to look for itself: `candidates` returns
+finite-size prototypes for the motor at hand.  A prototype of finite size is used and not the
+derivative at zero, since the derivative of a filter or lag vanishes there and that of friction
+near standstill is not the effect's shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.solve import Fit
+from identification.model.excitation import Record
+from identification.model.parameter import Parameter
+from identification.model.term import AbstractTerm
+
+__all__ = ["Candidate", "Survey", "amplitude", "columns", "shape", "survey_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Natural sizes of one campaign, from its signals and its declared fit.
+
+    Args:
+        records: Training records.
+        current: Size of the current [A].
+        speed: Size of the speed [rad/s].
+        voltage: Size of the voltage [V].
+        torque: Kt25 times the size of the current [N m].
+        interval: Median sample interval [s].
+        duration: Longest record [s].
+        speed_noise: Residual deviation of the speed [rad/s].
+        current_noise: Residual deviation of the current [A].
+        values: (7,) declared parameters, physical.
+    """
+
+    records: tuple[Record, ...]
+    current: float
+    speed: float
+    voltage: float
+    torque: float
+    interval: float
+    duration: float
+    current_noise: float
+    speed_noise: float
+    values: Array
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the training runs, in order."""
+        return tuple(sorted({record.run for record in self.records}))
+
+    @property
+    def heated(self) -> float:
+        """Range of the logged temperature over all training runs [K]."""
+        columns = [record.column("temperature") for record in self.records]
+        return float(max(c.max() for c in columns) - min(c.min() for c in columns))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model structure to try, with places to start from.
+
+    Args:
+        term: The term, its fields set for this motor.
+        starts: (n_parameter, n_start) physical values, each of finite size.
+    """
+
+    term: AbstractTerm
+    starts: Array
+
+
+def survey_of(fit: Fit) -> Survey:
+    """Natural sizes of the campaign that `fit` was made on."""
+    records = fit.simulator.records
+    measured = np.concatenate([record.measured for record in records])
+    voltage = np.concatenate([record.column("voltage") for record in records])
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    size = np.where(size > 0, size, 1.0)
+    intervals = np.concatenate([record.inputs[:-1, 0] for record in records])
+    return Survey(
+        records=tuple(records),
+        current=float(size[0]),
+        speed=float(size[1]),
+        voltage=float(np.sqrt(np.mean(voltage**2))) or 1.0,
+        torque=float(fit.values[2] * size[0]),
+        interval=float(np.median(intervals)),
+        duration=float(max(record.time[-1] - record.time[0] for record in records)),
+        current_noise=float(fit.weighting.deviation[0]),
+        speed_noise=float(fit.weighting.deviation[1]),
+        values=fit.values[:7].copy(),
+    )
+
+
+def amplitude(
+    name: str, unit: str, meaning: str, size: float, *, signed: bool = False
+) -> Parameter:
+    """A parameter that the effect is proportional to.
+
+    Args:
+        name: Name in the result.
+        unit: Unit.
+        meaning: One phrase.
+        size: Natural size of what it is compared with [unit].
+        signed: Whether it may be negative.
+    """
+    return Parameter(
+        name, unit, meaning, scale=size, lower=-np.inf if signed else 0.0, prior_sd=3.0
+    )
+
+
+def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:
+    """A positive parameter that gives the effect its form, flat in its logarithm.
+
+    Args:
+        name: Name in the result.
+        unit: Unit.
+        meaning: One phrase.
+        lower: Smallest value that differs from a limit case [unit].
+        upper: Largest [unit].
+    """
+    middle = float(np.sqrt(lower * upper))
+    width = float(np.log(upper / lower) / np.sqrt(12.0))
+    return Parameter(
+        name, unit, meaning, search="log", lower=lower, upper=upper, prior_mean=middle,
+        prior_sd=2.0 * width,
+    )
+
+
+def columns(*starts: Sequence[float]) -> Array:
+    """(n_parameter, n_start) from starting vectors."""
+    return np.array(starts, dtype=np.float64).T

@@ -1,0 +1,154 @@
+"""Voltages and coefficients of the armature circuit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractCoefficient,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    Values,
+)
+
+__all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
+
+
+@dataclass(frozen=True)
+class BrushDrop(AbstractVoltage):
+    """Voltage lost at the brush contacts, with the sign of the current.
+
+        v = -V_b i / (|i|^p + i_b^p)^(1/p),   p = 2                         [V]
+
+    `i_b` is where the knee lies: far below the current the drop is a step, near it a contact
+    whose resistance falls as the current grows.
+
+    Args:
+        voltage_size: Natural voltage [V].
+        current_size: Natural current [A].
+    """
+
+    voltage_size: float
+    current_size: float
+
+    name: ClassVar[str] = "brush_drop"
+    equation: ClassVar[str] = "electrical"
+    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    source: ClassVar[str] = (
+        "Hamilton, DC Motor Control (2000), section on brushes; Holm, Electric Contacts, section 42"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Voltage and knee."""
+        return (
+            amplitude("voltage", "V", "voltage lost at both brushes", self.voltage_size),
+            shape("knee", "A", "current at the knee", 3e-3 * self.current_size,
+                  1.5 * self.current_size),
+        )
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Voltage lost [V]."""
+        current = signals.current
+        return -values.voltage * current / ca.sqrt(current * current + values.knee**2)
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its knee scanned."""
+        term = cls(survey.voltage, survey.current)
+        knees = (0.02, 0.1, 0.4)
+        return [
+            Candidate(
+                term, columns(*[(0.03 * survey.voltage, k * survey.current) for k in knees])
+            )
+        ]
+
+
+@dataclass(frozen=True)
+class FluxSaturation(AbstractCoefficient):
+    """The field weakens as armature current grows: Kt falls with the size of the current.
+
+        Kt -> Kt / (1 + c (|i| / i_0)^n)                                    [N m/A]
+
+    Even in the current and instantaneous, unlike demagnetisation.
+
+    Args:
+        reference: Current i_0 at which Kt has fallen by the factor 1 / (1 + c) [A].
+    """
+
+    reference: float
+
+    name: ClassVar[str] = "flux_saturation"
+    equation: ClassVar[str] = "electrical"
+    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    source: ClassVar[str] = (
+        "Fitzgerald, Kingsley and Umans, Electric Machinery, section on armature reaction"
+    )
+    coefficient: ClassVar[str] = "Kt"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Fall at the reference current, and its exponent."""
+        return (
+            Parameter("fall", "-", f"relative fall of Kt at {self.reference:.4g} A", scale=0.05,
+                      lower=0.0, upper=3.0, prior_sd=5.0),
+            shape("exponent", "-", "power of the current", 0.8, 6.0),
+        )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on Kt [-]."""
+        ratio = signals.current / self.reference
+        size = ratio * ratio + 1e-4
+        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, two exponents."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((0.05, 1.3), (0.05, 2.5)))]
+
+
+@dataclass(frozen=True)
+class InductanceSaturation(AbstractCoefficient):
+    """The iron saturates: L falls with the size of the current.
+
+        L -> L / (1 + c (|i| / i_0)^n)                                      [H]
+
+    Args:
+        reference: Current i_0 at which L has fallen by the factor 1 / (1 + c) [A].
+    """
+
+    reference: float
+
+    name: ClassVar[str] = "inductance_saturation"
+    equation: ClassVar[str] = "electrical"
+    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    source: ClassVar[str] = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
+    coefficient: ClassVar[str] = "L"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Fall at the reference current, and its exponent."""
+        return (
+            Parameter("fall", "-", f"relative fall of L at {self.reference:.4g} A", scale=0.2,
+                      lower=0.0, upper=20.0, prior_sd=10.0),
+            shape("exponent", "-", "power of the current", 0.8, 6.0),
+        )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on L [-]."""
+        ratio = signals.current / self.reference
+        size = ratio * ratio + 1e-4
+        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, two exponents."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((0.3, 1.3), (0.3, 2.5)))]

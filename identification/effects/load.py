@@ -1,0 +1,272 @@
+"""External torques, and what hangs on the shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractCoefficient,
+    AbstractTorque,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
+
+__all__ = ["CoggingTorque", "InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
+
+
+@dataclass(frozen=True)
+class LoadTorque(AbstractTorque):
+    """A constant external torque, such as a hanging weight.
+
+        tau = -T_l                                                          [N m]
+
+    Args:
+        torque_size: Natural torque [N m].
+    """
+
+    torque_size: float
+
+    name: ClassVar[str] = "load_torque"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ()
+    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """The torque."""
+        return (amplitude("torque", "N m", "constant load", self.torque_size, signed=True),)
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque of the load [N m]."""
+        return -values.torque
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure."""
+        return [Candidate(cls(survey.torque), columns((0.05 * survey.torque,)))]
+
+
+@dataclass(frozen=True)
+class LoadStep(AbstractTorque):
+    """An external torque in one span of one run.
+
+        tau = -T_l   while start <= t < stop in run r                       [N m]
+
+    The edges are smoothed over one sample interval, so that the times can be fitted.
+
+    Args:
+        run: Number of the run it happens in.
+        torque_size: Natural torque [N m].
+        edge: Width of an edge [s].
+        duration: Length of the run [s].
+    """
+
+    run: int
+    torque_size: float
+    edge: float
+    duration: float
+
+    name: ClassVar[str] = "load_step"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("time",)
+    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Torque, and the times at which it comes and goes."""
+        time = {"scale": self.duration / 50, "lower": -self.duration, "upper": 2 * self.duration,
+                "prior_mean": self.duration / 2, "prior_sd": 50.0}
+        return (
+            amplitude("torque", "N m", f"load in run {self.run + 1}", self.torque_size,
+                      signed=True),
+            Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
+            Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
+        )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque of the load [N m]."""
+        here = ca.fabs(signals.run - self.run) < 0.5
+
+        def passed(moment: Expression) -> Expression:
+            late = (signals.time - moment) / self.edge
+            return 0.5 * (1 + late / ca.sqrt(late * late + 1))
+
+        return -values.torque * here * (passed(values.start) - passed(values.stop))
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure a run; spans of three lengths are scanned over it."""
+        found = []
+        for run in survey.runs:
+            last = max(float(r.time[-1]) for r in survey.records if r.run == run)
+            starts: list[Sequence[float]] = []
+            for parts in (2, 4, 8):
+                length = last / parts
+                for k in range(2 * parts - 1):
+                    begin = 0.5 * k * length
+                    starts.append((0.1 * survey.torque, begin, begin + length))
+            term = cls(run, survey.torque, 2 * survey.interval, last)
+            found.append(Candidate(term, columns(*starts)))
+        return found
+
+
+@dataclass(frozen=True)
+class CoggingTorque(AbstractTorque):
+    """A torque periodic in the shaft angle, from slots and poles or from a bent shaft.
+
+        tau = A sin(k phi) + B cos(k phi) + C sin(2 k phi) + D cos(2 k phi)  [N m]
+
+    Args:
+        order: Periods a revolution, k [-].
+        torque_size: Natural torque [N m].
+    """
+
+    order: float
+    torque_size: float
+
+    name: ClassVar[str] = "cogging_torque"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("position",)
+    source: ClassVar[str] = (
+        "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Amplitudes of the fundamental and of its second harmonic."""
+        return tuple(
+            amplitude(name, "N m", f"{kind} of order {order:g}", self.torque_size, signed=True)
+            for name, kind, order in (
+                ("sine", "sine", self.order),
+                ("cosine", "cosine", self.order),
+                ("sine_2", "sine", 2 * self.order),
+                ("cosine_2", "cosine", 2 * self.order),
+            )
+        )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque by the angle [N m]."""
+        angle = self.order * signals.angle
+        return (
+            values.sine * ca.sin(angle)
+            + values.cosine * ca.cos(angle)
+            + values.sine_2 * ca.sin(2 * angle)
+            + values.cosine_2 * ca.cos(2 * angle)
+        )
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure an order that the sampling can show."""
+        size = 0.05 * survey.torque
+        starts = columns((size, 0, 0, 0), (0, size, 0, 0))
+        revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
+        if revolutions < 0.5:
+            return []
+        return [Candidate(cls(float(order), survey.torque), starts) for order in range(1, 37)]
+
+
+@dataclass(frozen=True)
+class InertiaChange(AbstractCoefficient):
+    """One run turns another inertia: a coupling or a load was changed.
+
+        J -> J (1 + d)   in run r                                           [kg m^2]
+
+    Args:
+        run: Number of the run.
+    """
+
+    run: int
+
+    name: ClassVar[str] = "inertia_change"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("time",)
+    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
+    coefficient: ClassVar[str] = "J"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """The relative change."""
+        return (
+            Parameter("change", "-", f"relative change of the inertia in run {self.run + 1}",
+                      scale=0.1, lower=-0.9, upper=20.0, prior_sd=10.0),
+        )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on J [-]."""
+        here = ca.fabs(signals.run - self.run) < 0.5
+        return 1 + values.change * here
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure a run, where there is another to compare with."""
+        if len(survey.runs) < 2:
+            return []
+        return [Candidate(cls(run), columns((0.2,), (-0.15,))) for run in survey.runs]
+
+
+@dataclass(frozen=True)
+class ShaftCompliance(AbstractTorque):
+    """A second inertia behind a springy shaft.
+
+        tau = -k (theta) - c (w - w_2),   J_2 dw_2/dt = k theta + c (w - w_2),
+        dtheta/dt = w - w_2
+
+    with J_2 = r J, k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load
+    against a held rotor.
+
+    Args:
+        slowest: Lowest resonance that can be told from a rigid shaft [rad/s].
+        fastest: Highest that the sampling shows [rad/s].
+    """
+
+    slowest: float
+    fastest: float
+
+    name: ClassVar[str] = "shaft_compliance"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("speed",)
+    source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
+    states: ClassVar[tuple[State, ...]] = (State("twist", "rad"), State("speed", "rad/s", "speed"))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Inertia ratio, resonance and damping."""
+        return (
+            shape("ratio", "-", "second inertia over the first", 0.003, 30.0),
+            shape("resonance", "rad/s", "resonance of the second inertia", self.slowest,
+                  self.fastest),
+            shape("damping", "-", "damping ratio", 0.002, 2.0),
+        )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque of the shaft on the rotor [N m]."""
+        stiffness = values.ratio * values.J * values.resonance**2
+        damping = 2 * values.damping * values.ratio * values.J * values.resonance
+        return -stiffness * states.twist - damping * (signals.speed - states.speed)
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rates of twist and of the second speed."""
+        slip = signals.speed - states.speed
+        return [
+            slip,
+            values.resonance**2 * states.twist + 2 * values.damping * values.resonance * slip,
+        ]
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its resonance scanned with heavy damping."""
+        slowest, fastest = 20.0 / survey.duration, 2.5 / survey.interval
+        if fastest < 2 * slowest:
+            return []
+        term = cls(slowest, fastest)
+        scanned = np.geomspace(1.5 * slowest, 0.7 * fastest, 16)
+        return [Candidate(term, columns(*[(0.2, w, 0.3) for w in scanned]))]

@@ -1,0 +1,237 @@
+"""Where the heat really is, and what it does beyond a straight line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from identification.effects.effect import Candidate, Survey, columns, shape
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractCoefficient,
+    AbstractTemperature,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
+
+__all__ = [
+    "Demagnetization",
+    "MagnetLag",
+    "ResistanceCurvature",
+    "SelfHeating",
+    "WindingLag",
+]
+
+
+@dataclass(frozen=True)
+class SelfHeating(AbstractTemperature):
+    """The winding is hotter than the log, by its own losses.
+
+        d(rise)/dt = (R_th Ra25 i^2 - rise) / tau                           [K/s]
+
+    Args:
+        power_size: Natural loss [W].
+        fastest: Shortest thermal time constant [s].
+        slowest: Longest thermal time constant [s].
+    """
+
+    power_size: float
+    fastest: float
+    slowest: float
+
+    name: ClassVar[str] = "self_heating"
+    equation: ClassVar[str] = "thermal"
+    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    source: ClassVar[str] = (
+        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
+    )
+    body: ClassVar[str] = "winding"
+    states: ClassVar[tuple[State, ...]] = (State("rise", "K"),)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Thermal resistance and time constant."""
+        return (
+            Parameter("resistance", "K/W", "rise of the winding over its loss",
+                      scale=10.0 / self.power_size, lower=0.0, prior_sd=20.0),
+            shape("time_constant", "s", "time constant of the rise", self.fastest, self.slowest),
+        )
+
+    def felt(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        """Temperature of the winding [degC]."""
+        return before + states.rise
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rate of the rise [K/s]."""
+        loss = values.Ra25 * signals.current**2
+        return [(values.resistance * loss - states.rise) / values.time_constant]
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its time constant scanned."""
+        power = float(survey.values[0]) * survey.current**2
+        fastest, slowest = survey.duration / 300, survey.duration * 5
+        term = cls(power, fastest, slowest)
+        scanned = survey.duration * np.array([0.01, 0.05, 0.2, 1.0])
+        return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
+
+
+@dataclass(frozen=True)
+class _Lag(AbstractTemperature):
+    """A body that follows the logged temperature with a delay of first order.
+
+    Args:
+        fastest: Shortest time constant [s].
+        slowest: Longest time constant [s].
+    """
+
+    fastest: float
+    slowest: float
+
+    equation: ClassVar[str] = "thermal"
+    drivers: ClassVar[tuple[str, ...]] = ("temperature",)
+    states: ClassVar[tuple[State, ...]] = (State("temperature", "degC", "temperature"),)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """The time constant."""
+        return (shape("time_constant", "s", "time constant of the lag", self.fastest,
+                      self.slowest),)
+
+    def felt(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        """Temperature of the body [degC]."""
+        return states.temperature
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rate of the body's temperature [K/s]."""
+        return [(signals.temperature - states.temperature) / values.time_constant]
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its time constant scanned, where the temperature moves within runs."""
+        moves = max(float(np.ptp(r.column("temperature"))) for r in survey.records)
+        if moves < 1.0:
+            return []
+        term = cls(survey.duration / 200, survey.duration * 5)
+        scanned = survey.duration * np.array([0.03, 0.1, 0.3, 1.0])
+        return [Candidate(term, columns(*[(tau,) for tau in scanned]))]
+
+
+@dataclass(frozen=True)
+class WindingLag(_Lag):
+    """The logged temperature and that of the winding differ by a lag.
+
+        dT_w/dt = (T - T_w) / tau                                           [K/s]
+    """
+
+    name: ClassVar[str] = "winding_lag"
+    source: ClassVar[str] = (
+        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
+    )
+    body: ClassVar[str] = "winding"
+
+
+@dataclass(frozen=True)
+class MagnetLag(_Lag):
+    """The magnet follows the logged temperature slowly.
+
+        dT_m/dt = (T - T_m) / tau                                           [K/s]
+    """
+
+    name: ClassVar[str] = "magnet_lag"
+    source: ClassVar[str] = (
+        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
+    )
+    body: ClassVar[str] = "magnet"
+
+
+@dataclass(frozen=True)
+class ResistanceCurvature(AbstractCoefficient):
+    """A second-order term in Ra(T).
+
+        Ra -> Ra (1 + c (T - 25)^2)                                         [ohm]
+    """
+
+    name: ClassVar[str] = "resistance_curvature"
+    equation: ClassVar[str] = "thermal"
+    drivers: ClassVar[tuple[str, ...]] = ("temperature",)
+    source: ClassVar[str] = "IEC 60751 (second-order law of metal resistance)"
+    coefficient: ClassVar[str] = "Ra"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("curvature", "1/K^2", "second-order coefficient of the resistance",
+                  scale=5e-6, lower=-1e-4, upper=1e-4, prior_sd=5.0),
+    )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on Ra [-]."""
+        return 1 + values.curvature * (signals.winding_temperature - 25) ** 2
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, where the temperature moves enough for a curve."""
+        return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if survey.heated >= 10.0 else []
+
+
+@dataclass(frozen=True)
+class Demagnetization(AbstractCoefficient):
+    """Kt lost for good once a temperature was passed.
+
+        Kt -> Kt (1 - d s((T_peak - T_c) / width))                          [N m/A]
+
+    T_peak is the highest temperature logged so far in the campaign and s a smooth step, from a
+    sudden loss to one that grows with every kelvin above T_c.
+
+    Args:
+        coldest: Lowest temperature logged [degC].
+        hottest: Highest [degC].
+    """
+
+    coldest: float
+    hottest: float
+
+    name: ClassVar[str] = "demagnetization"
+    equation: ClassVar[str] = "thermal"
+    drivers: ClassVar[tuple[str, ...]] = ("temperature", "time")
+    source: ClassVar[str] = (
+        "Ruoho et al., IEEE Trans. Magnetics 44 (2008), 2072-2079 (partial demagnetisation)"
+    )
+    coefficient: ClassVar[str] = "Kt"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Loss, temperature and width."""
+        span = self.hottest - self.coldest
+        return (
+            Parameter("loss", "-", "share of Kt lost", scale=0.05, lower=-0.5, upper=0.9,
+                      prior_sd=5.0),
+            Parameter("temperature", "degC", "temperature that has to be passed",
+                      scale=span / 20, lower=self.coldest, upper=self.hottest,
+                      prior_mean=0.5 * (self.coldest + self.hottest), prior_sd=20.0),
+            shape("width", "K", "range over which the loss grows", 0.3, 1.5 * span),
+        )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on Kt [-]."""
+        late = (signals.peak_temperature - values.temperature) / values.width
+        return 1 - values.loss * 0.5 * (1 + late / ca.sqrt(late * late + 1))
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its temperature scanned, where some sample was cooler than the peak."""
+        columns_ = [record.column("temperature") for record in survey.records]
+        coldest = min(float(c.min()) for c in columns_)
+        hottest = max(float(c.max()) for c in columns_)
+        if hottest - coldest < 5.0:
+            return []
+        term = cls(coldest, hottest)
+        scanned = coldest + (hottest - coldest) * np.linspace(0.1, 0.95, 10)
+        return [Candidate(term, columns(*[(0.05, t, 2.0) for t in scanned]))]

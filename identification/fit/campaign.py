@@ -1,0 +1,81 @@
+"""The records of a campaign: what is fitted and what is only predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.errors import InputError
+from identification.ingest.run import Run
+from identification.model.excitation import Record, records_of
+
+__all__ = ["Campaign", "campaign_of"]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Runs of one motor and the records made of them.
+
+    Args:
+        training_runs: Runs that are fitted, in the order of recording.
+        validation_runs: Runs that are predicted.
+        training: Records of the first.
+        validation: Records of the second, recorded after them.
+        warnings: What a reader of the result should know about the runs together.
+    """
+
+    training_runs: tuple[Run, ...]
+    validation_runs: tuple[Run, ...]
+    training: tuple[Record, ...]
+    validation: tuple[Record, ...]
+    warnings: tuple[str, ...]
+
+
+def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
+    """Records of runs, with channels left out that never show anything.
+
+    Raises:
+        InputError: Nothing moves in any run.
+    """
+    records = records_of(training)
+    held_out = records_of(validation, first=len(training))
+    warnings = []
+    stacked = np.concatenate([record.measured for record in records])
+    dead = np.ptp(stacked, axis=0) == 0.0
+    if not np.any(np.concatenate([record.column("voltage") for record in records])):
+        raise InputError(
+            "voltage_V is 0 in every training run; expected runs in which the motor is driven",
+            file=training[0].name,
+            column="voltage_V",
+            value=0.0,
+        )
+    if dead.all():
+        raise InputError(
+            "neither current_A nor speed_rad_s changes in any training run; expected at least one "
+            "that responds to the voltage: check that the sensors were connected",
+            file=training[0].name,
+            column="current_A",
+        )
+    for channel, name in enumerate(("current_A", "speed_rad_s")):
+        if dead[channel]:
+            warnings.append(
+                f"{name} never changes in any training run, so it was not fitted; what only that "
+                "channel can tell is not identified"
+            )
+    if dead.any():
+        records = [_without(record, dead) for record in records]
+        held_out = [_without(record, dead) for record in held_out]
+    if all(run.temperature is None for run in training):
+        warnings.append(
+            "the runs have no temperature: Ra25 and Kt25 are those of the unknown temperature of "
+            "the runs, and the temperature coefficients are not identified"
+        )
+    return Campaign(
+        tuple(training), tuple(validation), tuple(records), tuple(held_out), tuple(warnings)
+    )
+
+
+def _without(record: Record, dead: np.ndarray) -> Record:
+    return replace(record, weight=record.weight * ~dead)

@@ -1,0 +1,56 @@
+"""How well a fitted model simulates runs, those it was fitted to and those it never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.initial import fitted_initial_states
+from identification.fit.solve import Fit
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator
+
+__all__ = ["Simulated", "simulate_fitted", "simulate_unseen"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A record beside its simulation.
+
+    Args:
+        record: The record.
+        logged: (n_sample, 2) simulated current and speed [A, rad/s].
+    """
+
+    record: Record
+    logged: Array
+
+    @property
+    def residual(self) -> Array:
+        """(n_sample, 2) measured minus simulated."""
+        return self.record.measured - self.logged
+
+
+def simulate_fitted(fit: Fit) -> list[Simulated]:
+    """The records of the fit with their fitted initial states."""
+    return [
+        Simulated(record, logged)
+        for record, logged in zip(fit.simulator.records, fit.simulated(), strict=True)
+    ]
+
+
+def simulate_unseen(fit: Fit, records: Sequence[Record]) -> list[Simulated]:
+    """Records that were not fitted, from their inputs and their first samples alone."""
+    if not records:
+        return []
+    simulator = Simulator.fitting(
+        fit.simulator.model, records, fit.values, fit.simulator.plan.parts
+    )
+    states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
+    logged = simulator.logged(fit.values[:, None], states)
+    return [Simulated(record, y[:, :, 0]) for record, y in zip(records, logged, strict=True)]

@@ -1,0 +1,62 @@
+"""Which parameters the runs determine at all.
+
+The question is put to the data alone, without the priors: the curvature of the likelihood.  A
+parameter is called identified where its standard deviation by the data is small against the
+quantity itself or, for temperature coefficients, against the coefficients that materials have.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.solve import Fit
+
+__all__ = ["identified"]
+
+Array = NDArray[np.float64]
+
+_RELATIVE: Final = 1.0 / 3.0
+"""Three standard deviations away from zero."""
+
+_PRIOR_SHARE: Final = 0.5
+"""The data have to say more than half of what the prior says already."""
+
+_ABSENT: Final = 1e-12
+
+
+def identified(fit: Fit, shares: Array) -> dict[str, bool]:
+    """Whether each parameter of the fit is determined by the data.
+
+    Args:
+        fit: The fit.
+        shares: (2,) effective share of the samples, see `effective_shares`.
+    """
+    deviations = _data_deviations(fit, float(np.min(shares)))
+    slopes = fit.coordinates.slopes(fit.position)
+    answer = {}
+    for k, parameter in enumerate(fit.coordinates.parameters):
+        physical = deviations[k] * slopes[k]
+        if parameter.search == "log" or parameter.lower >= 0.0:
+            answer[parameter.name] = bool(physical < _RELATIVE * abs(fit.values[k]))
+        else:
+            answer[parameter.name] = bool(
+                deviations[k] < _PRIOR_SHARE * fit.coordinates.prior_sd[k]
+            )
+    return answer
+
+
+def _data_deviations(fit: Fit, share: float) -> Array:
+    """(n_parameter,) standard deviations in search coordinates, infinite where undetermined."""
+    information = share * fit.equations.information
+    size = np.sqrt(np.maximum(np.diag(information), 0.0))
+    seen = size > 0
+    deviations = np.full(size.size, np.inf)
+    scaled = information[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
+    values, vectors = np.linalg.eigh(scaled)
+    inverse = np.where(values > _ABSENT, 1.0 / np.maximum(values, _ABSENT), 1.0 / _ABSENT**2)
+    variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
+    deviations[seen] = np.sqrt(variance) / size[seen]
+    return deviations

@@ -1,0 +1,69 @@
+"""The state in which a run begins, from its first samples.
+
+A prediction may use nothing of a run but its inputs; only the state at the first sample has to
+come from somewhere, and a single noisy sample of each sensor would start a transient that is not
+there.  So the state is fitted to a short head of the run with the parameters held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.normal_equations import products, state_precision
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator, initial_states
+from identification.model.weighting import Weighting
+
+__all__ = ["fitted_initial_states"]
+
+Array = NDArray[np.float64]
+
+_LEAST_HEAD: Final = 50
+_HEAD_SHARE: Final = 0.1
+_STEPS: Final = 4
+
+
+def fitted_initial_states(
+    simulator: Simulator, values: Array, deviation: Array
+) -> tuple[Array, ...]:
+    """Initial state of every record of `simulator`.
+
+    Args:
+        simulator: Model and records.
+        values: (n_parameter,) physical.
+        deviation: (2,) noise of current and speed [A, rad/s].
+
+    Returns:
+        For each record (n_state,).
+    """
+    heads = tuple(_head(record) for record in simulator.records)
+    short = Simulator(simulator.model, heads, simulator.plan)
+    weighting = replace(Weighting.white(heads), deviation=deviation)
+    states = [initial_states(simulator.model, record) for record in heads]
+    centres = list(states)
+    nothing = np.zeros((values.size, 0))
+    for _ in range(_STEPS):
+        logged, tangents = short.tangent(values, states, nothing)
+        for k, record in enumerate(heads):
+            full, right = products(record.measured - logged[k], tangents[k], weighting, k)
+            precision = state_precision(short, k)
+            right = right + precision * (centres[k] - states[k])
+            states[k] = states[k] + np.linalg.solve(full + np.diag(precision), right)
+    return tuple(states)
+
+
+def _head(record: Record) -> Record:
+    rows = min(record.rows, max(_LEAST_HEAD, int(_HEAD_SHARE * record.rows)))
+    inputs = record.inputs[:rows].copy()
+    inputs[-1, 0] = 0.0
+    return replace(
+        record,
+        time=record.time[:rows],
+        inputs=inputs,
+        measured=record.measured[:rows],
+        weight=record.weight[:rows],
+    )

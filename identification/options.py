@@ -1,0 +1,48 @@
+"""What a user may choose about a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from identification.errors import OptionError
+
+__all__ = ["FitOptions"]
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Options of `identification.pipeline.identify`.
+
+    Args:
+        seed: Seed of the sampler; the same seed gives the same result.
+        posterior: Whether to sample; without, intervals come from the fit's covariance.
+        effects: Whether to search for effects; without, the declared model is final.
+        hold: Behaviour of the voltage between samples; ``auto`` lets the data decide.
+        temperatures: Temperatures of the feedback metrics [degC].
+        controllers: Controllers of the feedback metrics: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``.
+    """
+
+    seed: int = 0
+    posterior: bool = True
+    effects: bool = True
+    hold: Literal["auto", "zoh", "foh"] = "auto"
+    temperatures: tuple[float, ...] = (25.0, 125.0)
+    controllers: tuple[str, ...] = ("P:1",)
+
+    def __post_init__(self) -> None:
+        if self.hold not in ("auto", "zoh", "foh"):
+            raise OptionError(
+                f"hold is {self.hold!r}; expected auto, zoh or foh", value=self.hold
+            )
+        if not 0 <= self.seed < 2**32:
+            raise OptionError(
+                f"seed is {self.seed}; expected a whole number from 0 to 4294967295",
+                value=self.seed,
+            )
+        for temperature in self.temperatures:
+            if not -273.15 < temperature < 400.0:
+                raise OptionError(
+                    f"temperature is {temperature} degC; expected one between -273.15 and 400 degC",
+                    value=temperature,
+                )

@@ -1,0 +1,37 @@
+"""Draws of the normal approximation, where nobody asked for a sampled posterior."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.posterior.density import Posterior
+
+__all__ = ["normal_draws"]
+
+Array = NDArray[np.float64]
+
+
+def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str, Array]:
+    """Draws of the fit's covariance in search coordinates, mirrored at the bounds.
+
+    Args:
+        posterior: The density to approximate.
+        seed: Seed of the draws.
+        count: Number of draws.
+
+    Returns:
+        Physical values by name, (n_draw,) each.
+    """
+    rng = np.random.default_rng(seed)
+    covariance = posterior.covariance()
+    root = np.linalg.cholesky(covariance)
+    points = posterior.centre + rng.standard_normal((count, covariance.shape[0])) @ root.T
+    coordinates = posterior.fit.coordinates
+    n = posterior.fit.position.size
+    inner = points[:, :n]
+    inner = np.where(inner < coordinates.lower, 2 * coordinates.lower - inner, inner)
+    inner = np.where(inner > coordinates.upper, 2 * coordinates.upper - inner, inner)
+    points[:, :n] = np.clip(inner, coordinates.lower, coordinates.upper)
+    values = posterior.physical(points)
+    return {name: values[:, k] for k, name in enumerate(posterior.names)}
