@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import ComputationError
-from identification.fit.scaling import logarithmic_where_certain, scaled_coordinates
+from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
 from identification.fit.solve import Fit, solve
 from identification.fit.start import starting_values
 from identification.model.weighting import Weighting
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record
+from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["fit_declared", "replanned", "straightened"]
+__all__ = ["fit_declared", "replanned", "settled"]
 
 Array = NDArray[np.float64]
 
@@ -56,13 +57,15 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             "the declared model cannot be simulated over these runs from any starting value; "
             "expected finite currents and speeds: check units and the sign of each channel"
         )
-    return straightened(best)
+    return settled(best)
 
 
-def straightened(fit: Fit) -> Fit:
-    """The fit in coordinates in which its posterior is closer to normal."""
+def settled(fit: Fit) -> Fit:
+    """The fit with those quantities in linear coordinates that may be zero for all that is known."""
     deviations = np.sqrt(np.diag(fit.equations.covariance())) * fit.coordinates.slopes(fit.position)
-    coordinates = logarithmic_where_certain(fit.coordinates, fit.values, deviations)
+    coordinates = linear_where_uncertain(fit.coordinates, fit.values, deviations)
+    if coordinates.parameters == fit.coordinates.parameters:
+        return fit
     return solve(
         fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting
     )
@@ -83,10 +86,7 @@ def replanned(fit: Fit) -> Fit:
 
 def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> list[Array]:
     """Starting vectors by their simulation error, best first."""
-    # The stiffest candidate sets the plan, so that a bad one diverges by itself only.
-    plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
-    plan = max(plans, key=lambda p: p.rate)
-    simulator = Simulator(model, tuple(records), plan)
+    simulator = _stiff_enough(model, records, candidates)
     states = [initial_states(model, record) for record in records]
     weighting = Weighting.white(records)
     cost = weighting.sized(simulator.misfit(candidates, states, weighting))[1]
@@ -94,7 +94,15 @@ def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> 
     return [candidates[:, k] for k in order if np.isfinite(cost[k])]
 
 
-def _bounded(simulator: Simulator, records: Sequence[Record], values: Array):  # noqa: ANN202
+def _stiff_enough(
+    model: MotorModel, records: Sequence[Record], candidates: Array
+) -> Simulator:
+    """A simulator whose plan suits the stiffest candidate."""
+    plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
+    return Simulator(model, tuple(records), max(plans, key=lambda plan: plan.rate))
+
+
+def _bounded(simulator: Simulator, records: Sequence[Record], values: Array) -> Coordinates:
     """Coordinates with an inductance that the sampling could at least hint at."""
     parameters = list(simulator.model.parameters)
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))

@@ -20,7 +20,7 @@ from identification.model.weighting import Weighting
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["NormalEquations", "normal_equations", "products", "state_precision"]
+__all__ = ["NormalEquations", "gradient_of", "normal_equations", "products", "state_precision"]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ class NormalEquations:
         state_matrices: For each record (n_state, n_state) X'X + S^-1.
         couplings: For each record (n_state, n_parameter) X'J.
         state_gradients: For each record (n_state,).
+        logged: For each record (n_sample, 2) what is simulated at this point.
+        tangents: For each record (n_sample, 2, n_parameter + n_state) its derivatives.
     """
 
     matrix: Array
@@ -44,6 +46,8 @@ class NormalEquations:
     state_matrices: tuple[Array, ...]
     couplings: tuple[Array, ...]
     state_gradients: tuple[Array, ...]
+    logged: tuple[Array, ...]
+    tangents: tuple[Array, ...]
 
     @property
     def decrement(self) -> float:
@@ -63,12 +67,52 @@ class NormalEquations:
         Returns:
             (n_parameter,) and for each record (n_state,).
         """
+        return self._solved(damping, position, coordinates, self.gradient, self.state_gradients)
+
+    def bend(
+        self,
+        damping: float,
+        position: Array,
+        coordinates: Coordinates,
+        second: Sequence[Array],
+        weighting: Weighting,
+    ) -> tuple[Array, list[Array]]:
+        """What has to be added to a step so that it follows a curved valley to second order.
+
+        Args:
+            damping: Damping of the step.
+            position: (n_parameter,) where the step starts.
+            coordinates: Bounds.
+            second: For each record (n_sample, 2) second derivative of what is simulated along
+                the step.
+            weighting: Noise model.
+
+        Source:
+            Transtrum and Sethna, arXiv:1201.5885 (2012), geodesic acceleration.
+        """
+        n = position.size
+        gradient, state_gradients = np.zeros(n), []
+        for k, curve in enumerate(second):
+            right = gradient_of(-0.5 * curve, self.tangents[k], weighting, k)
+            coupled = self.couplings[k].T @ np.linalg.solve(self.state_matrices[k], right[n:])
+            gradient += right[:n] - coupled
+            state_gradients.append(right[n:])
+        return self._solved(damping, position, coordinates, gradient, state_gradients)
+
+    def _solved(
+        self,
+        damping: float,
+        position: Array,
+        coordinates: Coordinates,
+        gradient: Array,
+        state_gradients: Sequence[Array],
+    ) -> tuple[Array, list[Array]]:
         damped = self.matrix + damping * np.diag(np.diag(self.matrix))
         free = np.ones(position.size, dtype=bool)
         step = np.zeros(position.size)
         for _ in range(position.size):
             step[:] = 0.0
-            step[free] = _solved(damped[np.ix_(free, free)], self.gradient[free])
+            step[free] = _solved(damped[np.ix_(free, free)], gradient[free])
             beyond = free & (
                 ((position + step < coordinates.lower) & (position <= coordinates.lower))
                 | ((position + step > coordinates.upper) & (position >= coordinates.upper))
@@ -78,9 +122,9 @@ class NormalEquations:
             free &= ~beyond
         step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
         moved = [
-            np.linalg.solve(matrix, gradient - coupling @ step)
-            for matrix, coupling, gradient in zip(
-                self.state_matrices, self.couplings, self.state_gradients, strict=True
+            np.linalg.solve(matrix, right - coupling @ step)
+            for matrix, coupling, right in zip(
+                self.state_matrices, self.couplings, state_gradients, strict=True
             )
         ]
         return step, moved
@@ -132,7 +176,14 @@ def normal_equations(
     matrix = information + np.diag(prior)
     gradient = gradient + prior * np.where(prior > 0, coordinates.prior_mean - position, 0.0)
     return NormalEquations(
-        matrix, information, gradient, tuple(matrices), tuple(couplings), tuple(state_gradients)
+        matrix,
+        information,
+        gradient,
+        tuple(matrices),
+        tuple(couplings),
+        tuple(state_gradients),
+        tuple(logged),
+        tuple(tangents),
     )
 
 
@@ -160,6 +211,17 @@ def products(
         full += jacobian.T @ jacobian
         right += jacobian.T @ target
     return full, right
+
+
+def gradient_of(residual: Array, tangent: Array, weighting: Weighting, k: int) -> Array:
+    """J'Wr of one record, (n_direction,); arguments as in `products`."""
+    right = np.zeros(tangent.shape[2])
+    weights = weighting.sample_weights(k)
+    for channel in range(2):
+        scale = weights[:, channel] / weighting.deviation[channel] ** 2
+        target = weighting.whitened(residual[:, channel], channel) * scale
+        right += weighting.whitened(tangent[:, channel, :], channel).T @ target
+    return right
 
 
 def state_precision(simulator: Simulator, k: int) -> Array:
