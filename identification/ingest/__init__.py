@@ -1,0 +1,27 @@
+"""From the files of a bench to runs in SI units, checked.
+
+    run = read_run("run1.csv")
+    run = read_run("scope.csv", mapping={"current_A": {"column": "CH2", "scale": 10.0}})
+
+`read_run` gives a `Run` or raises a `RunFileError` that says what to do; docs/run-files.md tells
+what is accepted.
+"""
+
+from __future__ import annotations
+
+from identification.ingest.mapping import MappingLike, read_mapping
+from identification.ingest.read import FEWEST_ROWS, read_run
+from identification.ingest.run import Run, RunWarning
+from identification.ingest.source import Limits
+from identification.ingest.write import write_run
+
+__all__ = [
+    "FEWEST_ROWS",
+    "Limits",
+    "MappingLike",
+    "Run",
+    "RunWarning",
+    "read_mapping",
+    "read_run",
+    "write_run",
+]

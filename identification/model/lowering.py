@@ -168,7 +168,7 @@ class _Lowering:
             literal = _literal(x)
             return literal.name if kind == "double" else self._as_vector(literal)
 
-        if operation == ca.OP_DIV and operands[1].place != place and operands[1].place != "literal":
+        if operation == ca.OP_DIV and operands[1].place != place:
             inverse = self._reciprocal(operands[1])
             return self._operation(ca.OP_MUL, [operands[0], inverse])
         if operation in _BINARY:

@@ -122,7 +122,10 @@ def advance(
         [rates, ca.jacobian(rates, x), ca.jtimes(rates, u, slope)],
     )
     interval = inputs[0] / plan.parts
-    step = _by_squaring if plan.squarings else _by_action
+    if state.numel() == 2:
+        step = _by_characteristic
+    else:
+        step = _by_squaring if plan.squarings else _by_action
     for part in range(plan.parts):
         now, slopes = _inputs_within(model, inputs, part, plan.parts)
         f, jacobian, drift = linear(state, now, parameter, slopes * interval)
@@ -172,15 +175,50 @@ def _by_action(
         drift: h df/dt, so that the interval appears to the same power in both vectors.
     """
     scaled = interval * jacobian
-    term = interval * f
-    total = term
-    for k in range(2, plan.terms + 1):
-        term = ca.mtimes(scaled, term)
-        if k == 2:
-            term = term + interval * drift
-        term = term / k
-        total = total + term
-    return total
+    # Horner's rule: the last vector of the sum, f + h df/dt / 2 + ..., is built from the inside.
+    second = ca.mtimes(scaled, f) + drift
+    total = second / plan.terms
+    for k in range(plan.terms - 1, 1, -1):
+        total = (second + ca.mtimes(scaled, total)) / k
+    return interval * (f + total)
+
+
+def _by_characteristic(
+    jacobian: Expression, f: Expression, drift: Expression, interval: Expression, plan: Plan
+) -> Expression:
+    """The increment for two states, where Z^2 = tr(Z) Z - det(Z).
+
+    Every power of Z = hA, and so every truncated series, is a + b Z with two scalars, and Horner's
+    rule costs two multiplications a term.  The scalars do not depend on the state of a linear
+    motor, so they are computed while the processor waits for the state of the step before.
+    """
+    z = jacobian * (interval / 2.0**plan.squarings)
+    trace, determinant = z[0, 0] + z[1, 1], z[0, 0] * z[1, 1] - z[0, 1] * z[1, 0]
+
+    def product(x: _Pair, y: _Pair) -> _Pair:
+        both = x[1] * y[1]
+        return (
+            x[0] * y[0] - both * determinant,
+            x[0] * y[1] + x[1] * y[0] + both * trace,
+        )
+
+    phi2 = (ca.SX(1 / math.factorial(plan.terms)), ca.SX(0))
+    for k in range(plan.terms - 1, 1, -1):
+        phi2 = (1 / math.factorial(k) - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
+    phi1 = (1 - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
+    phi0 = (1 - phi1[1] * determinant, phi1[0] + phi1[1] * trace)
+    for k in range(plan.squarings):
+        square = product(phi1, phi1)
+        phi2 = ((square[0] + 2 * phi2[0]) * 0.25, (square[1] + 2 * phi2[1]) * 0.25)
+        doubled = product((phi0[0] + 1, phi0[1]), phi1)
+        phi1 = (0.5 * doubled[0], 0.5 * doubled[1])
+        if k < plan.squarings - 1:
+            phi0 = product(phi0, phi0)
+    moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
+    return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
+
+
+_Pair = tuple[Expression, Expression]
 
 
 def _by_squaring(

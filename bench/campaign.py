@@ -1,0 +1,240 @@
+"""Campaigns: one motor, its hidden effects, and the runs that a bench logged of it.
+
+    >>> campaign = make_campaign("servo_150w", [("brush_drop", 0.03)], seed=1, rows=400)
+    >>> campaign.truth["effects"][0]["law"]
+    'knee'
+    >>> len(campaign.training), len(campaign.validation)
+    (5, 2)
+
+Excitation, temperatures and noise depend on the seed alone, so the same seed with and without an
+effect gives the same measurement of two motors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.effects import EFFECTS, BenchEffect, RunPlan, Setup
+from bench.motors import Motor, random_motor
+from bench.motors import motor as motor_named
+from bench.options import BenchOptions
+from bench.plant import clean_plant
+from bench.recording import BenchRun, channel_decimals, channel_steps, record_run
+from bench.temperature import run_temperature, temperature_levels
+
+__all__ = ["BenchRun", "Campaign", "EffectRequest", "make_campaign"]
+
+
+@dataclass(frozen=True)
+class EffectRequest:
+    """An effect to put into a motor.
+
+    Args:
+        name: Key of `bench.effects.EFFECTS`.
+        size: As the effect's `size_means` says; None for the middle of its typical range.
+        law: One of its laws; None for the textbook's.
+    """
+
+    name: str
+    size: float | None = None
+    law: str | None = None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What a bench did to one motor.
+
+    Args:
+        motor: Its declared parameters are the true ones.
+        runs: In the order of recording, training first.
+        truth: Parameters, effects and noise as plain data for JSON.
+        decimals: Column to the decimals that write it without loss.
+    """
+
+    motor: Motor
+    runs: tuple[BenchRun, ...]
+    truth: dict[str, Any]
+    decimals: dict[str, int]
+
+    @property
+    def training(self) -> tuple[BenchRun, ...]:
+        """Runs to identify from."""
+        return tuple(run for run in self.runs if run.role == "training")
+
+    @property
+    def validation(self) -> tuple[BenchRun, ...]:
+        """Runs kept apart."""
+        return tuple(run for run in self.runs if run.role == "validation")
+
+    def write(self, directory: Path | str) -> list[Path]:
+        """Write one CSV a run and ``truth.json``; returns the paths, runs first."""
+        folder = Path(directory)
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = []
+        for run in self.runs:
+            paths.append(folder / run.name)
+            paths[-1].write_text(self.csv(run), encoding="utf-8", newline="\n")
+        paths.append(folder / "truth.json")
+        paths[-1].write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
+        return paths
+
+    def csv(self, run: BenchRun) -> str:
+        """Text of a run's file."""
+        columns = [
+            [f"{value:.{self.decimals[name]}f}" for value in run.frame[name].to_list()]
+            for name in run.frame.columns
+        ]
+        lines = [
+            ",".join(run.frame.columns),
+            *(",".join(row) for row in zip(*columns, strict=True)),
+        ]
+        return "\n".join(lines) + "\n"
+
+
+def _as_request(effect: str | tuple[str, float] | EffectRequest) -> EffectRequest:
+    if isinstance(effect, EffectRequest):
+        return effect
+    return EffectRequest(effect) if isinstance(effect, str) else EffectRequest(*effect)
+
+
+def _resolve(request: EffectRequest) -> tuple[BenchEffect, float, str]:
+    """Effect, size and law of a request, defaults filled in.
+
+    Raises:
+        KeyError: No such effect or law; the message lists what there is.
+    """
+    if request.name not in EFFECTS:
+        raise KeyError(f"no effect '{request.name}'; there are {', '.join(EFFECTS)}")
+    effect = EFFECTS[request.name]
+    law = request.law or effect.textbook
+    if law not in effect.laws:
+        raise KeyError(f"{effect.name} has no law '{law}'; it has {', '.join(effect.laws)}")
+    size = request.size if request.size is not None else math.sqrt(math.prod(effect.typical))
+    return effect, size, law
+
+
+def _plan_runs(motor: Motor, options: BenchOptions, seed: int) -> list[RunPlan]:
+    """Roles and temperatures of all runs."""
+    rng = np.random.default_rng([seed, 1001])
+    levels = temperature_levels(options.training, options.validation, options.temperature_span, rng)
+    duration = options.rows * (options.sample_interval or motor.sample_interval)
+    return [
+        RunPlan(
+            "training" if number < options.training else "validation",
+            duration,
+            run_temperature(level, options.rows, options.temperature_motion, rng),
+        )
+        for number, level in enumerate(levels)
+    ]
+
+
+def _apply(setup: Setup, requests: Sequence[EffectRequest]) -> list[dict[str, Any]]:
+    """Put effects into the plant and say what was put in."""
+    told = []
+    for request in requests:
+        effect, size, law = _resolve(request)
+        values = effect.laws[law](setup, size)
+        told.append(
+            {
+                "name": effect.name,
+                "equation": effect.equation,
+                "drivers": list(effect.drivers),
+                "listed": effect.is_listed,
+                "law": law,
+                "size": size,
+                "size_means": effect.size_means,
+                "values": {name: float(value) for name, value in values.items()},
+            }
+        )
+    return told
+
+
+def _noise_truth(setup: Setup, options: BenchOptions) -> dict[str, Any]:
+    """Standard deviations of the logged channels, resolution included."""
+    noise, steps = options.noise, channel_steps(setup, options.noise)
+    levels = {
+        "voltage_V": noise.voltage * setup.motor.rated_voltage,
+        "current_A": noise.current * setup.motor.rated_current,
+        "speed_rad_s": noise.speed * setup.motor.rated_speed,
+        "temperature_degC": noise.temperature,
+    }
+    total = {name: math.hypot(sd, steps[name] / math.sqrt(12.0)) for name, sd in levels.items()}
+    return {**total, "kind": noise.kind}
+
+
+def make_campaign(
+    motor: Motor | str | int,
+    effects: Iterable[str | tuple[str, float] | EffectRequest] = (),
+    seed: int = 0,
+    options: BenchOptions | None = None,
+    **changes: Any,
+) -> Campaign:
+    """Put a motor on the bench, measure it, and tell the truth about it.
+
+    Args:
+        motor: A motor, the name of one in the table, or the seed of a random one.
+        effects: Names, names with sizes, or requests; they act together.
+        seed: Equal arguments with equal seeds give equal campaigns, bit by bit.
+        options: How the campaign is run.
+        **changes: Fields of `BenchOptions` that differ from `options`, for example ``rows=2000``.
+
+    Raises:
+        KeyError: No such motor, effect or law.
+        SimulationFailed: The effects together make a plant that diverges.
+    """
+    chosen = dataclasses.replace(options or BenchOptions(), **changes)
+    if isinstance(motor, str):
+        motor = motor_named(motor)
+    elif isinstance(motor, int):
+        motor = random_motor(motor)
+    if chosen.sample_interval is not None:
+        motor = dataclasses.replace(motor, sample_interval=chosen.sample_interval)
+    setup = Setup(
+        motor,
+        clean_plant(motor),
+        _plan_runs(motor, chosen, seed),
+        np.random.default_rng([seed, 1002]),
+        is_linear=chosen.hold == "foh",
+    )
+    told = _apply(setup, [_as_request(effect) for effect in effects])
+    runs, peak = [], -273.0
+    for number in range(len(setup.runs)):
+        run, peak = record_run(setup, chosen, number, seed, peak)
+        runs.append(run)
+    truth = {
+        "motor": motor.name,
+        "rated": {
+            "voltage_V": motor.rated_voltage,
+            "current_A": motor.rated_current,
+            "speed_rad_s": motor.rated_speed,
+            "torque_N_m": motor.rated_torque,
+        },
+        "parameters": motor.parameters,
+        "effects": told,
+        "noise": _noise_truth(setup, chosen),
+        "hold": {"declared": chosen.hold, "true": "foh" if setup.is_linear else "zoh"},
+        "seed": seed,
+        "runs": [
+            {
+                "file": run.name,
+                "role": run.role,
+                "rows": len(run.frame),
+                "excitation": run.excitation,
+                "temperature_degC": [
+                    round(float(run.temperature.min()), 2),
+                    round(float(run.temperature.max()), 2),
+                ],
+            }
+            for run in runs
+        ],
+    }
+    decimals = channel_decimals(setup, chosen)
+    return Campaign(motor, tuple(runs), truth, decimals)

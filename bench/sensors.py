@@ -1,0 +1,108 @@
+"""From what is there to what is logged: offsets, noise, quantisation.
+
+Noise is given relative to rated values, so that one setting suits a watch motor and a tram.
+White, coloured (first-order) and spiky noise have the same standard deviation by construction; only
+their character differs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NOISELESS", "Noise", "decimals_for", "draw_noise", "quantise", "round_step"]
+
+Array = NDArray[np.float64]
+_COLOUR = 0.9
+_SPIKE_SHARE = 0.005
+_SPIKE_SIZE = 10.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of the bench's sensors.
+
+    Args:
+        current: Standard deviation relative to rated current [-].
+        speed: Relative to rated speed [-].
+        voltage: Relative to rated voltage [-].
+        temperature: [K].
+        position: [rad].
+        kind: Character of the noise on current and speed.
+        step: Resolution of the converters relative to the standard deviation [-].
+        temperature_step: Resolution of the thermometer [K].
+        position_step: Resolution of the angle, 0 for none [rad].
+    """
+
+    current: float = 0.005
+    speed: float = 0.003
+    voltage: float = 2e-5
+    temperature: float = 0.1
+    position: float = 0.0
+    kind: Literal["white", "coloured", "spiky"] = "white"
+    step: float = 0.25
+    temperature_step: float = 0.1
+    position_step: float = 2.0 * math.pi / 8192
+
+
+NOISELESS = Noise(0.0, 0.0, 0.0, 0.0, 0.0, "white", 0.0, 0.0, 0.0)
+"""A bench that does not exist: every logged value is the true one."""
+
+
+def draw_noise(rows: int, sd: float, kind: str, rng: np.random.Generator) -> Array:
+    """Noise of a channel.
+
+    Args:
+        rows: Samples.
+        sd: Its standard deviation, the same for every kind.
+        kind: white, coloured or spiky.
+        rng: Source of randomness.
+
+    Returns:
+        (rows,) in the unit of `sd`.
+    """
+    white = rng.standard_normal(rows)
+    if kind == "white" or sd == 0.0:
+        return sd * white
+    if kind == "coloured":
+        noise = np.empty(rows)
+        noise[0] = white[0]
+        drive = math.sqrt(1.0 - _COLOUR**2)
+        for row in range(1, rows):
+            noise[row] = _COLOUR * noise[row - 1] + drive * white[row]
+        return sd * noise
+    if kind == "spiky":
+        is_spike = rng.random(rows) < _SPIKE_SHARE
+        noise = np.where(is_spike, _SPIKE_SIZE * white, white)
+        return sd * noise / math.sqrt(1.0 + _SPIKE_SHARE * (_SPIKE_SIZE**2 - 1.0))
+    raise ValueError(f"noise kind '{kind}'; expected white, coloured or spiky")
+
+
+def quantise(values: Array, step: float) -> Array:
+    """Round to a converter's resolution; a step of zero leaves the values alone."""
+    return np.round(values / step) * step if step > 0.0 else values
+
+
+def round_step(step: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten that is not above `step`; 0 stays 0.
+
+    Such a resolution is written exactly by a few decimals, so a file stays small.
+    """
+    if step <= 0.0:
+        return 0.0
+    decade = 10.0 ** math.floor(math.log10(step))
+    best = max(factor for factor in (1.0, 2.0, 5.0) if factor * decade <= step * (1 + 1e-9))
+    return float(f"{best * decade:.3g}")
+
+
+def decimals_for(step: float) -> int:
+    """Decimals that write every multiple of a `round_step` exactly.
+
+    Args:
+        step: Resolution; 0 asks for all that a file sensibly carries.
+    """
+    return 12 if step <= 0.0 else max(0, -math.floor(math.log10(step * (1.0 + 1e-9))))

@@ -1,0 +1,92 @@
+"""How large a simulation error is, alone and against what the channel does.
+
+rmse   = sqrt(mean e^2)
+nrmse  = rmse / standard deviation of the measured channel
+fit    = 100 (1 - nrmse)   [%]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Errors", "fit_percent", "nrmse", "pooled_errors", "rmse"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Size of a simulation error.
+
+    Args:
+        rmse: Root of the mean square error, in the unit of the channel.
+        nrmse: The same over the standard deviation of the measured channel [-].
+    """
+
+    rmse: float
+    nrmse: float
+
+    @property
+    def fit_percent(self) -> float:
+        """``100 (1 - nrmse)``: 100 is perfect, 0 is no better than the mean of the record [%]."""
+        return 100.0 * (1.0 - self.nrmse)
+
+
+def rmse(residual: Array) -> float:
+    """Root of the mean square, in the unit of the residual (n_sample,)."""
+    return float(np.sqrt(np.mean(np.square(residual))))
+
+
+def nrmse(residual: Array, measured: Array) -> float:
+    """`rmse` over the standard deviation of the measured channel about its mean [-].
+
+    Args:
+        residual: (n_sample,) measured minus simulated.
+        measured: (n_sample,) the channel, in the same unit.
+
+    Returns:
+        The ratio; infinite where the channel never moves and the residual is not zero.
+    """
+    return pooled_errors([residual], [measured]).nrmse
+
+
+def fit_percent(residual: Array, measured: Array) -> float:
+    """``100 (1 - nrmse)``, the fit percentage usual in system identification [%].
+
+    Args:
+        residual: (n_sample,) measured minus simulated.
+        measured: (n_sample,) the channel, in the same unit.
+
+    Returns:
+        100 for a perfect simulation, 0 for one no better than the mean, negative for worse.
+    """
+    return pooled_errors([residual], [measured]).fit_percent
+
+
+def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:
+    """Error of several runs together.
+
+    Squares are added up over the runs; each run deviates about its own mean, so that two runs at
+    two steady speeds do not pass for a well-fitted one.
+
+    Args:
+        residuals: One array (n_sample,) a run, measured minus simulated.
+        measured: The channel of the same runs, in the same unit.
+
+    Returns:
+        RMSE and NRMSE over all samples.
+
+    Raises:
+        ValueError: There is no sample.
+    """
+    squares = sum(float(np.sum(np.square(residual))) for residual in residuals)
+    moved = sum(float(np.var(channel)) * channel.size for channel in measured)
+    samples = sum(residual.size for residual in residuals)
+    if samples == 0:
+        raise ValueError("no samples to take an error of; expected at least one run with one row")
+    ratio = np.sqrt(squares / moved) if moved > 0.0 else (np.inf if squares > 0.0 else 0.0)
+    return Errors(float(np.sqrt(squares / samples)), float(ratio))

@@ -1,0 +1,107 @@
+"""Controllers as the user writes them: ``P:kp``, ``PI:kp,ki`` and ``PID:kp,ki,kd``.
+
+The controller turns the speed error into the motor's voltage, in the ideal parallel form
+
+    C(s) = kp + ki / s + kd s          kp [V s/rad], ki [V/rad], kd [V s^2/rad]
+
+The derivative acts on the error and has no filter.  None is needed: between voltage and speed the
+motor has two poles and no zero, so the loop C(s) w/v stays strictly proper, and every response
+and margin of the speed is finite.  Only the voltage would hold an impulse at a step of the
+reference, and nothing here reports the voltage.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from identification.errors import OptionError
+
+__all__ = ["ACCEPTED_CONTROLLERS", "Controller", "parse_controller", "parse_controllers"]
+
+ACCEPTED_CONTROLLERS: Final = "P:kp, PI:kp,ki or PID:kp,ki,kd, such as P:1 or PI:2,0.5"
+
+_GAINS: Final = {"P": 1, "PI": 2, "PID": 3}
+_LONGEST_SHOWN: Final = 60
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A linear controller of the speed error.
+
+    Args:
+        text: The controller as the user wrote it.
+        proportional: Voltage for an error [V s/rad].
+        integral: Rate of voltage for an error [V/rad].
+        derivative: Voltage for a rate of the error [V s^2/rad].
+    """
+
+    text: str
+    proportional: float
+    integral: float = 0.0
+    derivative: float = 0.0
+
+
+def parse_controller(text: str) -> Controller:
+    """The controller that a text such as ``PI:2,0.5`` stands for.
+
+    Negative gains are accepted: such a loop may be unstable, and is then reported to be.
+
+    Args:
+        text: Kind, colon and gains; blanks and the case of the kind do not matter.
+
+    Raises:
+        OptionError: The kind is not known, the gains are too few, too many, no finite numbers or
+            all zero.
+    """
+    kind, colon, rest = text.partition(":")
+    kind = kind.strip().upper()
+    if not colon or kind not in _GAINS:
+        raise _refused(text, "is not a controller")
+    cells = [cell.strip() for cell in rest.split(",")]
+    if len(cells) != _GAINS[kind]:
+        few = "1 gain" if len(cells) == 1 else f"{len(cells)} gains"
+        raise _refused(text, f"has {few} where {kind} takes {_GAINS[kind]}")
+    gains = [_gain(text, cell) for cell in cells]
+    if not any(gains):
+        raise _refused(text, "has no gain other than zero")
+    return Controller(text.strip(), *gains)
+
+
+def parse_controllers(texts: Iterable[str]) -> list[Controller]:
+    """Each text as `parse_controller` reads it.
+
+    Args:
+        texts: At least one controller.
+
+    Raises:
+        OptionError: There is none, or one is not accepted.
+    """
+    controllers = [parse_controller(text) for text in texts]
+    if not controllers:
+        raise OptionError(f"no controller is given; expected {ACCEPTED_CONTROLLERS}")
+    return controllers
+
+
+def _gain(text: str, cell: str) -> float:
+    try:
+        gain = float(cell)
+    except ValueError:
+        raise _refused(text, f"has the gain {_shown(cell)}, which is not a number") from None
+    # Beyond this the loop's poles overflow, and no amplifier comes near it.
+    if not math.isfinite(gain) or abs(gain) > 1e12:
+        raise _refused(text, f"has the gain {_shown(cell)}; a gain is finite and at most 1e12")
+    return gain
+
+
+def _refused(text: str, reason: str) -> OptionError:
+    return OptionError(
+        f"controller {_shown(text)} {reason}; expected {ACCEPTED_CONTROLLERS}", value=text
+    )
+
+
+def _shown(text: str) -> str:
+    cut = text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 3] + "..."
+    return repr(cut)

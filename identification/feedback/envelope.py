@@ -1,0 +1,103 @@
+"""Upper bounds of a decaying sum of modes, and the time after which it stays under a level.
+
+Two bounds hold for all t >= 0.  The modal one, sum |c_k| exp(Re p_k t), is close but useless where
+poles nearly meet and weights grow without limit.  Newton's one,
+
+    (|a_1| + |a_2| t + |a_3| t^2 / 2) exp(p t)          p the largest real part,
+
+holds everywhere, since a divided difference of the exponential is a mean of its derivatives
+(Hermite and Genocchi), and is loose where poles are far apart.  The earlier of the two times
+bounds the horizon within which a response has to be looked at.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import elementwise
+
+from identification.feedback.modes import Modes
+
+__all__ = ["bound_at", "time_below"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_LARGEST_WEIGHT: Final = 1e60
+_FIXED_POINT_STEPS: Final = 40
+# The bound may equal the sum; a little later the sum is under the level whatever the rounding.
+_ROUNDING: Final = 1e-6
+
+
+def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
+    """The smaller of both bounds of |x| at given times.
+
+    Args:
+        modes: Stable sums.
+        time: (n_time,) [s].
+        loop: The loop of each time, (n_time,).
+    """
+    modal = np.sum(
+        _modal_weights(modes)[loop] * np.exp(modes.poles.real[loop] * time[:, None]), axis=1
+    )
+    slowest = modes.poles.real[loop].max(axis=1)
+    newton = _polynomial(np.abs(modes.weights[loop]), time) * np.exp(slowest * time)
+    return np.asarray(np.minimum(modal, newton))
+
+
+def time_below(modes: Modes, level: float) -> Array:
+    """A time after which |x| stays below `level`, (n_loop,) [s].
+
+    Args:
+        modes: Stable sums: all real parts below zero.
+        level: Above zero and below |x(0)|.
+    """
+    slowest = modes.poles.real.max(axis=1)
+    newton = _newton_time(np.abs(modes.weights), slowest, level)
+    weights = _modal_weights(modes)
+    # One exponential at the slowest rate bounds the modal sum from above: the bracket's far end.
+    total = np.log(np.maximum(weights.sum(axis=1) / level, 1.0))
+    latest = np.maximum(total, 1.0) / -slowest * (1 + _ROUNDING)
+
+    def excess(time: Array, loop: Index) -> Array:
+        exponents = modes.poles.real[loop] * time[..., None]
+        largest = exponents.max(axis=-1)
+        rest = np.sum(weights[loop] * np.exp(exponents - largest[..., None]), axis=-1)
+        return np.asarray(np.log(rest / level) + largest)
+
+    found = elementwise.find_root(
+        excess, (np.zeros_like(latest), latest), args=(np.arange(latest.size),)
+    )
+    modal = np.where(found.success, found.x, latest)
+    return np.asarray(np.minimum(modal, newton) * (1 + _ROUNDING))
+
+
+def _modal_weights(modes: Modes) -> Array:
+    return np.nan_to_num(np.abs(modes.residues()), nan=_LARGEST_WEIGHT).clip(max=_LARGEST_WEIGHT)
+
+
+def _polynomial(weights: Array, time: Array) -> Array:
+    total = weights[:, 0] + weights[:, 1] * time
+    if weights.shape[1] == 3:
+        total = total + weights[:, 2] * time**2 / 2
+    return np.asarray(total)
+
+
+def _newton_time(weights: Array, slowest: Array, level: float) -> Array:
+    """Fixed point of t = log(polynomial(t) / level) / -slowest, approached from above.
+
+    The right side grows with t and slower than t, so that each step stays above the last fixed
+    point: stopping early only makes the bound looser.
+    """
+
+    def later(time: Array) -> Array:
+        return np.log(np.maximum(_polynomial(weights, time) / level, 1.0)) / -slowest
+
+    time = 1.0 / -slowest
+    while np.any(short := later(time) > time):
+        time = np.where(short, 2 * time, time)
+    for _ in range(_FIXED_POINT_STEPS):
+        time = later(time)
+    return time

@@ -1,0 +1,177 @@
+"""The speed loop as transfer functions, one for each posterior draw and temperature.
+
+    reference -->(+)--> C(s) --v--> Kt / ((L s + Ra)(J s + b) + Kt^2) --w--+-->
+                  ^-                                                       |
+                  +--------------------------------------------------------+
+
+`plant` is equation 10 of the source, which at 25 and 125 degC is its equations 13 and 14; `close`
+gives the loop under unity feedback, its equations 15 and 16.  All polynomials are arrays over
+loops, so that a thousand draws cost little more than one.
+
+Source: Sidahmed and Mahmoud, Int. J. Advance Research in Computer Science and Management
+Studies 2(9), 2014, pages 384-388, equations 7 to 16.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.errors import OptionError
+from identification.feedback.controller import Controller
+from identification.model.declared import coefficient_at
+from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
+
+__all__ = ["Loop", "close", "motor_draws", "plant"]
+
+Array = NDArray[np.float64]
+
+# An inductance of zero would make the loop one order lower and, with a derivative, not strictly
+# proper.  An electrical time constant this share of the mechanical one moves no digit reported.
+_LEAST_ELECTRICAL_SHARE: Final = 1e-9
+_SLOPES: Final = ("alpha_Ra", "alpha_Kt")
+_POSITIVE: Final = ("Ra25", "J")
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Open loop L = N / D and closed loop N / (D + N), monic, powers of s falling.
+
+    With an integral gain the order n_pole is 3, else 2.
+
+    Args:
+        numerator: N, (n_loop, n_pole), from s^(n_pole - 1) down to s^0.
+        open_denominator: D, (n_loop, n_pole + 1), first coefficient 1.
+    """
+
+    numerator: Array
+    open_denominator: Array
+
+    @property
+    def closed_denominator(self) -> Array:
+        """D + N, (n_loop, n_pole + 1)."""
+        closed = self.open_denominator.copy()
+        closed[:, 1:] += self.numerator
+        return closed
+
+    @property
+    def final_value(self) -> Array:
+        """Speed that a reference of 1 rad/s leads to where the loop is stable (n_loop,) [rad/s].
+
+        NaN where the loop has no such value.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = self.numerator[:, -1] / self.closed_denominator[:, -1]
+        return np.where(np.isfinite(value), value, np.nan)
+
+
+def motor_draws(draws: Mapping[str, ArrayLike], temperatures: Sequence[float]) -> dict[str, Array]:
+    """Draws of the declared parameters, checked and of one length.
+
+    The temperature coefficients may be left out where only 25 degC is asked for, since they do
+    not enter there.
+
+    Args:
+        draws: Values by parameter name, (n_draw,) or single numbers; names that the declared
+            model does not have are left aside.
+        temperatures: Temperatures that will be asked for [degC].
+
+    Returns:
+        (n_draw,) for each declared parameter.
+
+    Raises:
+        OptionError: A parameter is missing, not finite, of another length, or has a sign that no
+            motor has.
+    """
+    needed = dict(draws)
+    if all(temperature == REFERENCE_TEMPERATURE_DEGC for temperature in temperatures):
+        needed = {name: 0.0 for name in _SLOPES} | needed
+    missing = [name for name in DECLARED_PARAMETERS if name not in needed]
+    if missing:
+        raise OptionError(
+            f"no value for {', '.join(missing)}; expected {', '.join(DECLARED_PARAMETERS)} "
+            f"(alpha_Ra and alpha_Kt may be left out at 25 degC alone)"
+        )
+    values = {
+        name: np.atleast_1d(np.asarray(needed[name], dtype=np.float64))
+        for name in DECLARED_PARAMETERS
+    }
+    count = max(value.size for value in values.values())
+    for name, value in values.items():
+        _check(name, value, count)
+    return {name: np.broadcast_to(value, (count,)) for name, value in values.items()}
+
+
+def _check(name: str, value: Array, count: int) -> None:
+    if value.ndim != 1 or value.size not in (1, count) or count == 0:
+        raise OptionError(
+            f"{name} has the shape {value.shape}; expected one number or {count} draws", value=name
+        )
+    wrong = ~np.isfinite(value)
+    if name in _POSITIVE:
+        wrong |= value <= 0
+    elif name not in _SLOPES:
+        wrong |= value < 0
+    if wrong.any():
+        kind = {True: "above 0", False: "of at least 0"}[name in _POSITIVE]
+        expected = "a finite number" if name in _SLOPES else f"a finite number {kind}"
+        raise OptionError(
+            f"{name} is {value[wrong][0]:g} {DECLARED_PARAMETERS[name].unit}; expected {expected}",
+            value=float(value[wrong][0]),
+        )
+
+
+def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]:
+    """The motor from voltage to speed at one temperature (equations 7 to 10).
+
+        w/v = Kt / ((L s + Ra)(J s + b) + Kt^2) = gain / (s^2 + a1 s + a0)
+
+    Args:
+        draws: (n_draw,) for each declared parameter, as `motor_draws` gives them.
+        temperature: Temperature of winding and magnet [degC].
+
+    Returns:
+        Gain (n_draw,) [rad/(V s^3)] and the monic denominator (n_draw, 3), powers falling.
+    """
+    resistance = coefficient_at(draws["Ra25"], draws["alpha_Ra"], temperature)
+    constant = coefficient_at(draws["Kt25"], draws["alpha_Kt"], temperature)
+    inertia, friction = draws["J"], draws["b"]
+    static = resistance * friction + constant**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = _LEAST_ELECTRICAL_SHARE * resistance**2 * inertia / static
+    floor = np.nan_to_num(np.abs(least), nan=0.0, posinf=0.0)
+    inductance = np.maximum(draws["L"], np.maximum(floor, np.finfo(float).tiny))
+    product = inductance * inertia
+    denominator = np.stack(
+        [np.ones_like(product), resistance / inductance + friction / inertia, static / product],
+        axis=-1,
+    )
+    return constant / product, denominator
+
+
+def close(
+    draws: Mapping[str, Array], temperatures: Sequence[float], controller: Controller
+) -> Loop:
+    """The speed loop under unity feedback, all draws at all temperatures.
+
+    Args:
+        draws: (n_draw,) for each declared parameter, as `motor_draws` gives them.
+        temperatures: Temperatures [degC].
+        controller: What turns the speed error into voltage.
+
+    Returns:
+        Loops in the order of the temperatures, n_loop = n_temperature * n_draw.
+    """
+    motors = [plant(draws, temperature) for temperature in temperatures]
+    gain = np.concatenate([motor[0] for motor in motors])
+    denominator = np.concatenate([motor[1] for motor in motors])
+    gains = [controller.derivative, controller.proportional]
+    if controller.integral:
+        # The integrator's pole at zero; without it, it would cancel and must not be counted.
+        gains.append(controller.integral)
+        denominator = np.pad(denominator, ((0, 0), (0, 1)))
+    return Loop(gain[:, None] * np.array(gains), denominator)

@@ -1,0 +1,79 @@
+"""What a single cell of a table is: a number, nothing, or something else."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+from identification.ingest.display import quoted
+
+__all__ = ["expected_instead", "is_number", "is_number_word", "number_text", "split_cells"]
+
+# No two parts can match the same digits: a cell of a megabyte costs no more than its length.
+_POINT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(
+    r"[+-]?(?:nan|inf|infinity|1\.#(?:inf|qnan|ind)\d*|#?n/?a!?|nil|null|none|unendlich)",
+    re.IGNORECASE,
+)
+_WORDS_AND_QUOTES = re.compile(r'"[^"]*"|\S+')
+_WORDS_WITH_UNITS = re.compile(r'"[^"]*"|[^\s"\[(]\S*(?:[ \t]+[\[(][^\])]{0,40}[\])])?|\S+')
+_CLOCK = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d.*")
+
+
+def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -> list[str]:
+    """Cut one line into its cells, without the blanks around them.
+
+    Args:
+        line: The line without its end.
+        delimiter: One character; a space stands for any run of blanks and tabs.
+        units_in_brackets: With a space as delimiter, keep ``speed [rpm]`` together.
+
+    Returns:
+        The cells; a line whose quotation marks do not pair up is one cell.
+    """
+    if delimiter == " ":
+        words = _WORDS_WITH_UNITS if units_in_brackets else _WORDS_AND_QUOTES
+        return [word.strip('"') for word in words.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True))
+    except (csv.Error, StopIteration):
+        return [line]
+    return [cell.strip() for cell in row]
+
+
+def number_text(cell: str, decimal: str) -> str | None:
+    """Text of a number as `float` takes it, or None where the cell is no plain number.
+
+    `float` alone would also accept ``1_000``, ``nan`` and digits of other scripts.
+    """
+    if decimal == ",":
+        return cell.replace(",", ".") if _COMMA.fullmatch(cell) else None
+    return cell if _POINT.fullmatch(cell) else None
+
+
+def is_number(cell: str, delimiter: str) -> bool:
+    """Whether the cell is a number in either decimal sign that the delimiter leaves free."""
+    if _POINT.fullmatch(cell):
+        return True
+    return delimiter != "," and _COMMA.fullmatch(cell) is not None
+
+
+def is_number_word(cell: str) -> bool:
+    """Whether the cell is what programs write for a missing or infinite number."""
+    return _NOT_FINITE.fullmatch(cell) is not None
+
+
+def expected_instead(cell: str, unit: str) -> str:
+    """Say what is wrong with a cell that is no number, and what to do."""
+    wrong = f"{quoted(cell)} is not a number"
+    if _CLOCK.fullmatch(cell):
+        return f"{wrong}; dates and clock times are not read, write the time in seconds"
+    if "," in cell and re.fullmatch(r"[+-]?[\d.,' ]+", cell):
+        return (
+            f"{wrong} here; write one decimal sign throughout the file "
+            "and no signs between thousands"
+        )
+    return f"{wrong}; expected a plain number in {unit}"

@@ -1,0 +1,257 @@
+"""Which column is which channel, decided without guessing.
+
+The user's mapping comes first, then exact canonical names, then names with a unit.  A channel
+with no column, with two, or with a column whose unit is missing, unknown or another quantity's is
+an error whose message is the mapping to type.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from identification.errors import (
+    AmbiguousColumn,
+    AmbiguousUnit,
+    DuplicateColumn,
+    MappingError,
+    MissingColumn,
+    RunFileError,
+    UnknownUnit,
+    WrongUnit,
+)
+from identification.ingest.columns import Column
+from identification.ingest.display import listed, plain, quoted
+from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
+from identification.ingest.names import similar_to
+from identification.ingest.units import (
+    CHANNEL_QUANTITIES,
+    Unit,
+    accepted_spellings,
+    canonical_unit,
+    unit_in_another_case,
+)
+
+__all__ = ["Channel", "assign_channels", "similar_columns"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel and the column it comes from.
+
+    Args:
+        name: Canonical name.
+        column: Where the cells are.
+        unit: Unit of the cells after scale and offset.
+        scale: Factor on the cell.
+        offset: What is added after the factor, in `unit`.
+    """
+
+    name: str
+    column: Column
+    unit: Unit
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+def assign_channels(
+    columns: list[Column], mapping: Mapping[str, ChannelMapping], file: str
+) -> dict[str, Channel]:
+    """Find the column of every channel.
+
+    Args:
+        columns: All columns of the table.
+        mapping: What the user said, by canonical name.
+        file: What messages call the file.
+
+    Returns:
+        Channels by canonical name; optional ones that have no column are left out.
+
+    Raises:
+        MissingColumn: A required channel has no column; the message covers all of them.
+    """
+    mapped = {
+        name: _mapped(entry, columns, file)
+        for name, entry in mapping.items()
+        if entry.column is not None
+    }
+    taken = {channel.column.index for channel in mapped.values()}
+    free = [column for column in columns if column.index not in taken]
+    found = dict(mapped)
+    missing = []
+    for name in CHANNEL_QUANTITIES:
+        if name in mapping:
+            continue
+        candidates = _candidates(name, free, file)
+        if candidates:
+            found[name] = _only(name, candidates, file)
+        elif name not in OPTIONAL_CHANNELS:
+            missing.append(name)
+    if missing:
+        raise _missing(missing, free, columns, file)
+    return {name: found[name] for name in CHANNEL_QUANTITIES if name in found}
+
+
+def similar_columns(name: str, columns: list[Column]) -> list[Column]:
+    """Columns that look as if they could be the channel; for messages only."""
+    quantity = CHANNEL_QUANTITIES[name]
+    return [
+        column
+        for column in columns
+        if any(similar_to(text, quantity) for text in column.texts)
+        or (column.unit is not None and column.unit.quantity == quantity and not column.texts)
+    ]
+
+
+def _mapped(entry: ChannelMapping, columns: list[Column], file: str) -> Channel:
+    title = entry.column or ""
+    matches = [column for column in columns if column.is_called(title)]
+    if not matches:
+        raise MappingError(
+            f"the mapping of {entry.channel} names the column {quoted(title)}; "
+            f"there are {listed(column.title for column in columns)}",
+            file=file,
+            value=title,
+        )
+    if len(matches) > 1:
+        raise _duplicate(matches, file)
+    column = matches[0]
+    return Channel(
+        entry.channel, column, _mapped_unit(entry, column, file), entry.scale, entry.offset
+    )
+
+
+def _mapped_unit(entry: ChannelMapping, column: Column, file: str) -> Unit:
+    """The unit that the user gave, else the header's, else SI."""
+    si = canonical_unit(entry.channel)
+    if entry.unit is not None:
+        return entry.unit
+    if not entry.scaled:
+        return _unit(entry.channel, column, file) if column.unit_texts else si
+    header = column.unit
+    if header is not None and header.quantity == si.quantity and header != si:
+        raise AmbiguousUnit(
+            f"the mapping scales {entry.channel} and the header says {header.name}; "
+            f'add "unit": "{header.name}" or "unit": "{si.name}" to say what the scaled cell is in',
+            file=file,
+            column=column.label,
+        )
+    return si
+
+
+def _candidates(name: str, columns: list[Column], file: str) -> list[Column]:
+    """Columns named as the channel; the canonical name leaves no room for another."""
+    exact = [column for column in columns if column.canonical == name]
+    if len(exact) > 1:
+        raise _duplicate(exact, file)
+    if exact:
+        return exact
+    quantity = CHANNEL_QUANTITIES[name]
+    named = [column for column in columns if quantity in column.quantities]
+    # A name that may also be another quantity is this one only if nothing else is.
+    sure = [column for column in named if len(column.quantities) == 1]
+    if name in OPTIONAL_CHANNELS and not sure:
+        return [column for column in named if "time" not in column.quantities]
+    return sure or named
+
+
+def _only(name: str, candidates: list[Column], file: str) -> Channel:
+    if len(candidates) > 1:
+        if len({column.title for column in candidates}) == 1:
+            raise _duplicate(candidates, file)
+        raise AmbiguousColumn(
+            f"{listed(column.title for column in candidates)} may all be {name}; "
+            f"choose one with a mapping such as {_example(name, candidates[0])}",
+            file=file,
+            column=candidates[0].label,
+        )
+    return Channel(name, candidates[0], _unit(name, candidates[0], file))
+
+
+def _unit(name: str, column: Column, file: str) -> Unit:
+    """The unit in the header of a column, which has to be one of the channel's quantity."""
+    quantity = CHANNEL_QUANTITIES[name]
+    accepted = accepted_spellings(quantity)
+    if column.has_disputed_unit:
+        raise AmbiguousUnit(
+            f"the header gives two units, {listed(column.unit_texts)}; "
+            f"say which with a mapping such as {_example(name, column)}",
+            file=file,
+            column=column.label,
+        )
+    if not column.unit_texts:
+        raise AmbiguousUnit(
+            f"this may be {name} and has no unit; expected one of {accepted} in the header, "
+            f"or a mapping such as {_example(name, column)}",
+            file=file,
+            column=column.label,
+        )
+    unit = column.unit
+    if unit is None:
+        raise _unknown_unit(name, column, accepted, file)
+    if unit.quantity != quantity:
+        raise WrongUnit(
+            f"{unit.name} is a unit of {unit.quantity} and {name} needs one of {quantity} "
+            f"({accepted}); if it is a sensor's output, type a mapping with "
+            f"{canonical_unit(name).name} per {unit.name}: "
+            f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}',
+            file=file,
+            column=column.label,
+            value=column.unit_texts[0],
+        )
+    return unit
+
+
+def _unknown_unit(name: str, column: Column, accepted: str, file: str) -> RunFileError:
+    text = column.unit_texts[0]
+    other_case = unit_in_another_case(text)
+    hint = f"; if it means {other_case.name}, write it so" if other_case else ""
+    leave_out = f', or leave it out with {{"{name}": null}}' if name in OPTIONAL_CHANNELS else ""
+    return UnknownUnit(
+        f"the unit {quoted(text)} is not known{hint}; expected one of {accepted} for {name}, "
+        f"or a mapping with a scale to {canonical_unit(name).name} such as "
+        f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}{leave_out}',
+        file=file,
+        column=column.label,
+        value=text,
+    )
+
+
+def _missing(
+    names: list[str], free: list[Column], columns: list[Column], file: str
+) -> RunFileError:
+    """One error for all channels that have no column, each with what it might be."""
+    similar = {name: similar_columns(name, free) for name in names}
+    found = "; ".join(
+        f"{name} may be {listed(c.title for c in columns)}" if columns else f"{name} has none"
+        for name, columns in similar.items()
+    )
+    first = next((name for name in names if similar[name]), names[0])
+    example = _example(first, similar[first][0] if similar[first] else None)
+    return MissingColumn(
+        f"no column for {', '.join(names)}; similar columns: {found}; the file has "
+        f"{listed(column.title for column in columns)}; log what is missing, "
+        f"or name the column with a mapping such as {example}",
+        file=file,
+        column=names[0],
+    )
+
+
+def _duplicate(columns: list[Column], file: str) -> RunFileError:
+    places = ", ".join(str(column.index + 1) for column in columns)
+    return DuplicateColumn(
+        f"the columns {places} have the same name; rename all but the one to use",
+        file=file,
+        column=columns[0].label,
+    )
+
+
+def _example(name: str, column: Column | None) -> str:
+    title = _json(column.title) if column else '"HEADER TEXT"'
+    unit = canonical_unit(name).name
+    return f'{{"{name}": {{"column": {title}, "unit": "{unit}"}}}}'
+
+
+def _json(title: str) -> str:
+    return json.dumps(plain(title, 80), ensure_ascii=False)

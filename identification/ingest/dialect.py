@@ -1,0 +1,219 @@
+"""How a text table is written: its delimiter, its header rows and where the samples begin.
+
+The samples decide, not the header: for each delimiter the lines are counted that then look like
+samples (numbers in most cells and in the first one, as many cells as the other such lines), and
+the delimiter with most of them wins.  The header is what stands directly above the first sample
+with the same number of cells; title lines of an oscilloscope or a logger above it are skipped.
+A line is never skipped below the first line of names: something between names and samples that
+has numbers in it is a damaged sample and an error, not a header.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from identification.errors import (
+    EmptyFile,
+    FileTooLarge,
+    NoRows,
+    NoTable,
+    NotANumber,
+    RunFileError,
+)
+from identification.ingest.cells import is_number, is_number_word, split_cells
+from identification.ingest.display import listed, quoted
+from identification.ingest.header_rows import HeaderRows, Line
+from identification.ingest.names import is_channel_name
+from identification.ingest.source import Block, Limits
+
+__all__ = ["COMMENT_MARKS", "Layout", "sniff"]
+
+COMMENT_MARKS = ("#", "%", "//")
+
+_PREVIEW_LINES = 1000
+# In this order where two delimiters do equally well.
+_DELIMITERS = ("\t", ";", ",", " ")
+_CLOCK = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d[\d:.,TZ +-]*")
+_MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the table of one file is written.
+
+    Args:
+        delimiter: One character; a space stands for any run of blanks and tabs.
+        fields: Cells of each sample line, an empty last one included.
+        header: Header rows from top to bottom, each with `fields` cells.
+        header_line: Line of the file with the first header row.
+        first_line: Line of the file with the first sample.
+    """
+
+    delimiter: str
+    fields: int
+    header: tuple[tuple[str, ...], ...]
+    header_line: int
+    first_line: int
+
+
+def sniff(block: Block, name: str, limits: Limits) -> Layout:
+    """Find the layout from the first block of a file.
+
+    Args:
+        block: Beginning of the file.
+        name: What messages call the file.
+        limits: Largest number of columns.
+
+    Returns:
+        The layout of the table.
+
+    Raises:
+        FileTooLarge: More columns than the limit.
+    """
+    lines, comments, forced = _preview(block, name)
+    found = _best_delimiter(lines, (forced,) if forced else _DELIMITERS)
+    if found is None:
+        raise _no_samples(lines, comments, name)
+    delimiter, fields, at = found
+    if fields > limits.columns:
+        raise FileTooLarge(
+            f"{fields} columns are more than the limit of {limits.columns}; "
+            "export only the channels of the motor",
+            file=name,
+            row=lines[at].number,
+            value=fields,
+        )
+    _refuse_unclear_commas(lines[at:], delimiter, fields, name)
+    rows = HeaderRows(delimiter, fields, lines[at], name).above(lines[:at], comments)
+    return Layout(
+        delimiter,
+        fields,
+        tuple(tuple(cells) for _, cells in rows),
+        rows[0][0].number,
+        lines[at].number,
+    )
+
+
+def _preview(block: Block, name: str) -> tuple[list[Line], list[Line], str | None]:
+    """Lines that are not blank, comment lines without their mark, and a ``sep=`` line's sign."""
+    raw = block.text.split(b"\n", _PREVIEW_LINES)
+    if len(raw) > _PREVIEW_LINES or block.terminated:
+        raw.pop()
+    texts = _decoded(b"\n".join(raw)).split("\n")
+    lines: list[Line] = []
+    comments: list[Line] = []
+    forced = None
+    for number, text in _joined(texts, block.first_line):
+        stripped = text.strip()
+        if number == 1 and re.fullmatch(r'"?sep=[,;\t]"?', text.strip(" ")):
+            forced = text.strip(' "')[-1]
+        elif stripped.startswith(COMMENT_MARKS):
+            comments.append(Line(number, stripped.lstrip("#%/ ")))
+        elif stripped:
+            lines.append(Line(number, text))
+    if not lines and not comments:
+        raise EmptyFile("only blank lines; expected a header and samples", file=name)
+    return lines, comments, forced
+
+
+def _decoded(text: bytes) -> str:
+    """UTF-8, else the encoding of western Windows, which only the header can show."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("cp1252", "replace")
+
+
+def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
+    """Join a quoted cell with line breaks in it, as spreadsheets write headers."""
+    joined: list[tuple[int, str]] = []
+    at = 0
+    while at < len(texts):
+        end = at + 1
+        if texts[at].count('"') % 2:
+            for stop in range(at + 2, min(at + 6, len(texts)) + 1):
+                if sum(text.count('"') for text in texts[at:stop]) % 2 == 0:
+                    end = stop
+                    break
+        joined.append((first_line + at, " ".join(texts[at:end])))
+        at = end
+    return joined
+
+
+def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str, int, int] | None:
+    """The delimiter with most of the preview in numbers, its fields and the first sample."""
+    best: tuple[float, str, int, int] | None = None
+    for delimiter in delimiters:
+        rows = [split_cells(line.text, delimiter) for line in lines]
+        shares = [_share_of_numbers(cells, delimiter) for cells in rows]
+        counts = Counter(len(cells) for cells, share in zip(rows, shares, strict=True) if share)
+        if not counts:
+            continue
+        fields = counts.most_common(1)[0][0]
+        score = sum(s for s, cells in zip(shares, rows, strict=True) if len(cells) == fields)
+        if best is None or score > best[0]:
+            at = next(k for k, s in enumerate(shares) if s and len(rows[k]) == fields)
+            best = (score, delimiter, fields, at)
+    return best[1:] if best else None
+
+
+def _share_of_numbers(cells: list[str], delimiter: str) -> float:
+    """Share of the filled cells that are numbers; 0 where the line is no sample."""
+    filled = [cell for cell in cells if cell]
+    numbers = sum(1 for c in filled if is_number(c, delimiter) or is_number_word(c))
+    begins = not cells[:1] or not cells[0] or _begins_a_sample(cells[0], delimiter)
+    if numbers < 2 or numbers * 2 <= len(filled) or not begins:
+        return 0.0
+    return numbers / len(filled)
+
+
+def _begins_a_sample(cell: str, delimiter: str) -> bool:
+    return is_number(cell, delimiter) or is_number_word(cell) or bool(_CLOCK.fullmatch(cell))
+
+
+def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name: str) -> None:
+    """Refuse ``1,234`` where nothing in the preview says if that is 1.234 or 1234."""
+    if delimiter == ",":
+        return
+    unclear: tuple[Line, str] | None = None
+    for line in lines:
+        cells = split_cells(line.text, delimiter)
+        for cell in cells if len(cells) == fields else ():
+            if not is_number(cell, delimiter):
+                continue
+            if "." in cell or ("," in cell and not _MAYBE_THOUSANDS.fullmatch(cell)):
+                return
+            if "," in cell and unclear is None:
+                unclear = (line, cell)
+    if unclear is not None:
+        line, cell = unclear
+        raise NotANumber(
+            f"{quoted(cell)} may be a decimal comma or a sign between thousands, and no other "
+            "number in the file tells; write it with a decimal point",
+            file=name,
+            row=line.number,
+            value=cell,
+        )
+
+
+def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileError:
+    """The error for a text in which no delimiter gives lines of numbers."""
+    for line in (*lines, *comments):
+        for delimiter in _DELIMITERS:
+            cells = split_cells(line.text, delimiter)
+            if sum(map(is_channel_name, cells)) >= 2:
+                return NoRows(
+                    f"a header ({listed(cells, 6)}) and no line of numbers below it; "
+                    "expected one line for each sample",
+                    file=name,
+                    row=line.number,
+                )
+    return NoTable(
+        f"no line with numbers in columns among the first {_PREVIEW_LINES} lines; expected a "
+        "header and then one line for each sample, cells parted by comma, semicolon, tab or blanks",
+        file=name,
+        row=lines[0].number if lines else None,
+        value=lines[0].text[:80] if lines else None,
+    )

@@ -1,0 +1,135 @@
+"""Which lines above the first sample are its header.
+
+The header is what stands directly above the samples with as many cells as they have: names, and
+perhaps units and a second set of names.  A line with numbers in it between names and samples is a
+damaged sample, and an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identification.errors import NoHeader, NotANumber, RaggedRow, RunFileError
+from identification.ingest.cells import is_number, split_cells
+from identification.ingest.display import plain, quoted
+from identification.ingest.names import is_channel_name, is_units_row
+
+__all__ = ["HeaderRows", "Line"]
+
+_MOST_ROWS = 5
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the preview: its number in the file and its text."""
+
+    number: int
+    text: str
+
+
+class HeaderRows:
+    """Finds the header rows that belong to samples of a known form.
+
+    Args:
+        delimiter: Delimiter of the samples.
+        fields: Cells of each sample.
+        sample: The first sample.
+        name: What messages call the file.
+    """
+
+    def __init__(self, delimiter: str, fields: int, sample: Line, name: str) -> None:
+        self._delimiter = delimiter
+        self._fields = fields
+        self._sample = sample
+        self._name = name
+        self._sample_cells = split_cells(sample.text, delimiter)
+
+    def above(self, lines: list[Line], comments: list[Line]) -> list[tuple[Line, list[str]]]:
+        """Find the header rows.
+
+        Args:
+            lines: The lines above the first sample that are neither blank nor comments.
+            comments: Comment lines without their marks; the header may be among them.
+
+        Returns:
+            Each header row with its cells, from top to bottom.
+
+        Raises:
+            RunFileError: No line above the samples names their columns.
+        """
+        rows = self._collect(lines)
+        if not rows:
+            before = [line for line in comments if line.number < self._sample.number]
+            rows = self._collect(before)
+        if not rows:
+            raise self._headless(lines)
+        return rows
+
+    def _collect(self, lines: list[Line]) -> list[tuple[Line, list[str]]]:
+        rows: list[tuple[Line, list[str]]] = []
+        named = False
+        for line in reversed(lines[-_MOST_ROWS:]):
+            cells = self._fitted(line)
+            apart = bool(rows) and rows[0][0].number - line.number > 1
+            if cells is None or (named and apart):
+                break
+            if any(is_number(cell, self._delimiter) for cell in cells):
+                if named:
+                    break
+                self._refuse_damaged_sample(line, cells, lines)
+            rows.insert(0, (line, cells))
+            named = named or not is_units_row(cells)
+        return rows
+
+    def _fitted(self, line: Line) -> list[str] | None:
+        """Cells of a header line if they fit the samples, allowing for a trailing delimiter."""
+        delimiters = (self._delimiter,) if self._delimiter != " " else (" ", ",", ";", "\t")
+        for delimiter in delimiters:
+            cells = split_cells(line.text, delimiter, units_in_brackets=True)
+            if len(cells) == self._fields:
+                return cells
+            # LabVIEW ends its header with a column Comment that the samples may lack.
+            extra = cells[-1].casefold() if len(cells) == self._fields + 1 else None
+            if extra in ("", "comment"):
+                return cells[:-1]
+            if len(cells) == self._fields - 1 and not self._sample_cells[-1]:
+                return [*cells, ""]
+        return None
+
+    def _refuse_damaged_sample(self, line: Line, cells: list[str], lines: list[Line]) -> None:
+        """A line with numbers right below names is a sample with something wrong in it."""
+        above = [other for other in lines if other.number < line.number][-1:]
+        names = self._fitted(above[0]) if above else None
+        if names is None or is_units_row(cells) or any(map(self._is_number, names)):
+            return
+        at = next((k for k, cell in enumerate(cells) if not self._is_number(cell)), 0)
+        raise NotANumber(
+            f"{quoted(cells[at])} is not a number; expected a sample below the names",
+            file=self._name,
+            row=line.number,
+            column=plain(names[at]),
+            value=cells[at],
+        )
+
+    def _is_number(self, cell: str) -> bool:
+        return is_number(cell, self._delimiter)
+
+    def _headless(self, lines: list[Line]) -> RunFileError:
+        """The error for samples that no fitting line of names stands above."""
+        last = split_cells(lines[-1].text, self._delimiter) if lines else []
+        if len(last) < 2 or not any(map(is_channel_name, last)):
+            return NoHeader(
+                f"numbers begin here and no line above them names their {self._fields} columns; "
+                "add a line such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
+                file=self._name,
+                row=self._sample.number,
+            )
+        hint = "give each column one name"
+        if self._delimiter == "," and self._fields + 1 >= 2 * len(last) - 1:
+            hint = "decimal commas need another delimiter, such as a semicolon"
+        return RaggedRow(
+            f"the samples have {self._fields} fields and the names above them {len(last)}; {hint}",
+            file=self._name,
+            row=self._sample.number,
+            value=self._fields,
+        )

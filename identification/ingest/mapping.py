@@ -1,0 +1,223 @@
+"""The user's word on which column is which channel, and in which unit.
+
+    {"current_A": {"column": "current_sensor_V", "scale": 2.5},
+     "speed_rad_s": {"column": "n_ist", "unit": "rpm"},
+     "position_rad": null}
+
+``value in SI = (cell * scale + offset) in the given unit``; null leaves an optional channel out.
+Everything in a mapping is checked, and a key that means nothing is an error: a misspelt ``scael``
+would otherwise be a silent factor.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from identification.errors import MappingError, UnknownUnit, WrongUnit
+from identification.ingest.display import listed, plain, quoted
+from identification.ingest.units import (
+    CHANNEL_QUANTITIES,
+    Unit,
+    accepted_spellings,
+    canonical_unit,
+    find_unit,
+)
+
+__all__ = ["OPTIONAL_CHANNELS", "ChannelMapping", "MappingLike", "read_mapping"]
+
+OPTIONAL_CHANNELS = ("temperature_degC", "position_rad")
+
+MappingLike = Mapping[str, object] | str | os.PathLike[str]
+"""A mapping itself, or the path of a JSON file that holds one."""
+
+_KEYS = ("column", "unit", "scale", "offset")
+_LARGEST_FILE = 1_000_000
+_HUGE = 1e300
+
+
+@dataclass(frozen=True)
+class ChannelMapping:
+    """What the user said about one channel.
+
+    Args:
+        channel: Canonical name.
+        column: Header text of the column, or None where the channel shall be left out.
+        unit: Unit after scale and offset, or None where none was given.
+        scale: Factor on the cell.
+        offset: What is added after the factor, in `unit`.
+        scaled: Whether scale or offset was given.
+    """
+
+    channel: str
+    column: str | None
+    unit: Unit | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    scaled: bool = False
+
+
+def read_mapping(mapping: MappingLike | None) -> dict[str, ChannelMapping]:
+    """Check a mapping, out of a file where it is a path.
+
+    Args:
+        mapping: The mapping, the path of a JSON file, or None for none.
+
+    Returns:
+        What was said about each channel, by canonical name.
+
+    Raises:
+        MappingError: A name, a key or a value in it is not accepted.
+    """
+    if mapping is None:
+        return {}
+    file = None
+    if isinstance(mapping, (str, os.PathLike)):
+        file = Path(mapping).name
+        content = _from_file(Path(mapping), file)
+    else:
+        content = mapping
+    if not isinstance(content, Mapping):
+        raise MappingError(
+            'a mapping is an object such as {"speed_rad_s": {"column": "n", "unit": "rpm"}}',
+            file=file,
+        )
+    checked = {str(channel): _channel(channel, entry, file) for channel, entry in content.items()}
+    _refuse_shared_columns(checked, file)
+    return checked
+
+
+def _from_file(path: Path, name: str) -> object:
+    try:
+        with path.open("rb") as file:
+            raw = file.read(_LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "the path is not valid"
+        raise MappingError(f"the mapping cannot be opened ({reason})", file=name) from error
+    if len(raw) > _LARGEST_FILE:
+        raise MappingError(f"a mapping of more than {_LARGEST_FILE} bytes", file=name)
+    try:
+        return json.loads(raw.decode("utf-8-sig"), object_pairs_hook=_object_without_repeats)
+    except (ValueError, RecursionError) as error:
+        row = getattr(error, "lineno", None)
+        raise MappingError(
+            f"the mapping is not JSON ({plain(str(error), 80)})", file=name, row=row
+        ) from error
+    except _RepeatedKey as error:
+        raise MappingError(
+            f"the mapping has the key {quoted(error.key)} twice; keep one", file=name
+        ) from error
+
+
+class _RepeatedKey(Exception):
+    """A JSON object has a key twice; json would silently keep the last."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        super().__init__(key)
+
+
+def _object_without_repeats(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    for at, (key, _) in enumerate(pairs):
+        if any(key == other for other, _ in pairs[:at]):
+            raise _RepeatedKey(key)
+    return dict(pairs)
+
+
+def _channel(channel: object, entry: object, file: str | None) -> ChannelMapping:
+    if channel not in CHANNEL_QUANTITIES:
+        raise MappingError(
+            f"{quoted(str(channel))} is no channel; expected {', '.join(CHANNEL_QUANTITIES)}",
+            file=file,
+            value=channel,
+        )
+    name = str(channel)
+    if entry is None:
+        if name not in OPTIONAL_CHANNELS:
+            raise MappingError(f"{name} is needed and cannot be left out", file=file)
+        return ChannelMapping(name, None)
+    if not isinstance(entry, Mapping):
+        raise MappingError(
+            f'{name} maps to {_shown(entry)}; expected {{"column": "header text"}}',
+            file=file,
+            value=entry,
+        )
+    unknown = [str(key) for key in entry if key not in _KEYS]
+    if unknown:
+        raise MappingError(
+            f"{name} has the key {listed(unknown)}; expected {', '.join(_KEYS)}", file=file
+        )
+    column = entry.get("column")
+    if not isinstance(column, str) or not column.strip():
+        raise MappingError(f"{name} has no column; give its header text", file=file, value=column)
+    return ChannelMapping(
+        channel=name,
+        column=column.strip(),
+        unit=_unit(name, entry.get("unit"), file),
+        scale=_number(name, "scale", entry.get("scale", 1.0), file),
+        offset=_number(name, "offset", entry.get("offset", 0.0), file),
+        scaled="scale" in entry or "offset" in entry,
+    )
+
+
+def _unit(channel: str, text: object, file: str | None) -> Unit | None:
+    if text is None:
+        return None
+    quantity = CHANNEL_QUANTITIES[channel]
+    unit = find_unit(text) if isinstance(text, str) else None
+    if unit is None:
+        raise UnknownUnit(
+            f"the mapping gives {channel} the unit {quoted(str(text))}; "
+            f"expected one of {accepted_spellings(quantity)}",
+            file=file,
+            value=text,
+        )
+    if unit.quantity != quantity:
+        raise WrongUnit(
+            f"the mapping gives {channel} the unit {unit.name} of {unit.quantity}; "
+            f"expected one of {accepted_spellings(quantity)}, or no unit and a scale "
+            f"that leads to {canonical_unit(channel).name}",
+            file=file,
+            value=text,
+        )
+    return unit
+
+
+def _number(channel: str, key: str, value: object, file: str | None) -> float:
+    number = math.nan
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _HUGE:
+        number = float(value)
+    if not math.isfinite(number) or (key == "scale" and number == 0.0):
+        wanted = "a finite number other than 0" if key == "scale" else "a finite number"
+        raise MappingError(
+            f"{channel} has the {key} {_shown(value)}; expected {wanted}",
+            file=file,
+            value=value,
+        )
+    return number
+
+
+def _shown(value: object) -> str:
+    # Python does not print integers of thousands of digits.
+    huge = isinstance(value, int) and abs(value) >= _HUGE
+    return "(a huge integer)" if huge else quoted(repr(value))
+
+
+def _refuse_shared_columns(mapping: dict[str, ChannelMapping], file: str | None) -> None:
+    """One column cannot be two channels."""
+    used: dict[str, str] = {}
+    for channel, entry in mapping.items():
+        if entry.column is None:
+            continue
+        if entry.column in used:
+            raise MappingError(
+                f"{used[entry.column]} and {channel} both map to the column "
+                f"{quoted(entry.column)}; name two columns",
+                file=file,
+                column=plain(entry.column),
+            )
+        used[entry.column] = channel

@@ -1,0 +1,211 @@
+"""Values that no brushed motor has, and values that look like a mistake.
+
+What cannot be is refused; what is only unusual is said.  A wrong unit cannot be seen from voltage,
+current and speed alone: scaling any of them gives another motor that obeys the same equations.
+So the bounds here are those of machines from an instrument motor to a traction motor.  Of the
+contradictions that physics does offer, wrong signs are left to `polarity`, and a logged position
+that turns slower than the logged speed is used here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import AbsurdValue
+from identification.ingest.place import Places
+from identification.ingest.polarity import check_polarity
+from identification.ingest.run import RunWarning
+
+__all__ = ["BOUNDS", "Bounds", "check_values"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a channel may hold, in SI units.
+
+    Args:
+        possible: Lowest and highest value that is not refused.
+        usual: Lowest and highest value that is not remarked upon.
+        hint: The usual mistake behind a value outside.
+    """
+
+    possible: tuple[float, float]
+    usual: tuple[float, float]
+    hint: str
+
+
+BOUNDS = {
+    "voltage_V": Bounds((-5e3, 5e3), (-1e3, 1e3), "is it in millivolts?"),
+    "current_A": Bounds((-2e4, 2e4), (-2e3, 2e3), "is it in milliamperes?"),
+    "speed_rad_s": Bounds((-2e4, 2e4), (-2.5e3, 2.5e3), "is it in rpm or degrees per second?"),
+    "temperature_degC": Bounds((-100.0, 300.0), (-60.0, 200.0), "is it in kelvin or Fahrenheit?"),
+    "position_rad": Bounds((-1e12, 1e12), (-1e9, 1e9), "is it in encoder counts?"),
+}
+"""Bounds of every channel but time; docs/run-files.md prints them."""
+
+# Room temperature and all that a motor reaches, in kelvin.
+_KELVIN = (250.0, 430.0)
+_SMALLEST_VOLTAGE = 0.1
+_NAMED_RATIOS = ((60.0 / (2.0 * math.pi), "rpm"), (180.0 / math.pi, "degrees per second"))
+_RATIO_TOLERANCE = 0.03
+
+
+def check_values(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
+    """Refuse impossible values and remark on unusual ones.
+
+    Args:
+        channels: Channel name to (n_sample,), in SI units, without time.
+        time: (n_sample,) strictly increasing [s].
+        places: Where the samples stand.
+
+    Returns:
+        Warnings.
+
+    Raises:
+        AbsurdValue: A value is outside what can be, or two channels contradict each other.
+    """
+    warnings = []
+    for name, signal in channels.items():
+        if name == "temperature_degC":
+            _refuse_kelvin(signal, places)
+        warnings += _check_bounds(name, signal, places)
+    warnings += _check_movement(channels, places)
+    warnings += _check_small_voltage(channels["voltage_V"], places)
+    warnings += check_polarity(channels, places)
+    warnings += _check_same(channels, places)
+    if "position_rad" in channels:
+        warnings += _check_position(channels, time, places)
+    return warnings
+
+
+def _refuse_kelvin(temperature: Array, places: Places) -> None:
+    low, high = float(np.min(temperature)), float(np.max(temperature))
+    if _KELVIN[0] < low and high < _KELVIN[1]:
+        raise places.error(
+            AbsurdValue,
+            f"temperatures from {low:.4g} to {high:.4g} degC are those of a motor in kelvin; "
+            'give the unit in the header or with "unit": "K" in a mapping',
+            "temperature_degC",
+            0,
+            low,
+        )
+
+
+def _check_bounds(name: str, signal: Array, places: Places) -> list[RunWarning]:
+    bounds = BOUNDS[name]
+    unit = "degC" if name == "temperature_degC" else name.split("_", 1)[1].replace("_", "/")
+    outside = np.flatnonzero((signal < bounds.possible[0]) | (signal > bounds.possible[1]))
+    if outside.size:
+        sample = int(outside[0])
+        value = float(signal[sample])
+        raise places.error(
+            AbsurdValue,
+            f"{value:.6g} {unit} is more than any brushed motor has; expected "
+            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}, {bounds.hint} "
+            "Correct the value, or the unit with a mapping",
+            name,
+            sample,
+            value,
+        )
+    unusual = (signal < bounds.usual[0]) | (signal > bounds.usual[1])
+    if not np.any(unusual):
+        return []
+    worst = int(np.argmax(np.abs(np.where(unusual, signal, 0.0))))
+    return [
+        places.warning(
+            "suspicious_value",
+            f"reaches {signal[worst]:.6g} {unit}, unusual for a brushed motor; {bounds.hint}",
+            name,
+            worst,
+        )
+    ]
+
+
+def _check_movement(channels: dict[str, Array], places: Places) -> list[RunWarning]:
+    """Say which channel never moves; a steady temperature is what a chamber is for."""
+    return [
+        places.warning(
+            "constant_channel",
+            f"never moves: all samples are {signal[0]:.6g}; "
+            "check that the sensor was connected, unless this is meant",
+            name,
+        )
+        for name, signal in channels.items()
+        if name != "temperature_degC" and np.ptp(signal) == 0.0
+    ]
+
+
+def _check_small_voltage(voltage: Array, places: Places) -> list[RunWarning]:
+    largest = float(np.max(np.abs(voltage)))
+    if largest == 0.0 or largest >= _SMALLEST_VOLTAGE:
+        return []
+    return [
+        places.warning(
+            "suspicious_value",
+            f"never exceeds {largest:.4g} V, unusual for a motor that is driven; "
+            "is it in kilovolts, or the output of a divider?",
+            "voltage_V",
+        )
+    ]
+
+
+def _check_same(channels: dict[str, Array], places: Places) -> list[RunWarning]:
+    """Speak up where two channels hold the same numbers: one signal exported twice."""
+    names = list(channels)
+    return [
+        places.warning(
+            "identical_channels",
+            f"holds the same numbers as {places.columns.get(first, first)}; "
+            "check that the right signal was exported",
+            second,
+        )
+        for at, first in enumerate(names)
+        for second in names[at + 1 :]
+        if np.ptp(channels[first]) > 0.0 and np.array_equal(channels[first], channels[second])
+    ]
+
+
+def _check_position(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
+    """Compare the turned angle with the integral of the speed."""
+    position = channels["position_rad"]
+    speed = channels["speed_rad_s"]
+    interval = np.diff(time)
+    turned = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * interval)))
+    steps = np.diff(position)
+    wraps = np.abs(steps) > np.pi
+    # An angle logged from 0 to one turn jumps back; a difference across a gap means nothing.
+    sound = ~wraps & (interval <= 2.0 * float(np.median(interval)))
+    expected = np.diff(turned)[sound]
+    weight = float(np.sum(expected**2))
+    if weight == 0.0 or np.ptp(position) == 0.0 or float(np.sum(np.abs(expected))) < 1.0:
+        return []
+    slope = float(np.sum(expected * steps[sound])) / weight
+    if slope <= 0.0 or not math.isfinite(slope):
+        return [_position_warning(slope, places)]
+    ratio = 1.0 / slope
+    for named, unit in _NAMED_RATIOS:
+        if abs(ratio / named - 1.0) < _RATIO_TOLERANCE:
+            raise places.error(
+                AbsurdValue,
+                f"the position turns {ratio:.4g} times slower than the speed says, so the speed "
+                f"is in {unit}; give its unit in the header or in a mapping",
+                "speed_rad_s",
+                0,
+                ratio,
+            )
+    return [] if abs(slope - 1.0) < 0.2 else [_position_warning(slope, places)]
+
+
+def _position_warning(slope: float, places: Places) -> RunWarning:
+    return places.warning(
+        "position_disagrees",
+        f"turns {slope:.4g} times as far as the integral of the speed; "
+        "check the units, the sign and a gear between the two sensors",
+        "position_rad",
+    )

@@ -1,0 +1,256 @@
+"""Bytes of a file as blocks of whole text lines, with bounded memory.
+
+Whatever the file is, no more than one block and one line is held here: the size, the number of
+lines and the length of a line are checked while reading, so that a file of zeros or a line of a
+gigabyte is refused long before it is a problem.  Every block comes out in UTF-8 with line feeds as
+line ends, whatever the file has.
+
+    digest = hashlib.sha256()
+    for block in read_blocks(Path("run1.csv"), "run1.csv", Limits(), digest):
+        block.text, block.first_line
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from identification.errors import (
+    EmptyFile,
+    FileTooLarge,
+    LineTooLong,
+    NotText,
+    RunFileError,
+    UnreadableFile,
+)
+
+__all__ = ["Block", "Limits", "read_blocks"]
+
+_CHUNK_BYTES = 8 << 20
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much of a file is read before it is refused.
+
+    Args:
+        bytes: Size of the file [bytes].
+        rows: Lines of the file.
+        columns: Columns of the table.
+        line_bytes: Length of one line [bytes]; a line of twice this length is always refused.
+    """
+
+    bytes: int = 2_000_000_000
+    rows: int = 50_000_000
+    columns: int = 1_000
+    line_bytes: int = 1_000_000
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive whole lines of a file.
+
+    Args:
+        text: UTF-8 with line feeds as line ends.
+        first_line: Line of the file, counted from 1, at which `text` begins.
+        terminated: False for the last block of a file whose last line has no line end.
+    """
+
+    text: bytes
+    first_line: int
+    terminated: bool = True
+
+    def from_line(self, line: int) -> Block:
+        """The rest of the block from a line of the file on."""
+        at = 0
+        for _ in range(line - self.first_line):
+            at = self.text.find(b"\n", at) + 1
+        return Block(self.text[at:], line, self.terminated)
+
+
+class Digest(Protocol):
+    """What a hash of the standard library does."""
+
+    def update(self, data: bytes, /) -> None:
+        """Take more bytes into the hash."""
+
+
+# The first bytes of files that people send in place of a text table.
+_SIGNATURES = (
+    (b"PK\x03\x04", "a zip archive or an Excel workbook"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
+    (b"\x1f\x8b", "gzip-compressed"),
+    (b"BZh", "bzip2-compressed"),
+    (b"\xfd7zXZ", "xz-compressed"),
+    (b"7z\xbc\xaf", "a 7-Zip archive"),
+    (b"\x28\xb5\x2f\xfd", "zstd-compressed"),
+    (b"\x89HDF", "HDF5 or MATLAB 7.3"),
+    (b"MATLAB 5.0 MAT", "a MATLAB file"),
+    (b"MDF     ", "an MDF measurement file"),
+    (b"TDSm", "a TDMS measurement file"),
+    (b"PAR1", "Parquet"),
+    (b"ARROW1", "Arrow"),
+    (b"SQLite format 3", "an SQLite database"),
+    (b"%PDF", "a PDF document"),
+    (b"\x89PNG", "a picture"),
+    (b"\xff\xd8\xff", "a picture"),
+    (b"\x93NUMPY", "a NumPy array"),
+)
+_CONTROL = bytes(code for code in range(1, 32) if code not in b"\t\n\v\f\r\x1a")
+_EXPORT = "export it as a text table (CSV, UTF-8)"
+
+
+def read_blocks(path: Path, name: str, limits: Limits, digest: Digest) -> Iterator[Block]:
+    """Read a file as blocks of whole lines.
+
+    Args:
+        path: File to read; it has to be an ordinary file.
+        name: What messages call it.
+        limits: Where reading stops with an error.
+        digest: Takes every byte that is read, in order.
+
+    Yields:
+        Blocks in the order of the file, at least one.
+
+    Raises:
+        UnreadableFile: It is not there, no ordinary file, or not readable.
+        EmptyFile: It has no byte.
+    """
+    try:
+        with path.open("rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise UnreadableFile("not an ordinary file; give the path of a file", file=name)
+            empty = True
+            for block in _Splitter(name, limits).split(_chunks(file, name, limits, digest)):
+                empty = False
+                yield block
+    except (OSError, ValueError) as error:
+        # ValueError: the path itself holds a NUL.
+        reason = getattr(error, "strerror", None) or "the path is not valid"
+        raise UnreadableFile(
+            f"cannot be opened ({reason}); check the path and the permissions", file=name
+        ) from error
+    if empty:
+        raise EmptyFile("the file is empty; expected a header and samples", file=name)
+
+
+def _chunks(file: BinaryIO, name: str, limits: Limits, digest: Digest) -> Iterator[bytes]:
+    """Read, count and hash; the size that the system reports may change while reading."""
+    size = os.fstat(file.fileno()).st_size
+    total = 0
+    while True:
+        if max(size, total) > limits.bytes:
+            raise FileTooLarge(
+                f"{max(size, total)} bytes are more than the limit of {limits.bytes}; "
+                "split the file or record at a lower rate",
+                file=name,
+                value=max(size, total),
+            )
+        chunk = file.read(_CHUNK_BYTES)
+        if not chunk:
+            return
+        total += len(chunk)
+        digest.update(chunk)
+        yield chunk
+
+
+class _Splitter:
+    """Turns chunks of any encoding and line end into blocks of whole lines."""
+
+    def __init__(self, name: str, limits: Limits) -> None:
+        self._name = name
+        self._limits = limits
+        self._line = 1
+        self._newline = b"\n"
+        self._decoder: codecs.IncrementalDecoder | None = None
+
+    def split(self, chunks: Iterator[bytes]) -> Iterator[Block]:
+        """Cut the chunks after the last line end of each."""
+        held = carry = b""
+        first = True
+        for raw in chunks:
+            chunk = self._begin(raw) if first else self._to_utf8(raw)
+            first = False
+            text = carry + chunk
+            cut = text.rfind(self._newline) + 1
+            carry = text[cut:]
+            if len(carry) > self._limits.line_bytes:
+                raise self._too_long(self._line + (held + text[:cut]).count(self._newline))
+            if cut and held:
+                yield self._block(held, terminated=True)
+            held = text[:cut] or held
+        if self._decoder is not None:
+            carry += self._decoder.decode(b"", True).encode()
+        # A last line without line end comes with the lines before it, to be judged by them.
+        if held or carry:
+            yield self._block(held + carry, terminated=not carry)
+
+    def _begin(self, chunk: bytes) -> bytes:
+        """Find encoding and line end from the first chunk."""
+        for signature, what in _SIGNATURES:
+            if chunk.startswith(signature):
+                raise NotText(f"this is {what}, not a text table; {_EXPORT}", file=self._name)
+        if chunk.startswith((b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")):
+            raise NotText(f"the text is in UTF-32; {_EXPORT}", file=self._name)
+        if chunk.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            little = chunk.startswith(codecs.BOM_UTF16_LE)
+            codec = "utf-16-le" if little else "utf-16-be"
+            # A broken character becomes a sign that no number holds, and is met with its row.
+            self._decoder = codecs.getincrementaldecoder(codec)("replace")
+        elif _looks_binary(chunk[:65536]):
+            raise NotText(f"the bytes are not text; {_EXPORT}", file=self._name)
+        text = self._to_utf8(chunk).removeprefix(codecs.BOM_UTF8)
+        if b"\n" not in text and b"\r" in text:
+            self._newline = b"\r"
+        return text
+
+    def _to_utf8(self, chunk: bytes) -> bytes:
+        return chunk if self._decoder is None else self._decoder.decode(chunk).encode()
+
+    def _block(self, text: bytes, *, terminated: bool) -> Block:
+        if b"\r" in text:
+            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        block = Block(text, self._line, terminated)
+        self._refuse_nul(block)
+        for start in range(0, len(text) - self._limits.line_bytes, self._limits.line_bytes):
+            # A stretch of that length without a line end is within a line at least as long.
+            if text.find(b"\n", start, start + self._limits.line_bytes) < 0:
+                raise self._too_long(self._line + text.count(b"\n", 0, start))
+        self._line += text.count(b"\n")
+        if self._line - 1 > self._limits.rows:
+            raise FileTooLarge(
+                f"more than the limit of {self._limits.rows} rows; "
+                "split the file or record at a lower rate",
+                file=self._name,
+                row=self._limits.rows + 1,
+            )
+        return block
+
+    def _too_long(self, line: int) -> RunFileError:
+        return LineTooLong(
+            f"a line of more than {self._limits.line_bytes} bytes; "
+            "expected one sample a line, a few numbers each",
+            file=self._name,
+            row=line,
+        )
+
+    def _refuse_nul(self, block: Block) -> None:
+        at = block.text.find(b"\0")
+        if at >= 0:
+            raise NotText(
+                "a NUL byte; a logger that lost power often leaves a tail of them, "
+                "so cut the file before this line",
+                file=self._name,
+                row=block.first_line + block.text.count(b"\n", 0, at),
+            )
+
+
+def _looks_binary(head: bytes) -> bool:
+    """Half a percent of control characters, or a quarter of NUL bytes."""
+    control = len(head) - len(head.translate(None, delete=_CONTROL))
+    return control * 200 > len(head) or head.count(0) * 4 > len(head)

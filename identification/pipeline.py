@@ -1,0 +1,133 @@
+"""The whole job, from runs to a result: the only file that knows the order of the stages.
+
+    identification = identify(training, validation)
+    identification.result["parameters"]["Ra25"]["median"]
+    identification.write(Path("out"))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+from identification.feedback import feedback_metrics
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.noise import effective_shares, with_noise_model
+from identification.fit.solve import Fit
+from identification.ingest.run import Run
+from identification.options import FitOptions
+from identification.posterior.density import Posterior
+from identification.posterior.normal import normal_draws
+from identification.posterior.sample import Sample, sample
+from identification.report.assemble import Findings, assemble
+from identification.report.gather import write_outputs
+
+__all__ = ["FitOptions", "Identification", "Progress", "identify"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""Called with the name of the stage and the fraction of the whole job that is done."""
+
+_LEAST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What became of a campaign.
+
+    Args:
+        result: Content of result.json.
+        findings: Everything the report is drawn from.
+    """
+
+    result: dict[str, object]
+    findings: Findings
+
+    def write(self, directory: Path) -> None:
+        """Write result.json, report.html and, where sampled, posterior.nc into `directory`.
+
+        Every file appears complete or not at all.
+        """
+        write_outputs(directory, self.result, self.findings)
+
+
+def identify(
+    training: Sequence[Run],
+    validation: Sequence[Run] = (),
+    options: FitOptions = FitOptions(),  # noqa: B008  frozen
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify one motor from its runs.
+
+    Args:
+        training: Runs to fit, in the order in which they were recorded.
+        validation: Runs to check the model on; they are never fitted.
+        options: What the user chose.
+        progress: Told how far the job is.
+
+    Raises:
+        InputError: There is too little to fit.
+        ComputationError: No model can be simulated over the runs.
+    """
+    tell = progress or (lambda stage, fraction: None)
+    tell("fit", 0.0)
+    _check(training)
+    campaign = campaign_of(training, validation)
+    declared = _declared(campaign, options)
+    tell("fit", 0.25)
+    final = with_noise_model(declared)
+    shares = effective_shares(final)
+    tell("posterior", 0.3)
+    posterior = Posterior(final, shares)
+    chain: Sample | None = None
+    if options.posterior:
+        chain = sample(
+            posterior, options.seed, progress=lambda done: tell("posterior", 0.3 + 0.5 * done)
+        )
+        draws = chain.draws()
+    else:
+        draws = normal_draws(posterior, options.seed)
+    tell("feedback", 0.8)
+    metrics = feedback_metrics(draws, options.temperatures, options.controllers)
+    tell("report", 0.9)
+    findings = Findings(
+        campaign=campaign,
+        options=options,
+        declared=declared,
+        declared_draws=draws,
+        final=final,
+        shares=shares,
+        draws=draws,
+        sample=chain,
+        feedback=metrics,
+    )
+    result = assemble(findings)
+    tell("done", 1.0)
+    return Identification(result, findings)
+
+
+def _check(training: Sequence[Run]) -> None:
+    if not training:
+        raise InputError("no training run was given; expected at least one run file")
+    rows = sum(run.rows for run in training)
+    if rows < _LEAST_ROWS:
+        raise InputError(
+            f"the training runs have {rows} samples together; expected at least {_LEAST_ROWS}: "
+            "record longer or give more runs",
+            file=training[0].name,
+            value=rows,
+        )
+
+
+def _declared(campaign: Campaign, options: FitOptions) -> Fit:
+    """The declared model under the better of the two behaviours between samples."""
+    if options.hold != "auto":
+        return fit_declared(campaign.training, options.hold)
+    fits = [fit_declared(campaign.training, hold) for hold in ("zoh", "foh")]
+    return min(fits, key=lambda fit: fit.cost)

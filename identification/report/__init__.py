@@ -1,0 +1,1 @@
+"""What a user takes away: result.json, the HTML report and the posterior file."""

@@ -1,0 +1,215 @@
+"""From findings to the content of result.json.
+
+Every number of the result passes through here once; the report and the command line print what
+stands in it and compute nothing again.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import metadata
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.simulation_error import pooled_errors
+from identification.fit.campaign import Campaign
+from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
+from identification.fit.identifiability import identified
+from identification.fit.solve import Fit
+from identification.options import FitOptions
+from identification.posterior.sample import Sample
+from identification.report.result import parameter_entry
+
+__all__ = ["Findings", "assemble"]
+
+Array = NDArray[np.float64]
+
+_CHANNELS = ("current", "speed")
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the stages found.
+
+    Args:
+        campaign: Runs and records.
+        options: What the user chose.
+        declared: Fit of the declared model (before).
+        declared_draws: Draws of its posterior, physical, by name.
+        final: Fit of the final model (after).
+        shares: (2,) effective share of the samples in the final model.
+        draws: Draws of the final model's posterior, physical, by name.
+        sample: The chain, None where none was asked for.
+        feedback: The feedback list of the result.
+        warnings: What the stages noticed.
+    """
+
+    campaign: Campaign
+    options: FitOptions
+    declared: Fit
+    declared_draws: dict[str, Array]
+    final: Fit
+    shares: Array
+    draws: dict[str, Array]
+    sample: Sample | None
+    feedback: list[dict[str, object]]
+    warnings: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def simulated(self) -> dict[str, dict[str, list[Simulated]]]:
+        """Simulations by ``before`` or ``after`` and by role of the runs."""
+        return {
+            stage: {
+                "training": simulate_fitted(fit),
+                "validation": simulate_unseen(fit, self.campaign.validation),
+            }
+            for stage, fit in (("before", self.declared), ("after", self.final))
+        }
+
+    @cached_property
+    def noise(self) -> Array:
+        """(2,) standard deviation of the noise of current and speed [A, rad/s]."""
+        residuals = np.concatenate([s.residual for s in self.simulated["after"]["training"]])
+        weights = np.concatenate([s.record.weight for s in self.simulated["after"]["training"]])
+        counts = np.maximum(weights.sum(axis=0), 1.0)
+        return np.asarray(np.sqrt(np.sum(weights * residuals**2, axis=0) / counts))
+
+
+def assemble(findings: Findings) -> dict[str, object]:
+    """Content of result.json, schema version 1."""
+    final, declared = findings.final, findings.declared
+    convergence = findings.sample.convergence if findings.sample else None
+    return {
+        "schema_version": 1,
+        "software": _software(),
+        "options": _options(findings),
+        "runs": _runs(findings.campaign),
+        "declared": {"parameters": _parameters(declared, findings.declared_draws, findings.shares)},
+        "parameters": _parameters(final, findings.draws, findings.shares),
+        "effects": [],
+        "diagnosis": {"residual": {}, "trace": {}, "searched": [], "remaining": {}},
+        "errors": {
+            stage: {role: _errors(simulated, findings.noise) for role, simulated in by_role.items()}
+            for stage, by_role in findings.simulated.items()
+        },
+        "noise": {
+            "current_A": _number(findings.noise[0]),
+            "speed_rad_s": _number(findings.noise[1]),
+        },
+        "feedback": findings.feedback,
+        "sampler": None
+        if convergence is None
+        else {
+            "walkers": convergence.walkers,
+            "steps": convergence.steps,
+            "acceptance": convergence.acceptance,
+            "autocorrelation_time": convergence.autocorrelation_time,
+            "ess_min": convergence.ess_min,
+            "r_hat_max": convergence.r_hat_max,
+            "converged": convergence.reached,
+        },
+        "warnings": _warnings(findings),
+    }
+
+
+def _software() -> dict[str, str]:
+    names = ("motorid", "casadi", "emcee", "numpy", "scipy")
+    return {name: metadata.version(name) for name in names} | {"python": platform.python_version()}
+
+
+def _options(findings: Findings) -> dict[str, object]:
+    options = findings.options
+    return {
+        "seed": options.seed,
+        "posterior": options.posterior,
+        "effects": options.effects,
+        "hold": options.hold,
+        "temperatures": list(options.temperatures),
+        "controllers": list(options.controllers),
+    }
+
+
+def _runs(campaign: Campaign) -> list[dict[str, object]]:
+    return [
+        {
+            "file": run.name,
+            "sha256": run.sha256,
+            "role": role,
+            "rows": run.rows,
+            "sample_rate_hz": run.sample_rate_hz,
+        }
+        for role, runs in (
+            ("training", campaign.training_runs),
+            ("validation", campaign.validation_runs),
+        )
+        for run in runs
+    ]
+
+
+def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, object]:
+    known = identified(fit, shares)
+    return {
+        parameter.name: parameter_entry(
+            draws[parameter.name], parameter.unit, known[parameter.name]
+        )
+        for parameter in fit.coordinates.parameters
+    }
+
+
+def _errors(simulated: Sequence[Simulated], noise: Array) -> dict[str, object] | None:
+    if not simulated:
+        return None
+    entries: dict[str, object] = {}
+    for channel, name in enumerate(_CHANNELS):
+        kept = [s.record.weight[:, channel] > 0 for s in simulated]
+        if not any(mask.any() for mask in kept):
+            entries[name] = {"rmse": None, "nrmse": None, "noise_ratio": None}
+            continue
+        pairs = [(s, mask) for s, mask in zip(simulated, kept, strict=True) if mask.any()]
+        errors = pooled_errors(
+            [s.residual[mask, channel] for s, mask in pairs],
+            [s.record.measured[mask, channel] for s, mask in pairs],
+        )
+        ratio = errors.rmse / noise[channel] if noise[channel] > 0 else np.nan
+        entries[name] = {
+            "rmse": _number(errors.rmse),
+            "nrmse": _number(errors.nrmse),
+            "noise_ratio": _number(ratio),
+        }
+    return entries
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _warnings(findings: Findings) -> list[str]:
+    campaign = findings.campaign
+    runs = (*campaign.training_runs, *campaign.validation_runs)
+    messages = [f"{warning.file}: {warning.message}" for run in runs for warning in run.warnings]
+    messages += campaign.warnings
+    messages += findings.warnings
+    known = identified(findings.final, findings.shares)
+    unknown = [name for name, found in known.items() if not found]
+    if unknown:
+        messages.append(
+            f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
+            "rest on general knowledge of motors"
+        )
+    if not findings.final.converged:
+        messages.append(
+            "the fit stopped before it converged; its values are the best found, and its intervals "
+            "may be too narrow"
+        )
+    sample = findings.sample
+    if sample is not None and not sample.convergence.reached:
+        messages.append(
+            f"the sampler stopped after {sample.convergence.steps} steps, "
+            f"{sample.convergence.steps / sample.convergence.autocorrelation_time:.0f} "
+            "autocorrelation times; expected at least 50"
+        )
+    return messages

@@ -1,0 +1,162 @@
+"""Where a cloud of draws is dense: highest-density regions of a pair of parameters.
+
+A histogram on a grid, smoothed by the width that the number of draws allows, cut at the heights
+that enclose given shares of the draws, and traced to closed outlines by marching squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+__all__ = ["Density", "density", "enclosing_heights", "outlines"]
+
+Array = NDArray[np.float64]
+_Edge = tuple[int, int, bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Density:
+    """Density of draws on a grid.
+
+    Args:
+        x: (n_x,) centres of the cells.
+        y: (n_y,) centres of the cells.
+        height: (n_y, n_x) share of the draws in each cell [-].
+    """
+
+    x: Array
+    y: Array
+    height: Array
+
+
+def density(
+    x: Array, y: Array, limits: tuple[tuple[float, float], tuple[float, float]], cells: int = 36
+) -> Density:
+    """Smoothed histogram of draws.
+
+    The width of the smoothing is Scott's rule for two dimensions, n^(-1/6) standard deviations of
+    one parameter while the other is held, so that a narrow ridge is not smeared into a lobe.
+
+    Args:
+        x: (n_draw,).
+        y: (n_draw,).
+        limits: Ranges of x and y that the grid covers.
+        cells: Cells along each axis.
+    """
+    counts, y_edges, x_edges = np.histogram2d(y, x, bins=cells, range=(limits[1], limits[0]))
+    together = float(np.corrcoef(x, y)[0, 1]) if min(x.std(), y.std()) > 0.0 else 0.0
+    reach = np.sqrt(1.0 - together**2) * x.size ** (-1.0 / 6.0)
+    widths = []
+    for values, edges in ((y, y_edges), (x, x_edges)):
+        cell = edges[1] - edges[0]
+        widths.append(max(float(values.std() * reach / cell), 0.6))
+    smooth = ndimage.gaussian_filter(counts, widths, mode="constant")
+    total = smooth.sum()
+    return Density(
+        x=0.5 * (x_edges[1:] + x_edges[:-1]),
+        y=0.5 * (y_edges[1:] + y_edges[:-1]),
+        height=smooth / total if total > 0.0 else smooth,
+    )
+
+
+def enclosing_heights(height: Array, shares: Sequence[float]) -> list[float]:
+    """Heights whose level sets are the smallest that enclose each of `shares` of the mass [-]."""
+    order = np.sort(height.ravel())[::-1]
+    mass = np.cumsum(order)
+    return [
+        float(order[min(np.searchsorted(mass, share * mass[-1]), order.size - 1)])
+        for share in shares
+    ]
+
+
+def outlines(found: Density, level: float) -> list[Array]:
+    """Closed outlines of the region above `level`.
+
+    Beyond the grid the density counts as zero, so that every outline closes.
+
+    Args:
+        found: The density.
+        level: Height at which to cut.
+
+    Returns:
+        One (n_point, 2) array of x and y an outline.
+    """
+    padded = np.pad(found.height, 1)
+    x, y = _beyond(found.x), _beyond(found.y)
+    follow = _segments(padded, level)
+    loops: list[Array] = []
+    while follow:
+        start, edge = follow.popitem()
+        loop = [start]
+        while edge != start:
+            loop.append(edge)
+            edge = follow.pop(edge)
+        loops.append(_places(padded, level, loop, (x, y)))
+    return loops
+
+
+def _beyond(centres: Array) -> Array:
+    """The centres with one more on either side."""
+    step = centres[1] - centres[0]
+    return np.concatenate(([centres[0] - step], centres, [centres[-1] + step]))
+
+
+# For each pattern of corners above the level (bit 0 lower left, 1 lower right, 2 upper right,
+# 3 upper left): edges a line enters and leaves by, the high side on its left.
+_BOTTOM, _RIGHT, _TOP, _LEFT = range(4)
+_LINES: dict[int, tuple[tuple[int, int], ...]] = {
+    1: ((_BOTTOM, _LEFT),),
+    2: ((_RIGHT, _BOTTOM),),
+    3: ((_RIGHT, _LEFT),),
+    4: ((_TOP, _RIGHT),),
+    5: ((_BOTTOM, _LEFT), (_TOP, _RIGHT)),
+    6: ((_TOP, _BOTTOM),),
+    7: ((_TOP, _LEFT),),
+    8: ((_LEFT, _TOP),),
+    9: ((_BOTTOM, _TOP),),
+    10: ((_RIGHT, _BOTTOM), (_LEFT, _TOP)),
+    11: ((_RIGHT, _TOP),),
+    12: ((_LEFT, _RIGHT),),
+    13: ((_BOTTOM, _RIGHT),),
+    14: ((_LEFT, _BOTTOM),),
+}
+
+
+def _segments(height: Array, level: float) -> dict[_Edge, _Edge]:
+    """Pieces of the outlines, from edge to edge; each edge starts one piece at most.
+
+    Edges are whole numbers, so that pieces join exactly, also where a corner is level.
+    """
+    above = (height > level).astype(np.int_)
+    pattern = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
+    follow: dict[_Edge, _Edge] = {}
+    for row, column in zip(*np.nonzero((pattern > 0) & (pattern < 15)), strict=True):
+        for enter, leave in _LINES[int(pattern[row, column])]:
+            follow[_edge(int(row), int(column), enter)] = _edge(int(row), int(column), leave)
+    return follow
+
+
+def _edge(row: int, column: int, side: int) -> _Edge:
+    """One side of a cell by its first corner and whether it lies along x."""
+    return (row + (side == _TOP), column + (side == _RIGHT), side in (_BOTTOM, _TOP))
+
+
+def _places(
+    height: Array, level: float, loop: Sequence[_Edge], centres: tuple[Array, Array]
+) -> Array:
+    """Where the level crosses each edge, by linear interpolation: (n_edge, 2) x and y."""
+    row, column, along_x = (np.array(part) for part in zip(*loop, strict=True))
+    low, high = height[row, column], height[row + ~along_x, column + along_x]
+    share = (level - low) / (high - low)
+    x, y = centres
+    return np.column_stack(
+        [
+            np.interp(column + along_x * share, np.arange(x.size), x),
+            np.interp(row + ~along_x * share, np.arange(y.size), y),
+        ]
+    )

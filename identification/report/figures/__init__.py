@@ -1,0 +1,1 @@
+"""Static pictures of the report; each function takes data and returns the text of a drawing."""

@@ -1,0 +1,61 @@
+"""The walk of the sampler: whether every parameter wanders around one place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.report.data import PosteriorChain
+from identification.report.numbers import unit_text
+from identification.report.svg import Frame, axes, band, line, span, svg, text
+
+__all__ = ["trace_figure"]
+
+Array = NDArray[np.float64]
+
+_POINTS = 240
+_WALKERS = 2
+
+
+def trace_figure(posterior: PosteriorChain, index: int) -> str:
+    """One parameter over the steps: the middle 90 % and 50 % of the walkers, and two of them.
+
+    Sixty walkers drawn over each other are a grey block that hides a slow drift; their quantiles
+    show it.
+
+    Args:
+        posterior: The chain.
+        index: Which parameter.
+
+    Returns:
+        Text of the drawing.
+    """
+    name, unit = posterior.names[index], posterior.units[index]
+    walks = posterior.chain[:, :, index]
+    steps, (low, lower, middle, upper, high) = _moving_quantiles(walks)
+    shown = [walks[steps, walker] for walker in range(min(_WALKERS, walks.shape[1]))]
+    frame = Frame((66.0, 18.0, 384.0, 74.0), (0.0, float(steps[-1])), span(low, high, *shown))
+    body = axes(frame, "", " ", (6, 2))
+    body += band(frame, steps, low, high) + band(frame, steps, lower, upper, "band inner")
+    for walk in shown:
+        body += line(frame, steps, walk, "line walker")
+    body += line(frame, steps, middle, "line after thin")
+    shown_unit = unit_text(unit)
+    body += text(66, 12, f"{name} [{shown_unit}]" if shown_unit else name, "label strong")
+    body += text(450, 12, f"{walks.shape[0]} steps", "tick end")
+    return svg(
+        460,
+        98,
+        f"Trace of {name}",
+        f"Quantiles of {walks.shape[1]} walkers over {walks.shape[0]} steps.",
+        body,
+    )
+
+
+def _moving_quantiles(walks: Array) -> tuple[NDArray[np.int_], Array]:
+    """Middle steps (n_point,) of equal stretches, and quantiles (5, n_point) of all walkers there."""
+    width = max(1, walks.shape[0] // _POINTS)
+    points = walks.shape[0] // width
+    stretches = walks[: points * width].reshape(points, -1)
+    steps = np.arange(points) * width + width // 2
+    return steps, np.quantile(stretches, (0.05, 0.25, 0.5, 0.75, 0.95), axis=1)

@@ -1,0 +1,173 @@
+"""From findings to what the report draws, and the files of a result directory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.feedback import step_curves
+from identification.fit.evaluate import Simulated
+from identification.ingest.run import Run
+from identification.model.printing import printed_equations
+from identification.report.assemble import Findings
+from identification.report.atomic import write_text
+from identification.report.data import (
+    CoefficientCurve,
+    Equation,
+    PosteriorChain,
+    ReportData,
+    RunTraces,
+    StepResponse,
+)
+from identification.report.html import render_report
+from identification.report.netcdf import write_posterior
+from identification.report.result import write_result
+
+__all__ = ["report_data", "write_outputs"]
+
+Array = NDArray[np.float64]
+
+_POINTS: Final = 80
+
+
+def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -> None:
+    """Write result.json, report.html and, where sampled, posterior.nc.
+
+    The result is written last: where it stands, the others are complete.  A posterior of an
+    earlier fit is removed where this one has none.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    posterior = directory / "posterior.nc"
+    sample = findings.sample
+    if sample is None:
+        posterior.unlink(missing_ok=True)
+    else:
+        write_posterior(
+            posterior,
+            sample.names,
+            sample.units,
+            sample.chain,
+            sample.log_density,
+            acceptance=sample.convergence.acceptance,
+        )
+    write_text(directory / "report.html", render_report(report_data(result, findings)))
+    write_result(directory / "result.json", result)
+
+
+def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
+    """Everything the report shows."""
+    sample = findings.sample
+    return ReportData(
+        result=result,
+        runs=tuple(_runs(findings)),
+        coefficients=tuple(_coefficients(findings)),
+        steps=tuple(
+            StepResponse(c.temperature_degC, c.controller, c.time, c.median, c.q05, c.q95)
+            for c in step_curves(
+                findings.draws, findings.options.temperatures, findings.options.controllers
+            )
+        ),
+        posterior=None
+        if sample is None
+        else PosteriorChain(sample.names, sample.units, sample.chain),
+        equations=tuple(
+            Equation(f"{left} = {right}")
+            for left, right in printed_equations(findings.final.simulator.model).items()
+        ),
+        reasons=_reasons(findings),
+    )
+
+
+def _runs(findings: Findings) -> list[RunTraces]:
+    traces = []
+    changed = findings.final is not findings.declared
+    for role, runs in (
+        ("training", findings.campaign.training_runs),
+        ("validation", findings.campaign.validation_runs),
+    ):
+        after = _by_run(findings.simulated["after"][role], runs)
+        before = _by_run(findings.simulated["before"][role], runs)
+        for run, a, b in zip(runs, after, before, strict=True):
+            traces.append(
+                RunTraces(
+                    name=run.name,
+                    role=role,  # type: ignore[arg-type]
+                    time=run.time,
+                    voltage=run.voltage,
+                    temperature=run.temperature,
+                    measured_current=run.current,
+                    measured_speed=run.speed,
+                    after_current=a[:, 0],
+                    after_speed=a[:, 1],
+                    before_current=b[:, 0] if changed else None,
+                    before_speed=b[:, 1] if changed else None,
+                )
+            )
+    return traces
+
+
+def _by_run(simulated: list[Simulated], runs: tuple[Run, ...]) -> list[Array]:
+    """Simulated channels of whole runs (n_sample, 2), NaN in the gaps between segments."""
+    numbers = sorted({s.record.run for s in simulated})
+    series = [np.full((run.rows, 2), np.nan) for run in runs]
+    for s in simulated:
+        at = numbers.index(s.record.run)
+        series[at][s.record.start : s.record.start + s.record.rows] = s.logged
+    return series
+
+
+def _coefficients(findings: Findings) -> list[CoefficientCurve]:
+    logged = np.concatenate([r.column("temperature") for r in findings.campaign.training])
+    wanted = findings.options.temperatures
+    grid = np.linspace(
+        min(logged.min(), *wanted), max(logged.max(), *wanted), _POINTS
+    )
+    curves = []
+    for name, unit, reference, slope in (
+        ("Ra", "ohm", "Ra25", "alpha_Ra"),
+        ("Kt", "N m/A", "Kt25", "alpha_Kt"),
+    ):
+        def spread(draws: dict[str, Array]) -> Array:
+            values = draws[reference][:, None] * (  # noqa: B023
+                1 + draws[slope][:, None] * (grid - 25.0)  # noqa: B023
+            )
+            return np.quantile(values, (0.05, 0.5, 0.95), axis=0)
+
+        low, median, high = spread(findings.draws)
+        changed = findings.final is not findings.declared
+        curves.append(
+            CoefficientCurve(
+                name, unit, grid, median, low, high,
+                before=spread(findings.declared_draws)[1] if changed else None,
+            )
+        )
+    return curves
+
+
+def _reasons(findings: Findings) -> dict[str, str]:
+    """Why a parameter is not identified, as far as the runs themselves show it."""
+    records = findings.campaign.training
+    temperature = np.concatenate([r.column("temperature") for r in records])
+    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
+    values = dict(zip(findings.final.coordinates.names, findings.final.values, strict=True))
+    reasons = {}
+    if np.ptp(temperature) < 3.0:
+        for name in ("alpha_Ra", "alpha_Kt"):
+            reasons[name] = (
+                f"the runs span {np.ptp(temperature):.1f} K; a coefficient needs runs at "
+                "different temperatures"
+            )
+        if abs(float(np.mean(temperature)) - 25.0) > 5.0:
+            for name in ("Ra25", "Kt25"):
+                reasons[name] = (
+                    "all runs are at one temperature away from 25 degC, so the value at 25 degC "
+                    "rests on the temperature coefficient of usual materials"
+                )
+    if values["L"] / values["Ra25"] < 0.3 * interval:
+        reasons["L"] = (
+            f"the electrical time constant is far below the sample interval of {interval:.3g} s"
+        )
+    return reasons

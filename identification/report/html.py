@@ -1,0 +1,192 @@
+"""The report as one HTML file that needs nothing else: no server, no network, no other file.
+
+    text = render_report(data)
+    write_text(directory / "report.html", text)
+
+Everything that came from outside is escaped by the template engine, data for the script lie in a
+block that is never executed, and the page forbids itself every script but its own two by their
+hashes.  `content_security_policy` gives the same words for a server that sends a header.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Sequence
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identification.report.data import ReportData, RunTraces, StepResponse
+from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
+from identification.report.figures.correlation import correlation_figure
+from identification.report.figures.curves import coefficient_figure, step_figure
+from identification.report.figures.missing import missing_over_time, missing_term_figure
+from identification.report.figures.runs import run_thumbnail
+from identification.report.figures.trace import trace_figure
+from identification.report.numbers import number_text, percent_text, unit_text
+from identification.report.residuals import residual_checks
+from identification.report.result import finite_or_null
+from identification.report.summary import key_figures, summary_sentences
+from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
+from identification.report.traces import run_payload
+
+__all__ = ["content_security_policy", "render_report"]
+
+_SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
+_STYLES = ("vendor/uPlot.min.css", "report.css")
+
+
+def render_report(data: ReportData) -> str:
+    """The complete page.
+
+    Args:
+        data: What to show; parts that are missing are left out or said to be missing.
+
+    Returns:
+        HTML text, UTF-8 when written.
+    """
+    result = data.result
+    return _environment().get_template("report.html.j2").render(
+        data=data,
+        result=result,
+        policy=content_security_policy(),
+        scripts=[_asset(name) for name in _SCRIPTS],
+        styles=[_asset(name) for name in _STYLES],
+        sentences=summary_sentences(result),
+        key_figures=key_figures(result),
+        parameters=parameter_rows(data),
+        runs=list(zip(run_rows(data), [Markup(run_thumbnail(run)) for run in data.runs],
+                      strict=True)),
+        payload=_payload(data),
+        has_before=any(run.before_speed is not None for run in data.runs),
+        checks=_check_figures(data.runs),
+        coefficients=_coefficient_figures(data),
+        steps=[Markup(step_figure(steps)) for steps in _by_controller(data.steps)],
+        feedback=feedback_tables(result["feedback"]),
+        errors=error_rows(result),
+        posterior=_posterior_figures(data),
+        story=_story_figures(data),
+    )  # fmt: skip
+
+
+@cache
+def content_security_policy() -> str:
+    """Content security policy under which a report works: nothing from outside, no foreign script.
+
+    Returns:
+        Value of the header ``Content-Security-Policy``.
+    """
+    scripts = " ".join(_hash(_asset(name)) for name in _SCRIPTS)
+    styles = " ".join(_hash(_asset(name)) for name in _STYLES)
+    return (
+        f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src data:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("identification.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number_text,
+        "percent": percent_text,
+        "unit": unit_text,
+        "words": lambda name: str(name).replace("_", " "),
+    }
+    return environment
+
+
+@cache
+def _asset(name: str) -> Markup:
+    """A file of the templates' folder as it will stand in the page."""
+    folder = resources.files("identification.report") / "templates"
+    return Markup(folder.joinpath(name).read_text("utf-8"))
+
+
+def _hash(content: str) -> str:
+    digest = hashlib.sha256(content.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+def _payload(data: ReportData) -> Markup:
+    """Time series for the script; a name of a file must not end the block it stands in."""
+    noise = data.result["noise"]
+    runs = [run_payload(run, len(data.runs), noise) for run in data.runs]
+    text = json.dumps(
+        finite_or_null({"runs": runs}), allow_nan=False, separators=(",", ":"), ensure_ascii=True
+    )
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _check_figures(runs: Sequence[RunTraces]) -> list[dict[str, Any]]:
+    """Residual pictures by role, the deciding role first."""
+    found = []
+    for role in ("validation", "training"):
+        checks = residual_checks([run for run in runs if run.role == role])
+        figures = [
+            {
+                "title": f"{check.channel.capitalize()} residual with {against}",
+                "figure": Markup(
+                    correlation_figure(
+                        f"{check.channel} residual with {against}, {role} runs", after, before,
+                        "lag [samples]",
+                    )
+                ),
+                "outside": after.outside,
+            }
+            for check in checks
+            for against, after, before in (
+                ("its own past", check.own, check.own_before),
+                ("the voltage", check.voltage, check.voltage_before),
+            )
+        ]  # fmt: skip
+        if figures:
+            found.append({"role": role, "figures": figures})
+    return found
+
+
+def _coefficient_figures(data: ReportData) -> list[dict[str, Any]]:
+    logged = [run.temperature for run in data.runs if run.temperature is not None]
+    return [
+        {"name": curve.name, "figure": Markup(coefficient_figure(curve, logged))}
+        for curve in data.coefficients
+    ]
+
+
+def _by_controller(steps: Sequence[StepResponse]) -> list[list[StepResponse]]:
+    controllers = dict.fromkeys(step.controller for step in steps)
+    return [[step for step in steps if step.controller == one] for one in controllers]
+
+
+def _posterior_figures(data: ReportData) -> dict[str, Any] | None:
+    if data.posterior is None:
+        return None
+    count = len(data.posterior.names)
+    return {
+        "corner": Markup(corner_figure(data.posterior)),
+        "left_out": data.posterior.names[MOST_PARAMETERS:],
+        "traces": [Markup(trace_figure(data.posterior, index)) for index in range(count)],
+    }
+
+
+def _story_figures(data: ReportData) -> dict[str, Any] | None:
+    if data.story is None:
+        return None
+    return {
+        "sentences": data.story.sentences,
+        "terms": [(term, Markup(missing_term_figure(term))) for term in data.story.terms],
+        "traces": [(trace, Markup(missing_over_time(trace))) for trace in data.story.traces],
+        "candidates": data.story.candidates,
+        "remaining": data.story.remaining,
+    }

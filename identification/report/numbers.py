@@ -1,0 +1,106 @@
+"""Numbers as an engineer writes them: as many digits as the spread deserves, one power of ten.
+
+interval_text(0.59034, 0.58951, 0.59117) -> Interval("0.59034", "0.58951", "0.59117", "")
+interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.2131", "4.2010", "4.2260", " ×10⁻⁵")
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["UNKNOWN", "Interval", "interval_text", "number_text", "percent_text", "unit_text"]
+
+UNKNOWN = "–"
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNITS = {
+    "ohm": "Ω",
+    "1/K": "1/K",
+    "N m/A": "N·m/A",
+    "kg m^2": "kg·m²",
+    "N m s/rad": "N·m·s/rad",
+    "degC": "°C",
+    "N m": "N·m",
+    "1": "",
+    "-": "",
+}
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A median and the ends of its interval, written to the same place, before a common power."""
+
+    median: str
+    low: str
+    high: str
+    power: str
+
+
+def interval_text(median: float | None, low: float | None, high: float | None) -> Interval:
+    """Write a median and its interval to the digits that the width of the interval deserves.
+
+    Args:
+        median: The value; None where unknown.
+        low: Lower end, in the same unit.
+        high: Upper end, in the same unit.
+
+    Returns:
+        Texts; a part that is unknown is an en dash.
+    """
+    known = [value for value in (median, low, high) if value is not None]
+    exponent = _exponent(max((abs(value) for value in known), default=0.0))
+    scale = 10.0**-exponent
+    if low is not None and high is not None and high > low:
+        decimals = 1 - math.floor(math.log10((high - low) * scale / 3.0))
+    else:
+        decimals = 4 - _leading(max((abs(value) for value in known), default=1.0) * scale)
+    decimals = min(max(decimals, 0), 9)
+    middle, lower, upper = (_fixed(value, scale, decimals) for value in (median, low, high))
+    return Interval(middle, lower, upper, _power(exponent))
+
+
+def number_text(value: float | None, digits: int = 4) -> str:
+    """Write one number to `digits` significant digits; an en dash where it is unknown."""
+    if value is None or not math.isfinite(value):
+        return UNKNOWN
+    exponent = _exponent(abs(value))
+    scaled = value * 10.0**-exponent
+    decimals = min(max(digits - _leading(abs(scaled)), 0), 9)
+    return _fixed(value, 10.0**-exponent, decimals) + _power(exponent)
+
+
+def percent_text(share: float | None, digits: int = 3) -> str:
+    """Write a share as per cent; an en dash where it is unknown."""
+    if share is None or not math.isfinite(share):
+        return UNKNOWN
+    return f"{number_text(100.0 * share, digits)} %"
+
+
+def unit_text(unit: str) -> str:
+    """The unit with its signs: ``kg m^2`` becomes ``kg·m²``, and an unknown one stays."""
+    return _UNITS.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+
+
+def _exponent(size: float) -> int:
+    """Power of ten to take out: none for what is easily read, else one that leaves one digit."""
+    if size == 0.0 or 1e-3 <= size < 1e5:
+        return 0
+    return math.floor(math.log10(size))
+
+
+def _leading(size: float) -> int:
+    """Digits before the point, at least one; negative counts zeros behind it."""
+    return math.floor(math.log10(size)) + 1 if size > 0.0 else 1
+
+
+def _fixed(value: float | None, scale: float, decimals: int) -> str:
+    if value is None:
+        return UNKNOWN
+    text = f"{value * scale:.{decimals}f}"
+    is_zero = float(text) == 0.0
+    return text.lstrip("-") if is_zero else text.replace("-", "−")
+
+
+def _power(exponent: int) -> str:
+    return f" ×10{str(exponent).translate(_SUPERSCRIPT)}" if exponent else ""

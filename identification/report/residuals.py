@@ -1,0 +1,102 @@
+"""What the residuals of all runs of one role say together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.residual import (
+    Correlation,
+    Whiteness,
+    autocorrelation,
+    cross_correlation,
+    whiteness,
+)
+from identification.report.data import RunTraces
+from identification.report.decimate import gaps
+
+__all__ = ["ResidualCheck", "channel_whiteness", "residual_checks"]
+
+Array = NDArray[np.float64]
+
+_SHORTEST = 8
+"""Pieces with fewer samples say nothing about lags."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualCheck:
+    """Correlations of one channel's residual over all runs of one role.
+
+    Args:
+        channel: ``current`` or ``speed``.
+        own: With its own past.
+        voltage: With the voltage.
+        own_before: With its own past, for the declared model; None where that is the final one.
+        voltage_before: With the voltage, for the declared model.
+    """
+
+    channel: str
+    own: Correlation
+    voltage: Correlation
+    own_before: Correlation | None
+    voltage_before: Correlation | None
+
+
+def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
+    """Correlations of current and speed residuals, pooled over `runs`; empty without runs."""
+    checks = []
+    for channel in ("current", "speed"):
+        after = _pieces(runs, channel, "after")
+        if not after[0]:
+            continue
+        before = None
+        if all(getattr(run, f"before_{channel}") is not None for run in runs):
+            before = _pieces(runs, channel, "before")
+        checks.append(
+            ResidualCheck(
+                channel,
+                autocorrelation(after[0]),
+                cross_correlation(*after),
+                autocorrelation(before[0]) if before else None,
+                cross_correlation(*before) if before else None,
+            )
+        )
+    return checks
+
+
+def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:
+    """Portmanteau test of one run's residual; None where the run is too short for one.
+
+    Args:
+        run: The run.
+        channel: ``current`` or ``speed``.
+    """
+    residuals, _ = _pieces([run], channel, "after")
+    return whiteness(residuals) if residuals else None
+
+
+def _residual(run: RunTraces, channel: str, stage: str) -> Array:
+    measured: Array = getattr(run, f"measured_{channel}")
+    simulated: Array = getattr(run, f"{stage}_{channel}")
+    return measured - simulated
+
+
+def _pieces(runs: Sequence[RunTraces], channel: str, stage: str) -> tuple[list[Array], list[Array]]:
+    """Residuals and voltages between pauses of the record.
+
+    A sample that was not used has no residual; zero takes it out of every sum of products.
+    """
+    residuals: list[Array] = []
+    voltages: list[Array] = []
+    for run in runs:
+        breaks = gaps(run.time) + 1
+        left = np.nan_to_num(_residual(run, channel, stage), nan=0.0, posinf=0.0, neginf=0.0)
+        pairs = zip(np.split(left, breaks), np.split(run.voltage, breaks), strict=True)
+        for residual, voltage in pairs:
+            if residual.size >= _SHORTEST:
+                residuals.append(residual)
+                voltages.append(voltage)
+    return residuals, voltages

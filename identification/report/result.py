@@ -1,0 +1,166 @@
+"""The numbers of result.json: how draws become PARAMETER and QUANTITY, and how the file is written.
+
+    {"mean", "sd", "q05", "median", "q95", "unit"}            QUANTITY
+    {"mean", "sd", "q05", "median", "q95", "unit", "identified"}   PARAMETER
+
+JSON knows neither NaN nor infinity.  What is unknown is null, and it becomes null here and nowhere
+else.  The interval from q05 to q95 holds 90 % with equal tails.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from identification.report.atomic import write_text
+
+__all__ = [
+    "INTERVAL_KIND",
+    "INTERVAL_LEVEL",
+    "SCHEMA_VERSION",
+    "finite_or_null",
+    "parameter_entry",
+    "parameter_entry_from_normal",
+    "quantity_entry",
+    "quantity_entry_from_normal",
+    "result_schema",
+    "result_text",
+    "write_result",
+]
+
+SCHEMA_VERSION: Final = 1
+INTERVAL_KIND: Final = "equal-tailed"
+INTERVAL_LEVEL: Final = 0.90
+
+_QUANTILES: Final = (0.05, 0.5, 0.95)
+_NORMAL_Q95: Final = 1.6448536269514722
+
+
+def finite_or_null(value: object) -> Any:
+    """The same value in plain Python, with every number that is not finite turned to None.
+
+    Args:
+        value: Anything made of mappings, sequences, NumPy arrays and scalars, strings, None.
+
+    Returns:
+        Dicts, lists, str, int, float, bool and None, ready for JSON.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): finite_or_null(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return finite_or_null(value.tolist())
+    if isinstance(value, list | tuple):
+        return [finite_or_null(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
+    """QUANTITY from draws.
+
+    A metric can be undefined for some draws: an unstable loop has no settling time.  Numbers are
+    then those of the draws that have one, and ``defined`` says which share of the draws that is; a
+    quantity that no draw has is null throughout.
+
+    Args:
+        draws: (n_draw,) in `unit`; NaN or infinity where undefined.
+        unit: Unit as the contract spells it.
+
+    Returns:
+        Mean, standard deviation, quantiles, unit, and ``defined`` where it is below 1.
+    """
+    values = np.asarray(draws, dtype=np.float64).ravel()
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        entry = _entry(unit, math.nan, math.nan, (math.nan,) * 3)
+    else:
+        low, median, high = np.quantile(finite, _QUANTILES)
+        entry = _entry(unit, finite.mean(), finite.std(), (low, median, high))
+    if finite.size < values.size:
+        entry["defined"] = finite.size / values.size
+    return entry
+
+
+def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, Any]:
+    """PARAMETER from draws of the posterior.
+
+    Args:
+        draws: (n_draw,) in `unit`.
+        unit: Unit as the contract spells it.
+        identified: Whether the data determine the parameter.
+
+    Returns:
+        QUANTITY with ``identified``.
+    """
+    return quantity_entry(draws, unit) | {"identified": bool(identified)}
+
+
+def quantity_entry_from_normal(mean: float, sd: float, unit: str) -> dict[str, Any]:
+    """QUANTITY from the mean and standard deviation of a normal distribution.
+
+    Args:
+        mean: In `unit`; NaN where unknown.
+        sd: In `unit`; NaN or infinity where unknown.
+        unit: Unit as the contract spells it.
+
+    Returns:
+        Mean, standard deviation, quantiles and unit; an unknown spread leaves mean and median.
+    """
+    reach = _NORMAL_Q95 * sd
+    return _entry(unit, mean, sd, (mean - reach, mean, mean + reach))
+
+
+def parameter_entry_from_normal(
+    mean: float, sd: float, unit: str, identified: bool
+) -> dict[str, Any]:
+    """PARAMETER from the mean and standard deviation of a normal distribution.
+
+    Args:
+        mean: In `unit`; NaN where unknown.
+        sd: In `unit`; NaN or infinity where unknown.
+        unit: Unit as the contract spells it.
+        identified: Whether the data determine the parameter.
+
+    Returns:
+        QUANTITY with ``identified``.
+    """
+    return quantity_entry_from_normal(mean, sd, unit) | {"identified": bool(identified)}
+
+
+def result_text(result: Mapping[str, Any]) -> str:
+    """The result as JSON text; numbers keep their full precision, keys keep their order."""
+    return json.dumps(finite_or_null(result), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_result(path: Path, result: Mapping[str, Any]) -> None:
+    """Write result.json to `path`, complete or not at all."""
+    write_text(path, result_text(result))
+
+
+def result_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) that every result.json obeys."""
+    text = (
+        resources.files("identification.report").joinpath("result.schema.json").read_text("utf-8")
+    )
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def _entry(unit: str, mean: float, sd: float, quantiles: tuple[float, ...]) -> dict[str, Any]:
+    low, median, high = (finite_or_null(float(value)) for value in quantiles)
+    return {
+        "mean": finite_or_null(float(mean)),
+        "sd": finite_or_null(float(sd)),
+        "q05": low,
+        "median": median,
+        "q95": high,
+        "unit": unit,
+    }

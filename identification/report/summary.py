@@ -1,0 +1,184 @@
+"""The result in plain words, and its few numbers that one looks for first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from identification.report.numbers import UNKNOWN, interval_text, number_text, percent_text
+
+__all__ = ["KeyFigure", "key_figures", "summary_sentences"]
+
+Entry = Mapping[str, Any]
+
+_DOWN_TO_NOISE = 1.02
+_NEAR_NOISE = 1.10
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """One number with its label and a word on what it means; ``tone`` is good, fair or bad."""
+
+    label: str
+    value: str
+    remark: str
+    tone: str = "plain"
+
+
+def summary_sentences(result: Entry) -> list[str]:
+    """What was done, what was found, how good it is and what it means for the loop."""
+    sentences = [_campaign(result["runs"]), _effects(result), _quality(result), _identified(result)]
+    sentences.append(_loop(result["feedback"]))
+    return [sentence for sentence in sentences if sentence]
+
+
+def key_figures(result: Entry) -> list[KeyFigure]:
+    """Noise ratios, identified parameters, and the loop cold and hot."""
+    role, errors = _deciding_errors(result)
+    figures = [
+        KeyFigure(
+            f"{channel.capitalize()} error, {role}",
+            f"{number_text(errors[channel]['noise_ratio'], 3)} × noise",
+            f"{percent_text(1.0 - errors[channel]['nrmse'], 4)} fit"
+            if errors[channel]["nrmse"] is not None
+            else "",
+            _tone(errors[channel]["noise_ratio"]),
+        )
+        for channel in ("current", "speed")
+        if errors.get(channel)
+    ]
+    entries = result["parameters"].values()
+    known = sum(1 for entry in entries if entry["identified"])
+    figures.append(
+        KeyFigure(
+            "Parameters identified",
+            f"{known} of {len(entries)}",
+            "",
+            "good" if known == len(entries) else "fair",
+        )
+    )
+    for key, label, unit in (
+        ("rise_time_s", "Rise time", " s"),
+        ("steady_state", "Final value", ""),
+    ):
+        ends = _cold_and_hot(result["feedback"])
+        if ends is not None:
+            cold, hot = ends
+            value = f"{_median(cold[key])} → {_median(hot[key])}{unit}"
+            span = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C"
+            figures.append(KeyFigure(label, value, f"{span}, {cold['controller']}"))
+    return figures
+
+
+def _campaign(runs: Sequence[Entry]) -> str:
+    fitted = [run for run in runs if run["role"] == "training"]
+    checked = [run for run in runs if run["role"] == "validation"]
+    sentence = f"The model was fitted to {_runs_and_rows(fitted)}"
+    if not checked:
+        return f"{sentence}; no run was kept aside to check it."
+    return f"{sentence} and checked on {_runs_and_rows(checked)} that it had not seen."
+
+
+def _runs_and_rows(runs: Sequence[Entry]) -> str:
+    rows = sum(int(run["rows"]) for run in runs)
+    noun = "run" if len(runs) == 1 else "runs"
+    return f"{len(runs)} {noun} with {rows:,} samples".replace(",", "\u202f")
+
+
+def _effects(result: Entry) -> str:
+    parts = []
+    for effect in result["effects"]:
+        drivers = f", depending on {_list(effect['drivers'])}" if effect["drivers"] else ""
+        name = effect["name"].replace("_", " ")
+        part = f"{name} in the {effect['equation']} equation{drivers}"
+        if effect["probability"] is not None:
+            part += f" (probability {percent_text(effect['probability'], 3)})"
+        others = [item["name"].replace("_", " ") for item in effect["alternatives"]]
+        if others:
+            part += f", which the data cannot tell from {_list(others)}"
+        parts.append(part)
+    return f"The declared model lacked {'; and '.join(parts)}." if parts else ""
+
+
+def _quality(result: Entry) -> str:
+    role, errors = _deciding_errors(result)
+    ratios = {
+        channel: errors[channel]["noise_ratio"]
+        for channel in ("current", "speed")
+        if errors.get(channel) and errors[channel]["noise_ratio"] is not None
+    }
+    if not ratios:
+        return ""
+    told = _list([f"{number_text(ratio, 3)} in {name}" for name, ratio in ratios.items()])
+    worst = max(ratios.values())
+    if worst <= _DOWN_TO_NOISE:
+        verdict = "that is as close as the sensors can tell"
+    elif worst <= _NEAR_NOISE:
+        verdict = "a small part of the error is more than sensor noise"
+    else:
+        verdict = "something moves the motor that the model does not contain"
+    return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+
+
+def _identified(result: Entry) -> str:
+    entries: Entry = result["parameters"]
+    unknown = [name for name, entry in entries.items() if not entry["identified"]]
+    if unknown:
+        return (
+            f"The data do not determine {_list(unknown)}; what is shown for "
+            f"{'it' if len(unknown) == 1 else 'them'} is not a measurement."
+        )
+    return f"All {len(entries)} parameters are determined by the data."
+
+
+def _loop(feedback: Sequence[Entry]) -> str:
+    ends = _cold_and_hot(feedback)
+    if ends is None:
+        return ""
+    cold, hot = ends
+    return (
+        f"With the controller {cold['controller']} in a unity speed loop, going from "
+        f"{cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C takes the final value "
+        f"from {_median(cold['steady_state'])} to {_median(hot['steady_state'])} of the reference "
+        f"and the rise time from {_median(cold['rise_time_s'])} to {_median(hot['rise_time_s'])} s."
+    )
+
+
+def _deciding_errors(result: Entry) -> tuple[str, Entry]:
+    """Errors of the final model on runs it has not seen, else on its own."""
+    after: Entry = result["errors"]["after"]
+    validation = after.get("validation")
+    if validation and any(item and item["rmse"] is not None for item in validation.values()):
+        return "validation", validation
+    return "training", after.get("training") or {}
+
+
+def _cold_and_hot(feedback: Sequence[Entry]) -> tuple[Entry, Entry] | None:
+    """Coldest and hottest entry of the first controller; None with fewer than two temperatures."""
+    if not feedback:
+        return None
+    first = [entry for entry in feedback if entry["controller"] == feedback[0]["controller"]]
+    ordered = sorted(first, key=lambda entry: float(entry["temperature_degC"]))
+    return (ordered[0], ordered[-1]) if len(ordered) > 1 else None
+
+
+def _median(entry: Entry | None) -> str:
+    if entry is None:
+        return UNKNOWN
+    written = interval_text(entry["median"], entry["q05"], entry["q95"])
+    if len(written.median) > 6:
+        return number_text(entry["median"], 4)
+    return written.median + written.power
+
+
+def _list(words: Sequence[str]) -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _tone(ratio: float | None) -> str:
+    if ratio is None:
+        return "plain"
+    return "good" if ratio <= _DOWN_TO_NOISE else "fair" if ratio <= _NEAR_NOISE else "bad"

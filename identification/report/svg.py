@@ -1,0 +1,184 @@
+"""Small drawings as text: a frame that maps data to the page, axes, lines and bands.
+
+    frame = Frame((52, 8, 400, 180), (0.0, 1.0), (0.0, 2.0))
+    svg(460, 220, title, description, axes(frame, "time [s]", "speed [rad/s]") + line(frame, x, y))
+
+A drawing carries no colour: every mark has a class, and the style sheet of the report gives it one
+for light, dark and print.  Text is escaped here, since names of files reach it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.report.numbers import number_text
+
+__all__ = ["Frame", "axes", "band", "dots", "line", "path", "span", "svg", "text", "ticks"]
+
+Array = NDArray[np.float64]
+
+_identifiers: Iterator[int] = itertools.count(1)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rectangle of the page that shows a range of the data.
+
+    Args:
+        box: Left, top, width and height in drawing units.
+        x_range: Data at the left and right edge.
+        y_range: Data at the bottom and top edge.
+    """
+
+    box: tuple[float, float, float, float]
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+
+    def x(self, values: ArrayLike) -> Array:
+        """Drawing coordinates of data along the horizontal axis, same shape."""
+        left, _, width, _ = self.box
+        return left + width * _share(values, self.x_range)
+
+    def y(self, values: ArrayLike) -> Array:
+        """Drawing coordinates of data along the vertical axis, same shape; up is up."""
+        _, top, _, height = self.box
+        return top + height * (1.0 - _share(values, self.y_range))
+
+
+def span(*arrays: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
+    """Range of all finite values of the arrays, widened by `margin` on both sides."""
+    values = np.concatenate([np.ravel(np.asarray(array, dtype=np.float64)) for array in arrays])
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return (0.0, 1.0)
+    low, high = float(values.min()), float(values.max())
+    room = margin * (high - low) or 0.05 * abs(high) or 0.5
+    return (low - room, high + room)
+
+
+def ticks(low: float, high: float, about: int = 5) -> Array:
+    """Round numbers (n_tick,) between `low` and `high`, in steps of 1, 2 or 5 times a ten."""
+    if not high > low:
+        return np.array([low])
+    raw = (high - low) / max(about, 1)
+    ten = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= raw * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
+
+
+def svg(width: float, height: float, title: str, description: str, body: str) -> str:
+    """A complete drawing that scales with its place on the page.
+
+    Args:
+        width: Drawing units.
+        height: Drawing units.
+        title: Name of the picture, read out by a screen reader.
+        description: What it shows, in a sentence with the numbers that matter.
+        body: Marks.
+
+    Returns:
+        Text of the element.
+    """
+    key = f"svg{next(_identifiers)}"
+    return (
+        f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-labelledby="{key}t {key}d">'
+        f'<title id="{key}t">{escape(title)}</title><desc id="{key}d">{escape(description)}</desc>'
+        f"{body}</svg>"
+    )
+
+
+def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
+    """A polyline through drawing coordinates; it breaks where a coordinate is not finite."""
+    pieces = []
+    finite = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        points = " ".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[first:last], y[first:last]))  # noqa: B905
+        pieces.append(f"M{points}{'Z' if closed else ''}")
+    return f'<path class="{kind}" d="{"".join(pieces)}"/>' if pieces else ""
+
+
+def line(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "line") -> str:
+    """A line through data (n_point,)."""
+    return path(frame.x(x), frame.y(y), kind)
+
+
+def band(frame: Frame, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str = "band") -> str:
+    """The area between two curves over the same x, (n_point,) each."""
+    across = frame.x(x)
+    return path(
+        np.concatenate([across, across[::-1]]),
+        np.concatenate([frame.y(low), frame.y(high)[::-1]]),
+        kind,
+        closed=True,
+    )
+
+
+def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
+    """Points (n_point,) as one path of strokes without length, which round caps turn to dots."""
+    marks = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(frame.x(x), frame.y(y), strict=True))
+    return f'<path class="{kind}" d="{marks}"/>' if marks else ""
+
+
+def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = False) -> str:
+    """A word at a point of the page; `turned` writes it upwards."""
+    turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{escape(content)}</text>'
+
+
+def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:
+    """Grid, tick labels and axis labels around a frame.
+
+    Args:
+        frame: Where.
+        x_label: With unit; no labels below the frame where empty.
+        y_label: With unit; no labels beside the frame where empty.
+        about: Wanted number of ticks along x and along y.
+
+    Returns:
+        Marks.
+    """
+    left, top, width, height = frame.box
+    bottom = top + height
+    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    for value in ticks(*frame.x_range, about[0]):
+        at = float(frame.x(value))
+        parts.append(f'<path class="grid" d="M{at:.1f} {top:.1f}V{bottom:.1f}"/>')
+        if x_label:
+            parts.append(text(at, bottom + 14, _tick_text(value, frame.x_range), "tick mid"))
+    for value in ticks(*frame.y_range, about[1]):
+        at = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
+        if y_label:
+            parts.append(text(left - 6, at + 4, _tick_text(value, frame.y_range), "tick end"))
+    if x_label:
+        parts.append(text(left + width / 2, bottom + 31, x_label, "label mid"))
+    if y_label:
+        parts.append(text(12, top + height / 2, y_label, "label mid", turned=True))
+    return "".join(parts)
+
+
+def _share(values: ArrayLike, limits: tuple[float, float]) -> Array:
+    low, high = limits
+    return np.asarray((np.asarray(values, dtype=np.float64) - low) / ((high - low) or 1.0))
+
+
+def _tick_text(value: float, limits: tuple[float, float]) -> str:
+    """A tick with as many digits as tell it from its neighbours."""
+    largest = max(abs(limits[0]), abs(limits[1]))
+    if value == 0.0:
+        return "0"
+    if not 1e-3 <= largest < 1e5:
+        return number_text(value, 3)
+    step = (limits[1] - limits[0]) / 5.0
+    decimals = max(0, 1 - math.floor(math.log10(step)) - 1) if step > 0.0 else 0
+    return f"{value:.{min(decimals, 6)}f}".replace("-", "−")

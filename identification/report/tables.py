@@ -1,0 +1,267 @@
+"""Rows of the report's tables, as text, from the result and the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identification.diagnosis.simulation_error import pooled_errors
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.data import ReportData, RunTraces
+from identification.report.numbers import (
+    UNKNOWN,
+    Interval,
+    interval_text,
+    number_text,
+    percent_text,
+    unit_text,
+)
+from identification.report.residuals import channel_whiteness
+
+__all__ = [
+    "ErrorRow",
+    "FeedbackTable",
+    "ParameterRow",
+    "RunRow",
+    "error_rows",
+    "feedback_tables",
+    "parameter_rows",
+    "run_rows",
+]
+
+Entry = Mapping[str, Any]
+
+_SOURCES = {
+    "Ra25": "eq. 11",
+    "alpha_Ra": "eq. 11: 0.0040 for copper",
+    "Kt25": "eqs. 1, 2 and 12",
+    "alpha_Kt": "eq. 12: −0.0020 for the magnet",
+    "J": "eqs. 3–6",
+    "b": "eqs. 3–6",
+    "L": "eqs. 3–6",
+}
+_METRICS = {
+    "rise_time_s": "Rise time, 10–90 %",
+    "settling_time_s": "Settling time, 2 %",
+    "steady_state": "Final value",
+    "overshoot_percent": "Overshoot",
+    "peak": "Peak",
+    "peak_time_s": "Peak time",
+    "bandwidth_rad_s": "Bandwidth",
+    "phase_margin_deg": "Phase margin",
+    "gain_margin_db": "Gain margin",
+}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter of the final model; ``shift`` is how far the declared model was off."""
+
+    name: str
+    meaning: str
+    unit: str
+    value: Interval
+    is_identified: bool
+    reason: str
+    source: str
+    before: Interval | None
+    shift: str
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One run: what it covers and how well it is simulated, channel by channel."""
+
+    name: str
+    role: str
+    rows: str
+    duration: str
+    temperature: str
+    current_fit: str
+    current_ratio: str
+    current_white: str
+    speed_fit: str
+    speed_ratio: str
+    speed_white: str
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One channel on one role's runs, before and after: RMSE, NRMSE and noise ratio."""
+
+    role: str
+    channel: str
+    unit: str
+    before: tuple[str, str, str]
+    after: tuple[str, str, str]
+    change: str
+
+
+@dataclass(frozen=True)
+class FeedbackTable:
+    """Metrics of one controller: a column a temperature, a row a metric."""
+
+    controller: str
+    temperatures: tuple[str, ...]
+    rows: tuple[tuple[str, str, tuple[Interval, ...]], ...]
+
+
+def parameter_rows(data: ReportData) -> list[ParameterRow]:
+    """Parameters of the motor, then those of each effect."""
+    result = data.result
+    declared: Entry = result["declared"]["parameters"]
+    has_effects = bool(result["effects"])
+    rows = [
+        _parameter_row(name, entry, data, declared.get(name) if has_effects else None)
+        for name, entry in result["parameters"].items()
+    ]
+    listed = {row.name for row in rows}
+    for effect in result["effects"]:
+        for name, entry in effect["parameters"].items():
+            if name not in listed:
+                row = _parameter_row(name, entry, data, None)
+                rows.append(_with_meaning(row, f"of {effect['name']}"))
+    return rows
+
+
+def run_rows(data: ReportData) -> list[RunRow]:
+    """One row a run, in the order given."""
+    return [_run_row(run, data.result["noise"]) for run in data.runs]
+
+
+def error_rows(result: Entry) -> list[ErrorRow]:
+    """Errors before and after, validation first since it decides."""
+    rows = []
+    for role in ("validation", "training"):
+        for channel, unit in (("current", "A"), ("speed", "rad/s")):
+            before = (result["errors"]["before"].get(role) or {}).get(channel)
+            after = (result["errors"]["after"].get(role) or {}).get(channel)
+            if before is None or after is None:
+                continue
+            rows.append(
+                ErrorRow(
+                    role, channel, unit, _error_texts(before), _error_texts(after),
+                    _change(before["rmse"], after["rmse"]),
+                )
+            )  # fmt: skip
+    return rows
+
+
+def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
+    """One table a controller, temperatures from cold to hot."""
+    tables = []
+    for controller in dict.fromkeys(str(entry["controller"]) for entry in feedback):
+        entries = sorted(
+            (entry for entry in feedback if entry["controller"] == controller),
+            key=lambda entry: float(entry["temperature_degC"]),
+        )
+        rows = tuple(
+            (label, _metric_unit(entries[0][key]), tuple(_interval(e[key]) for e in entries))
+            for key, label in _METRICS.items()
+            if all(entry.get(key) is not None for entry in entries)
+        )
+        columns = tuple(f"{entry['temperature_degC']:g} °C" for entry in entries)
+        tables.append(FeedbackTable(controller, columns, rows))
+    return tables
+
+
+def _parameter_row(
+    name: str, entry: Entry, data: ReportData, declared: Entry | None
+) -> ParameterRow:
+    known = DECLARED_PARAMETERS.get(name)
+    is_identified = bool(entry["identified"])
+    reason = "" if is_identified else data.reasons.get(name, "the data do not determine it")
+    return ParameterRow(
+        name=name,
+        meaning=known.meaning if known else "",
+        unit=unit_text(entry["unit"]),
+        value=_interval(entry),
+        is_identified=is_identified,
+        reason=reason,
+        source=_SOURCES.get(name, ""),
+        before=_interval(declared) if declared else None,
+        shift=_shift(declared, entry) if declared else "",
+    )
+
+
+def _with_meaning(row: ParameterRow, meaning: str) -> ParameterRow:
+    return ParameterRow(**(vars(row) | {"meaning": meaning}))
+
+
+def _run_row(run: RunTraces, noise: Entry) -> RunRow:
+    fits, ratios, whites = {}, {}, {}
+    for channel, key in (("current", "current_A"), ("speed", "speed_rad_s")):
+        measured = getattr(run, f"measured_{channel}")
+        residual = measured - getattr(run, f"after_{channel}")
+        used = np.isfinite(residual)
+        test = channel_whiteness(run, channel)
+        whites[channel] = _probability(test.p_value) if test else UNKNOWN
+        if not used.any():
+            fits[channel] = ratios[channel] = UNKNOWN
+            continue
+        errors = pooled_errors([residual[used]], [measured[used]])
+        fits[channel] = percent_text(1.0 - errors.nrmse, 4)
+        ratios[channel] = number_text(errors.rmse / noise[key], 3) if noise[key] else UNKNOWN
+    return RunRow(
+        name=run.name,
+        role=run.role,
+        rows=f"{run.time.size:,}".replace(",", "\u202f"),
+        duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
+        temperature=_temperature_text(run),
+        current_fit=fits["current"],
+        current_ratio=ratios["current"],
+        current_white=whites["current"],
+        speed_fit=fits["speed"],
+        speed_ratio=ratios["speed"],
+        speed_white=whites["speed"],
+    )
+
+
+def _temperature_text(run: RunTraces) -> str:
+    if run.temperature is None or not np.isfinite(run.temperature).any():
+        return "not logged"
+    low, high = np.nanmin(run.temperature), np.nanmax(run.temperature)
+    return f"{low:.0f} °C" if high - low < 1.0 else f"{low:.0f}–{high:.0f} °C"
+
+
+def _probability(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+
+
+def _interval(entry: Entry) -> Interval:
+    return interval_text(entry["median"], entry["q05"], entry["q95"])
+
+
+def _metric_unit(entry: Entry) -> str:
+    return unit_text(entry["unit"])
+
+
+def _error_texts(entry: Entry) -> tuple[str, str, str]:
+    return (
+        number_text(entry["rmse"], 3),
+        percent_text(entry["nrmse"], 3),
+        number_text(entry["noise_ratio"], 4),
+    )
+
+
+def _change(before: float | None, after: float | None) -> str:
+    """Change of the RMSE; nothing to say where both models are the same."""
+    if not before or after is None or before == after:
+        return UNKNOWN
+    return _signed_percent(after / before - 1.0)
+
+
+def _shift(declared: Entry, final: Entry) -> str:
+    """How far the declared model was off, in per cent of the final value."""
+    if declared["median"] is None or not final["median"]:
+        return UNKNOWN
+    return _signed_percent((declared["median"] - final["median"]) / abs(final["median"]))
+
+
+def _signed_percent(share: float) -> str:
+    percent = 100.0 * share
+    digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
+    return f"{percent:+.{digits}f} %".replace("-", "−")
