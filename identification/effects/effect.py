@@ -39,6 +39,7 @@ class Survey:
         speed_noise: Residual deviation of the speed [rad/s].
         current_noise: Residual deviation of the current [A].
         values: (7,) declared parameters, physical.
+        angle_logged: Whether the shaft angle is logged, and not integrated from the speed.
     """
 
     records: tuple[Record, ...]
@@ -51,6 +52,7 @@ class Survey:
     current_noise: float
     speed_noise: float
     values: Array
+    angle_logged: bool
 
     @property
     def runs(self) -> tuple[int, ...]:
@@ -71,10 +73,26 @@ class Candidate:
     Args:
         term: The term, its fields set for this motor.
         starts: (n_parameter, n_start) physical values, each of finite size.
+        joint: Neighbouring starts that add up linearly and are scored together.
+        fitted: The term that is fitted, where it differs from the one that is scanned: its
+            parameters are the first of the scanned term's, and its states hold the rest, free in
+            each record.  Such starts are scored record by record.
     """
 
     term: AbstractTerm
     starts: Array
+    joint: int = 1
+    fitted: AbstractTerm | None = None
+
+    @property
+    def final(self) -> AbstractTerm:
+        """The term that a refit uses."""
+        return self.fitted or self.term
+
+    @property
+    def by_record(self) -> bool:
+        """Whether amplitudes are free in each record."""
+        return bool(self.final.states) and self.final is not self.term
 
 
 def survey_of(fit: Fit) -> Survey:
@@ -96,6 +114,7 @@ def survey_of(fit: Fit) -> Survey:
         current_noise=float(fit.weighting.deviation[0]),
         speed_noise=float(fit.weighting.deviation[1]),
         values=fit.values[:7].copy(),
+        angle_logged=all(record.angle_logged for record in records),
     )
 
 

@@ -20,6 +20,16 @@ from identification.model.term import (
     Values,
 )
 
+_ORDERS = 36
+"""Highest order scanned: three times the slots of a usual armature."""
+
+_HARMONICS = {
+    "sine": "sine of the order",
+    "cosine": "cosine of the order",
+    "sine_2": "sine of twice the order",
+    "cosine_2": "cosine of twice the order",
+}
+
 __all__ = ["CoggingTorque", "InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
 
 
@@ -125,13 +135,17 @@ class CoggingTorque(AbstractTorque):
 
         tau = A sin(k phi) + B cos(k phi) + C sin(2 k phi) + D cos(2 k phi)  [N m]
 
+    Where the angle is logged the four amplitudes are those of the motor.  Where it is only the
+    integral of the speed, each run begins at an unknown angle, and the amplitudes are free in
+    each record: they are states that do not move.
+
     Args:
-        order: Periods a revolution, k [-].
         torque_size: Natural torque [N m].
+        logged: Whether the angle is logged.
     """
 
-    order: float
     torque_size: float
+    logged: bool = True
 
     name: ClassVar[str] = "cogging_torque"
     equation: ClassVar[str] = "mechanical"
@@ -142,36 +156,52 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Amplitudes of the fundamental and of its second harmonic."""
-        return tuple(
-            amplitude(name, "N m", f"{kind} of order {order:g}", self.torque_size, signed=True)
-            for name, kind, order in (
-                ("sine", "sine", self.order),
-                ("cosine", "cosine", self.order),
-                ("sine_2", "sine", 2 * self.order),
-                ("cosine_2", "cosine", 2 * self.order),
-            )
+        """Order, and, where the angle is logged, the amplitudes of two harmonics."""
+        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * _ORDERS)
+        amplitudes = tuple(
+            amplitude(name, "N m", meaning, self.torque_size, signed=True)
+            for name, meaning in _HARMONICS.items()
         )
+        return (order, *amplitudes) if self.logged else (order,)
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """Amplitudes that each record has for itself, where the angle is not logged."""
+        return () if self.logged else tuple(
+            State(name, "N m", scale=self.torque_size) for name in _HARMONICS
+        )
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Amplitudes do not move."""
+        return [ca.SX(0)] * len(self.states)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque by the angle [N m]."""
-        angle = self.order * signals.angle
+        angle = values.order * signals.angle
+        sine, cosine = ca.sin(angle), ca.cos(angle)
+        own = values if self.logged else states
         return (
-            values.sine * ca.sin(angle)
-            + values.cosine * ca.cos(angle)
-            + values.sine_2 * ca.sin(2 * angle)
-            + values.cosine_2 * ca.cos(2 * angle)
+            own.sine * sine
+            + own.cosine * cosine
+            + own.sine_2 * 2 * sine * cosine
+            + own.cosine_2 * (1 - 2 * sine * sine)
         )
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure an order that the sampling can show."""
-        size = 0.05 * survey.torque
-        starts = columns((size, 0, 0, 0), (0, size, 0, 0))
+        """One structure, its order scanned; sine and cosine of an order belong together."""
         revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
         if revolutions < 0.5:
             return []
-        return [Candidate(cls(float(order), survey.torque), starts) for order in range(1, 37)]
+        size = 0.05 * survey.torque
+        starts = [
+            (float(order), *phase, 0.0, 0.0)
+            for order in range(1, _ORDERS + 1)
+            for phase in ((size, 0.0), (0.0, size))
+        ]
+        scanned = cls(survey.torque, logged=True)
+        fitted = cls(survey.torque, logged=survey.angle_logged)
+        return [Candidate(scanned, columns(*starts), joint=2, fitted=fitted)]
 
 
 @dataclass(frozen=True)

@@ -231,8 +231,12 @@ def state_precision(simulator: Simulator, k: int) -> Array:
     """
     record = simulator.records[k]
     size = record.span
-    kinds = {"current": size[0], "speed": size[1], "temperature": 30.0, "zero": 30.0}
-    own = [kinds[state.follows] for term in simulator.model.terms for state in term.states]
+    kinds = {"current": size[0], "speed": size[1], "temperature": 30.0}
+    own = [
+        kinds.get(state.follows, state.scale)
+        for term in simulator.model.terms
+        for state in term.states
+    ]
     return np.asarray(1.0 / np.array([size[0], size[1], *own]) ** 2)
 
 

@@ -86,6 +86,7 @@ def solve(
     position: Array,
     states: Sequence[Array] | None = None,
     weighting: Weighting | None = None,
+    most_steps: int = _MOST_STEPS,
 ) -> Fit:
     """Fit parameters and initial states to the records of `simulator`.
 
@@ -95,6 +96,7 @@ def solve(
         position: (n_parameter,) where to start, in search coordinates.
         states: Initial states to start from; taken from the first samples if absent.
         weighting: Noise model; white with unknown size if absent.
+        most_steps: Steps after which to stop in any case.
 
     Returns:
         The optimum; `converged` is False where the step limit was reached.
@@ -107,7 +109,7 @@ def solve(
     cost = float(costs[0])
     converged = False
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
-    for _ in range(_MOST_STEPS):
+    for _ in range(most_steps):
         trial = _ladder(equations, coordinates, at, x0)
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))

@@ -113,18 +113,19 @@ def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]
     """Filtered regressors of one record: electrical (n, 6) and mechanical (n, 6)."""
     heat = record.column("temperature") - REFERENCE_TEMPERATURE_DEGC
     current, speed = record.measured.T
-    smooth = signal.cont2discrete(([cutoff**2], [1.0, 2 * cutoff, cutoff**2]), interval, "bilinear")
-    rate = signal.cont2discrete(
-        ([cutoff**2, 0.0], [1.0, 2 * cutoff, cutoff**2]), interval, "bilinear"
-    )
+    # Bilinear transforms of c^2/(s + c)^2 and s c^2/(s + c)^2.
+    twice = 2.0 / interval
+    pole = (cutoff - twice) / (cutoff + twice)
+    poles = np.array([1.0, 2.0 * pole, pole**2])
+    smooth = (cutoff / (cutoff + twice)) ** 2 * np.array([1.0, 2.0, 1.0])
+    rate = twice * (cutoff / (cutoff + twice)) ** 2 * np.array([1.0, 0.0, -1.0])
+    settled = np.array([1.0 - smooth[0], smooth[2] - poles[2]])
 
     def low(x: Array) -> Array:
-        b, a = np.ravel(smooth[0]), np.ravel(smooth[1])
-        state = signal.lfilter_zi(b, a) * x[0]
-        return np.asarray(signal.lfilter(b, a, x, zi=state)[0])
+        return np.asarray(signal.lfilter(smooth, poles, x, zi=settled * x[0])[0])
 
     def slope(x: Array) -> Array:
-        return np.asarray(signal.lfilter(np.ravel(rate[0]), np.ravel(rate[1]), x - x[0]))
+        return np.asarray(signal.lfilter(rate, poles, x - x[0]))
 
     one = np.ones_like(current)
     skip = min(int(6.0 / (cutoff * interval)), record.rows // 2)

@@ -38,6 +38,7 @@ class Record:
         inputs: (n_sample, n_input) in the order of `INPUTS`; the last interval has zero length.
         measured: (n_sample, 2) logged current and speed [A, rad/s].
         weight: (n_sample, 2) one where the sample counts, zero where the sensor was clipped.
+        angle_logged: Whether the angle is logged, and not the integral of the logged speed.
     """
 
     run: int
@@ -47,6 +48,7 @@ class Record:
     inputs: Array
     measured: Array
     weight: Array
+    angle_logged: bool = False
 
     @property
     def rows(self) -> int:
@@ -133,6 +135,7 @@ def _record(
         inputs=np.column_stack([columns[name] for name in INPUTS]),
         measured=np.column_stack([run.current[span], speed]),
         weight=weight,
+        angle_logged=run.position is not None,
     )
 
 
@@ -156,5 +159,6 @@ def smooth_temperature(run: Run) -> Array:
     # The spline is fitted in units of the span, since its penalty is not scale free.
     unit = (time - time[0]) / (time[-1] - time[0])
     spline = make_smoothing_spline(unit, mean - mean.mean())
-    at = np.clip((run.time - time[0]) / (time[-1] - time[0]), 0.0, 1.0)
+    # The ends of the run lie half a span beyond the outermost means, where the spline goes on.
+    at = (run.time - time[0]) / (time[-1] - time[0])
     return np.asarray(spline(at) + mean.mean(), dtype=np.float64)

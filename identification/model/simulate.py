@@ -129,7 +129,8 @@ class Simulator:
     ) -> Simulator:
         """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
         rate = Simulator.rate(model, records, values)
-        return Simulator(model, tuple(records), plan_for(margin * rate, parts))
+        plan = plan_for(margin * rate, parts, linear=not model.terms)
+        return Simulator(model, tuple(records), plan)
 
     @staticmethod
     def rate(model: MotorModel, records: Sequence[Record], values: Array) -> float:
@@ -182,12 +183,30 @@ class Simulator:
         starts = self._carries(states, values.shape[1])
         own = starts[0].shape[0]
         sums = np.zeros((scan.n_carry - own, values.shape[1]))
-        compared = [
-            np.column_stack([rows, record.measured, weighting.sample_weights(k)])
-            for k, (rows, record) in enumerate(zip(self.inputs, self.records, strict=True))
-        ]
-        finals, _ = scan(compared, values, [np.concatenate([x, sums]) for x in starts])
+        finals, _ = scan(
+            self._compared(weighting), values, [np.concatenate([x, sums]) for x in starts]
+        )
         return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
+
+    def _compared(self, weighting: Weighting) -> list[Array]:
+        """Inputs, measured channels and weights of each record side by side.
+
+        They are the same from call to call while only deviations change, and copying them costs
+        as much as simulating a block of lanes; so the last ones are kept.
+        """
+        key = (weighting.records, weighting.robust)
+        kept = self._kept.get("compared")
+        if kept is None or any(a is not b for a, b in zip(kept[0], key, strict=True)):
+            rows = [
+                np.column_stack([rows, record.measured, weighting.sample_weights(k)])
+                for k, (rows, record) in enumerate(zip(self.inputs, self.records, strict=True))
+            ]
+            kept = self._kept["compared"] = (key, rows)
+        return kept[1]
+
+    @cached_property
+    def _kept(self) -> dict[str, tuple[tuple[object, object], list[Array]]]:
+        return {}
 
     def _misfit_scan(self, whitening: tuple[tuple[float, ...], ...]) -> Scan:
         key = ("misfit", whitening)

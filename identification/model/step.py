@@ -43,6 +43,13 @@ after it has added up over a time constant."""
 
 _LARGEST_DIVIDED: Final = 12.0
 
+_SCALED: Final = 0.3
+"""Size of the matrix whose functions are formed by series before they are doubled."""
+
+_LARGEST_SERIES: Final = 5.0
+"""The same where a term costs two multiplications and a doubling ten times that; the terms cancel
+in two of sixteen digits here."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -65,11 +72,23 @@ class Plan:
         return 0.2 * self.rate <= rate <= self.rate
 
 
-def plan_for(rate: float, parts: int = 1) -> Plan:
-    """The cheapest plan for an interval with h |A| of `rate` [-] and at least `parts` parts."""
-    if not math.isfinite(rate) or rate > _LARGEST_DIVIDED * max(parts, 1):
+def plan_for(rate: float, parts: int = 1, *, linear: bool = False) -> Plan:
+    """The cheapest plan for an interval with h |A| of `rate` [-] and at least `parts` parts.
+
+    Args:
+        rate: Largest h |A| [-].
+        parts: Parts that are asked for.
+        linear: Whether the model is the declared one: then a term of the series costs two
+            multiplications, and dividing the interval would gain nothing.
+    """
+    reach = _LARGEST_SERIES if linear else _LARGEST_DIVIDED
+    if not math.isfinite(rate) or rate > reach * max(parts, 1):
         bounded = min(rate, 1e12) if math.isfinite(rate) else 1e12
-        return Plan(parts, 8, max(1, math.ceil(math.log2(bounded / parts / 0.3))), bounded)
+        scaled = _LARGEST_SERIES if linear else _SCALED
+        doublings = max(1, math.ceil(math.log2(bounded / parts / scaled)))
+        return Plan(parts, _terms(bounded / parts / 2**doublings), doublings, bounded)
+    if linear:
+        return Plan(parts, _terms(rate / parts), 0, rate)
     costs = []
     for count in range(parts, parts + 16):
         terms = _terms(rate / count)

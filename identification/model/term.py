@@ -60,11 +60,13 @@ class State:
         unit: Unit, for the report.
         follows: What it equals in steady state at the start of a run (``temperature``,
             ``current``, ``speed``) or ``zero``; the start of the free initial value.
+        scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
     """
 
     name: str
     unit: str
     follows: Literal["temperature", "current", "speed", "zero"] = "zero"
+    scale: float = 30.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class AbstractTerm(ABC):
     drivers: ClassVar[tuple[str, ...]]
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    states: ClassVar[tuple[State, ...]] = ()
+    states: Any = ()
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term [unit of the state / s]."""

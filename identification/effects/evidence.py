@@ -1,0 +1,165 @@
+"""What counts as evidence for an effect, and how probable the models are that survive.
+
+Likelihood ratios of long records are enormous for anything real, and also for small errors of
+quite another kind: a temperature that was smoothed, noise that is not white.  So an effect has to
+pass three gates, none of which was tuned on a simulator:
+
+1. *Chance.*  Twice the gain of the log likelihood, counted in effective samples (the share that
+   correlated residuals leave), has to exceed what the best of all prototypes reaches by chance:
+   k log N (Schwarz) plus twice the logarithm of the number of prototypes tried (union bound).
+2. *Size.*  The simulation error of the two channels together has to fall by at least half a per
+   cent; less is of no use to anybody and within the reach of the model's other imperfections.
+3. *Prediction.*  On runs that were left out, the error has to fall too, by at least a quarter of
+   what it fell by on the training runs; an effect of a single run only must not make it worse.
+
+Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Kass and Raftery, J. American Statistical
+Association 90 (1995), 773-795 (probabilities from differences of BIC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.campaign import Campaign
+from identification.fit.evaluate import simulate_unseen
+from identification.fit.solve import Fit
+
+__all__ = ["Gates", "Judged", "judged", "probabilities"]
+
+Array = NDArray[np.float64]
+
+_LEAST_SIZE: Final = 0.005
+_LEAST_SHARE: Final = 0.25
+_LOCAL: Final = frozenset({"load_step", "inertia_change"})
+
+
+@dataclass(frozen=True)
+class Gates:
+    """Outcome of the three gates.
+
+    Args:
+        gain: Gain of the log likelihood over the model without the effect, in effective samples.
+        needed: Gain that chance reaches.
+        training: Relative fall of the error on training runs [-].
+        validation: Relative fall on runs left out, None where there are none [-].
+        local: Whether the effect concerns single runs only.
+    """
+
+    gain: float
+    needed: float
+    training: float
+    validation: float | None
+    local: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether the effect is real by all three."""
+        return not self.refusal
+
+    @property
+    def refusal(self) -> str:
+        """Which gate refused it, in words; empty where none did."""
+        if not self.gain > self.needed:
+            return (
+                f"within chance: it gains {self.gain:.1f} in log likelihood where the best of all "
+                f"prototypes gains {self.needed:.1f} by chance"
+            )
+        if not self.training > _LEAST_SIZE:
+            return (
+                f"too small: the error falls by {100 * self.training:.2f} %, less than "
+                f"{100 * _LEAST_SIZE:.1f} %"
+            )
+        if self.validation is None:
+            return ""
+        least = -0.25 * self.training if self.local else _LEAST_SHARE * self.training
+        if not self.validation > least:
+            return (
+                f"not supported by the runs left out: their error changes by "
+                f"{-100 * self.validation:.2f} % against {-100 * self.training:.2f} % on training"
+            )
+        return ""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A model and its errors.
+
+    Args:
+        fit: The fit.
+        shares: (2,) effective share of the samples.
+        unseen: (2,) mean square error on runs left out [A^2, rad^2/s^2], None without such runs.
+    """
+
+    fit: Fit
+    share: float
+    unseen: Array | None
+
+    def gates(self, simpler: Judged, tried: int) -> Gates:
+        """The three gates between this model and a simpler one.
+
+        Args:
+            simpler: The model without the effect.
+            tried: Number of prototypes among which the effect was found.
+        """
+        more = self.fit.position.size - simpler.fit.position.size
+        more += sum(
+            len(own) - len(other)
+            for own, other in zip(self.fit.states, simpler.fit.states, strict=True)
+        )
+        counts = self.fit.weighting.counts
+        samples = max(float(counts.sum()) * self.share, 2.0)
+        names = {t.name for t in self.fit.simulator.model.terms}
+        names -= {t.name for t in simpler.fit.simulator.model.terms}
+        fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
+        unseen = None
+        if self.unseen is not None and simpler.unseen is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = 0.5 * np.log(simpler.unseen / self.unseen)
+            unseen = float(np.sum(ratio[counts > 0]))
+        return Gates(
+            gain=self.share * (simpler.fit.cost - self.fit.cost),
+            needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
+            training=float(np.sum(fall[counts > 0])),
+            validation=unseen,
+            local=bool(names) and names <= _LOCAL,
+        )
+
+    def score(self) -> float:
+        """Half the Bayesian information criterion in effective samples; smaller is better."""
+        samples = max(float(self.fit.weighting.counts.sum()) * self.share, 2.0)
+        size = self.fit.position.size + sum(len(s) - 2 for s in self.fit.states)
+        return self.share * self.fit.cost + 0.5 * size * float(np.log(samples))
+
+
+def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
+    """A fit with its errors on the runs left out.
+
+    Args:
+        fit: The fit.
+        campaign: Records.
+        share: Effective share of the samples.
+    """
+    if not campaign.validation:
+        return Judged(fit, share, None)
+    simulated = simulate_unseen(fit, campaign.validation)
+    total, count = np.zeros(2), np.zeros(2)
+    for s in simulated:
+        total += np.sum(s.record.weight * s.residual**2, axis=0)
+        count += s.record.weight.sum(axis=0)
+    return Judged(fit, share, total / np.maximum(count, 1.0))
+
+
+def probabilities(scores: Sequence[float]) -> Array:
+    """Posterior probabilities of models from half their BIC, equal prior odds.
+
+    Args:
+        scores: Half the criterion of each model, all on the same data and effective samples.
+    """
+    relative = -(np.asarray(scores) - np.min(scores))
+    weights = np.exp(np.maximum(relative, -700.0))
+    return np.asarray(weights / weights.sum())
