@@ -78,7 +78,7 @@ def autoregression(series: Sequence[Array], largest: int = _LARGEST_ORDER) -> Ar
     lags = np.zeros(largest + 1)
     for s in series:
         for lag in range(min(largest + 1, s.size)):
-            lags[lag] += float(np.dot(s[lag:], s[: s.size - lag]))
+            lags[lag] += float(np.einsum("i,i->", s[lag:], s[: s.size - lag]))
     best, best_score = np.ones(1), count * np.log(max(lags[0], 1e-300) / count)
     if lags[0] <= 0:
         return best

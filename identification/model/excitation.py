@@ -6,6 +6,7 @@ into the simulation; its outputs are what the simulation has to explain.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_smoothing_spline
+from scipy.interpolate import CubicSpline
 
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS
@@ -24,6 +25,7 @@ __all__ = ["Record", "records_of", "smooth_temperature"]
 Array = NDArray[np.float64]
 
 _KNOTS: Final = 200
+_STIFFNESSES: Final = np.geomspace(1e-3, 1e10, 80)
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def smooth_temperature(run: Run) -> Array:
     """The logged temperature without its quantisation and noise, (n_sample,) [degC].
 
     A motor's temperature moves over many samples while its logger steps by a tenth or a whole
-    degree; a smoothing spline through the means of short spans, its stiffness chosen by
+    degree; a smooth curve through the means of short spans, its stiffness chosen by
     generalised cross-validation, follows the first and not the second.  A run without
     temperature is taken to be at 25 degC throughout, which makes its Ra25 and Kt25 those of its
     unknown temperature.
@@ -156,9 +158,42 @@ def smooth_temperature(run: Run) -> Array:
     mean = np.add.reduceat(run.temperature, edges[:-1]) / count
     if time.size < 8 or np.ptp(mean) == 0.0:
         return np.interp(run.time, time, mean)
-    # The spline is fitted in units of the span, since its penalty is not scale free.
-    unit = (time - time[0]) / (time[-1] - time[0])
-    spline = make_smoothing_spline(unit, mean - mean.mean())
-    # The ends of the run lie half a span beyond the outermost means, where the spline goes on.
-    at = (run.time - time[0]) / (time[-1] - time[0])
-    return np.asarray(spline(at) + mean.mean(), dtype=np.float64)
+    squares = np.add.reduceat(run.temperature**2, edges[:-1]) / count
+    within = float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
+    steps = np.diff(np.unique(run.temperature))
+    quantum = float(steps.min()) if steps.size else 0.0
+    # Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
+    # cross-validation would take the steps for signal.
+    hidden = quantum / np.sqrt(12.0) if within < 0.1 * quantum else 0.0
+    spline = CubicSpline(time, _smoothed(mean, hidden))
+    return np.asarray(spline(np.clip(run.time, time[0], time[-1])), dtype=np.float64)
+
+
+def _smoothed(series: Array, hidden: float) -> Array:
+    """Whittaker's smooth of evenly spaced values.
+
+    The stiffness is that of cross-validation, or the largest that leaves a residual no bigger
+    than `hidden`, the error that the values are known to have in common with their neighbours.
+
+    The penalty's eigenvectors diagonalise every smooth at once, so that all stiffnesses cost one
+    product of matrix and vector.
+
+    Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636.
+    """
+    penalty, vectors = _penalty(series.size)
+    projected = vectors.T @ series
+    shrink = 1.0 / (1.0 + _STIFFNESSES[:, None] * penalty[None, :])
+    squares = np.sum(((1.0 - shrink) * projected) ** 2, axis=1)
+    freedom = series.size - shrink.sum(axis=1)
+    score = squares / np.maximum(freedom, 1e-9) ** 2
+    within = np.flatnonzero(squares <= series.size * hidden**2)
+    best = max(int(np.argmin(score)), int(within.max(initial=0)))
+    return np.asarray(vectors @ (shrink[best] * projected))
+
+
+@functools.lru_cache(maxsize=16)
+def _penalty(size: int) -> tuple[Array, Array]:
+    """Eigenvalues and eigenvectors of the squared second difference of `size` values."""
+    difference = np.diff(np.eye(size), n=2, axis=0)
+    values, vectors = np.linalg.eigh(difference.T @ difference)
+    return np.maximum(values, 0.0), vectors
