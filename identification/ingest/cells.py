@@ -7,7 +7,14 @@ import re
 
 from identification.ingest.display import quoted
 
-__all__ = ["expected_instead", "is_number", "is_number_word", "number_text", "split_cells"]
+__all__ = [
+    "expected_instead",
+    "is_clock",
+    "is_number",
+    "is_number_word",
+    "number_text",
+    "split_cells",
+]
 
 # No two parts can match the same digits: a cell of a megabyte costs no more than its length.
 _POINT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -18,7 +25,7 @@ _NOT_FINITE = re.compile(
 )
 _WORDS_AND_QUOTES = re.compile(r'"[^"]*"|\S+')
 _WORDS_WITH_UNITS = re.compile(r'"[^"]*"|[^\s"\[(]\S*(?:[ \t]+[\[(][^\])]{0,40}[\])])?|\S+')
-_CLOCK = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d.*")
+_CLOCK = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d[\d:.,TZ +-]*|\d{1,2}\.\d{1,2}\.\d{4}[\d:., ]*")
 
 
 def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -> list[str]:
@@ -66,10 +73,15 @@ def is_number_word(cell: str) -> bool:
     return _NOT_FINITE.fullmatch(cell) is not None
 
 
+def is_clock(cell: str) -> bool:
+    """Whether the cell is a date or a time of day."""
+    return _CLOCK.fullmatch(cell) is not None
+
+
 def expected_instead(cell: str, unit: str) -> str:
     """Say what is wrong with a cell that is no number, and what to do."""
     wrong = f"{quoted(cell)} is not a number"
-    if _CLOCK.fullmatch(cell):
+    if is_clock(cell):
         return f"{wrong}; dates and clock times are not read, write the time in seconds"
     if "," in cell and re.fullmatch(r"[+-]?[\d.,' ]+", cell):
         return (

@@ -249,8 +249,10 @@ def _duplicate(columns: list[Column], file: str) -> RunFileError:
 
 def _example(name: str, column: Column | None) -> str:
     title = _json(column.title) if column else '"HEADER TEXT"'
-    unit = canonical_unit(name).name
-    return f'{{"{name}": {{"column": {title}, "unit": "{unit}"}}}}'
+    unit = canonical_unit(name)
+    if column is not None and column.unit is not None and column.unit.quantity == unit.quantity:
+        unit = column.unit
+    return f'{{"{name}": {{"column": {title}, "unit": "{unit.name}"}}}}'
 
 
 def _json(title: str) -> str:

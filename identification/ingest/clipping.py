@@ -1,12 +1,15 @@
 """Samples at which a sensor was at its limit.
 
 A sensor at its limit writes the same highest (or lowest) number again and again, in a signal that
-otherwise never stands still, and it arrives there with a jolt.  All three are asked for, because
-each alone is also something sound: a commanded voltage stands still on every level, a motor at
-rest reads zero for long, and a simulated speed settles to its last digit softly.
+otherwise never stands still for as long.  Where the signal carries noise, that alone tells: noise
+does not stop.  Where it carries none, it has to arrive there with a jolt, since a simulated speed
+settles softly to its last digit; and a voltage without noise is never judged, since a drawn ramp
+ends on its plateau just so.  A motor at rest, which reads zero for long, is left out.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +28,9 @@ _SHARE_BELOW_LIMIT = 0.2
 _STAY_RATIO = 3
 _REST = 0.02
 _JOLT = 0.3
+_MANY_STAYS = 10
+_ORDER = 8
+_GROWTH = 1.5
 
 
 def find_clipped(
@@ -71,13 +77,14 @@ def _is_clipped(name: str, signal: Array, at_limit: Mask) -> bool:
         return False
     if below < _SHARE_BELOW_LIMIT * signal.size or abs(limit) <= _REST * span:
         return False
-    longest = int((long[:, 1] - long[:, 0]).max())
-    if longest <= _STAY_RATIO * _longest_repeat(signal, at_limit):
+    usual = _longest_repeat(signal, at_limit)
+    lengths = long[:, 1] - long[:, 0]
+    longer = int(np.count_nonzero(lengths > usual))
+    if int(lengths.max()) <= _STAY_RATIO * usual and longer < _MANY_STAYS:
         return False
-    if name == "voltage_V" and not _is_noisy(signal, at_limit):
-        # A ramp that ends on a plateau is an ordinary command.
-        return False
-    return _arrives_with_a_jolt(signal, at_limit, long)
+    if _has_noise(signal):
+        return True
+    return name != "voltage_V" and _arrives_with_a_jolt(signal, at_limit, long)
 
 
 def _stays(flags: Mask) -> NDArray[np.intp]:
@@ -98,14 +105,22 @@ def _longest_repeat(signal: Array, at_limit: Mask) -> int:
     return 1 + (int((stays[:, 1] - stays[:, 0]).max()) if stays.size else 0)
 
 
-def _is_noisy(signal: Array, at_limit: Mask) -> bool:
-    """Whether neighbouring steps differ as noise does, not as a drawn curve."""
-    step = np.diff(signal)
-    bend = np.diff(step)
-    free = ~(at_limit[:-2] | at_limit[1:-1] | at_limit[2:])
-    if not np.any(free):
+def _has_noise(signal: Array) -> bool:
+    """Whether the signal carries noise above its own resolution.
+
+    Differences of high order wipe out a smooth curve and grow by nearly 2 an order for noise; the
+    median over all samples leaves out the jumps of a stepped one.
+    """
+    if signal.size < 4 * _ORDER:
         return False
-    return bool(np.median(np.abs(bend[free])) > 0.5 * np.median(np.abs(step[:-1][free])))
+    lower = np.diff(signal, n=_ORDER - 1)
+    higher = np.median(np.abs(np.diff(lower)))
+    if higher < _GROWTH * np.median(np.abs(lower)):
+        return False
+    levels = np.diff(np.unique(signal))
+    # A standard normal's median is 0.67; the binomial is the noise gain of the difference.
+    noise = higher / (0.67 * math.sqrt(math.comb(2 * _ORDER, _ORDER)))
+    return bool(noise > np.min(levels))
 
 
 def _arrives_with_a_jolt(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:

@@ -22,7 +22,7 @@ from identification.errors import (
     NotANumber,
     RunFileError,
 )
-from identification.ingest.cells import is_number, is_number_word, split_cells
+from identification.ingest.cells import is_clock, is_number, is_number_word, split_cells
 from identification.ingest.display import listed, quoted
 from identification.ingest.header_rows import HeaderRows, Line
 from identification.ingest.names import is_channel_name
@@ -35,7 +35,6 @@ COMMENT_MARKS = ("#", "%", "//")
 _PREVIEW_LINES = 1000
 # In this order where two delimiters do equally well.
 _DELIMITERS = ("\t", ";", ",", " ")
-_CLOCK = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d[\d:.,TZ +-]*")
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -170,7 +169,7 @@ def _share_of_numbers(cells: list[str], delimiter: str) -> float:
 
 
 def _begins_a_sample(cell: str, delimiter: str) -> bool:
-    return is_number(cell, delimiter) or is_number_word(cell) or bool(_CLOCK.fullmatch(cell))
+    return is_number(cell, delimiter) or is_number_word(cell) or is_clock(cell)
 
 
 def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name: str) -> None:

@@ -42,9 +42,11 @@ def read_clean(
         For each channel (n_sample,), NaN where a slow channel is blank; or None where the lines
         are not as clean as that.
     """
+    bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
     count = text.count(b"\n") + (not text.endswith(b"\n"))
-    if b'"' in text or not _has_expected_delimiters(text, count, layout):
+    if bare is None or not _has_expected_delimiters(bare, count, layout):
         return None
+    text = bare
     # Where every column is read, the total is enough: a line too long means one too short, and a
     # missing field is a blank, which is no number.
     if (layout.delimiter == " " or len(channels) < layout.fields) and not _has_equal_rows(
@@ -59,6 +61,25 @@ def read_clean(
     if columns is None or columns[0].size != count:
         return None
     return columns if _is_finite(columns, channels, slow) else None
+
+
+def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
+    """The text without quotation marks, where each pair encloses exactly one cell.
+
+    Marks within a cell and delimiters between marks are declined: without the marks they would
+    read as something else.
+    """
+    codes = np.frombuffer(text, dtype=np.uint8)
+    quotes = np.flatnonzero(codes == ord('"'))
+    if delimiter == " " or quotes.size % 2:
+        return None
+    opening, closing = quotes[0::2], quotes[1::2]
+    edge = np.concatenate(([True], (codes == ord(delimiter)) | (codes == ord("\n")), [True]))
+    # `edge` is one sample ahead: its entry k tells about the character before k.
+    enclosed = edge[opening] & edge[closing + 2]
+    edges = np.cumsum(edge)
+    empty_between = edges[opening + 1] == edges[closing + 1]
+    return text.replace(b'"', b"") if bool(np.all(enclosed & empty_between)) else None
 
 
 def _has_expected_delimiters(text: bytes, count: int, layout: Layout) -> bool:

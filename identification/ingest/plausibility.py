@@ -77,7 +77,7 @@ def check_values(channels: dict[str, Array], time: Array, places: Places) -> lis
         warnings += _check_bounds(name, signal, places)
     warnings += _check_movement(channels, places)
     warnings += _check_small_voltage(channels["voltage_V"], places)
-    warnings += check_polarity(channels, places)
+    warnings += check_polarity(channels, time, places)
     warnings += _check_same(channels, places)
     if "position_rad" in channels:
         warnings += _check_position(channels, time, places)
@@ -106,7 +106,7 @@ def _check_bounds(name: str, signal: Array, places: Places) -> list[RunWarning]:
         value = float(signal[sample])
         raise places.error(
             AbsurdValue,
-            f"{value:.6g} {unit} is more than any brushed motor has; expected "
+            f"{value:.6g} {unit} is not what a brushed motor has; expected "
             f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}, {bounds.hint} "
             "Correct the value, or the unit with a mapping",
             name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 # Lines before an unterminated last one that show how long its last cell should be.
 _LINES_BEFORE = 20
 _BYTES_BEFORE = 20_000
+_PIECE_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,12 @@ class TableReader:
 
     def _read(self, text: bytes, first_line: int) -> None:
         columns = self._clean(text)
+        if columns is None and len(text) > _PIECE_BYTES:
+            # One bad line must not make a whole block slow.
+            for piece in _pieces(text):
+                self._read(piece, first_line)
+                first_line += piece.count(b"\n")
+            return
         if columns is None:
             columns = self._cells.read(text, first_line, self._lines)
         else:
@@ -132,3 +139,12 @@ class TableReader:
         used = any(channel.column.index == last for channel in self._channels)
         number = number_text(cells[last], self._cells.decimal or ".") is not None
         return len(cells) == self._layout.fields and (number or not used)
+
+
+def _pieces(text: bytes) -> Iterator[bytes]:
+    """Cut whole lines into pieces of whole lines."""
+    start = 0
+    while start < len(text):
+        end = text.find(b"\n", start + _PIECE_BYTES) + 1 or len(text)
+        yield text[start:end]
+        start = end

@@ -96,7 +96,7 @@ UNITS = (
         words=("rad/sec",),
     ),
     Unit("deg/s", "speed", _TURN / 360.0, symbols=("°/s", "deg_s", "deg_per_s")),
-    Unit("rev/s", "speed", _TURN, symbols=("rev_s",), words=("rps", "r/s")),
+    Unit("rev/s", "speed", _TURN, symbols=("rev_s",), words=("rps",)),
     Unit(
         "rpm",
         "speed",

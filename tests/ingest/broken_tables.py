@@ -1,0 +1,181 @@
+"""Files that are broken as texts or as tables, and what has to be said about each."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zipfile
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification import errors
+from tests.ingest.samples import CANONICAL, Dialect, record, renamed, with_cell, with_line, write
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A broken file and what has to be said about it."""
+
+    title: str
+    content: bytes
+    error: type[errors.RunFileError]
+    words: str
+    row: int | None = None
+    column: str | None = None
+
+
+def without(*names: str) -> bytes:
+    """The canonical file without some columns."""
+    return write({name: column for name, column in record().items() if name not in names})
+
+
+def beside(**columns: float) -> bytes:
+    """The canonical file with further constant columns."""
+    extra = {name: np.full(40, value) for name, value in columns.items()}
+    return write({**record(), **extra})
+
+
+def zipped() -> bytes:
+    """A workbook's kind of file: a zip archive."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    return buffer.getvalue()
+
+
+def doubled_header(name: str) -> bytes:
+    """The canonical file with one column twice under the same name."""
+    lines = write(record()).decode().splitlines()
+    lines[0] += f",{name}"
+    return "\n".join(line + ("" if at == 0 else ",1.0") for at, line in enumerate(lines)).encode()
+
+
+TIME = record()["time_s"]
+HEADER = ",".join(CANONICAL).encode()
+
+BROKEN_TABLES = (
+    Refusal("no bytes", b"", errors.EmptyFile, "empty"),
+    Refusal("a byte order mark alone", b"\xef\xbb\xbf", errors.EmptyFile, "empty"),
+    Refusal("blank lines", b"\n\r\n  \n\t\n", errors.EmptyFile, "blank lines"),
+    Refusal("header alone", HEADER + b"\n", errors.NoRows, "no line of numbers", 1),
+    Refusal("header without line end", HEADER, errors.NoRows, "no line of numbers", 1),
+    Refusal("nine samples", write(record(9)), errors.TooFewRows, "9 samples", 10),
+    Refusal("prose", b"Dear colleague,\nthe motor broke.\n", errors.NoTable, "no line with numb"),
+    Refusal("one column", b"time_s\n0.1\n0.2\n0.3\n", errors.NoTable, "no line with numbers"),
+    Refusal("comments alone", b"# time\n# volt\n", errors.NoTable, "no line with numbers"),
+    Refusal("HTML", b"<!DOCTYPE html>\n<html><p>404</p></html>\n", errors.NoTable, "numbers"),
+    Refusal("JSON", b'{"time_s": [0.0, 0.1], "voltage_V": 3}\n', errors.NoTable, "numbers"),
+    Refusal("numbers alone", with_line(1, None), errors.NoHeader, "names their 5 columns", 1),
+    Refusal("zip", zipped(), errors.NotText, "Excel workbook"),
+    Refusal("old workbook", b"\xd0\xcf\x11\xe0" + b"\0" * 99, errors.NotText, "old Excel"),
+    Refusal("gzip", gzip.compress(write(record())), errors.NotText, "gzip"),
+    Refusal("MATLAB", b"MATLAB 5.0 MAT-file, 2026" + b"\0" * 99, errors.NotText, "MATLAB"),
+    Refusal("HDF5", b"\x89HDF\r\n\x1a\n" + b"\0" * 99, errors.NotText, "HDF5"),
+    Refusal("Parquet", b"PAR1" + bytes(range(99)), errors.NotText, "Parquet"),
+    Refusal("MDF", b"MDF     4.10" + b"\0" * 99, errors.NotText, "MDF"),
+    Refusal("TDMS", b"TDSm" + b"\x0e\0\0\0" * 20, errors.NotText, "TDMS"),
+    Refusal("picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 99, errors.NotText, "picture"),
+    Refusal("zeros", bytes(5000), errors.NotText, "not text"),
+    Refusal("noise", np.random.default_rng(3).bytes(5000), errors.NotText, "not text"),
+    Refusal(
+        "UTF-16 without mark",
+        write(record(), Dialect(encoding="utf-16-le")),
+        errors.NotText,
+        "not text",
+    ),
+    Refusal("UTF-32", write(record(), Dialect(encoding="utf-32")), errors.NotText, "UTF-32"),
+    Refusal("NUL tail", write(record()) + bytes(64), errors.NotText, "lost power", 42),
+    Refusal("NUL within", with_cell("current_A", 5, "1\0"), errors.NotText, "NUL byte", 7),
+    Refusal(
+        "no voltage",
+        without("voltage_V"),
+        errors.MissingColumn,
+        "no column for voltage_V; similar columns: voltage_V has none",
+        None,
+        "voltage_V",
+    ),
+    Refusal("no time", without("time_s"), errors.MissingColumn, "no column for time_s"),
+    Refusal(
+        "three missing",
+        without("time_s", "current_A", "speed_rad_s"),
+        errors.MissingColumn,
+        "no column for time_s, current_A, speed_rad_s",
+    ),
+    Refusal(
+        "a set point only",
+        renamed(speed_rad_s="speed_set_rad_s"),
+        errors.MissingColumn,
+        "speed_rad_s has none",
+    ),
+    Refusal(
+        "a numbered motor",
+        renamed(speed_rad_s="1st motor speed [rpm]"),
+        errors.MissingColumn,
+        "speed_rad_s may be '1st motor speed",
+    ),
+    Refusal("another's name", renamed(current_A="CH2"), errors.MissingColumn, "'CH2'"),
+    Refusal(
+        "unit not given",
+        renamed(speed_rad_s="speed"),
+        errors.AmbiguousUnit,
+        "rad/s, deg/s, rev/s, rpm, krpm",
+        None,
+        "speed",
+    ),
+    Refusal("a letter for a unit", renamed(voltage_V="V"), errors.AmbiguousUnit, "has no unit"),
+    Refusal("t for a time", renamed(time_s="t"), errors.AmbiguousUnit, "s, ms, us, ns, min"),
+    Refusal(
+        "two units",
+        write(record(), units=["ms", "V", "A", "rad/s", "degC"]),
+        errors.AmbiguousUnit,
+        "two units, 's', 'ms'",
+        None,
+        "time_s",
+    ),
+    Refusal(
+        "unknown unit",
+        renamed(speed_rad_s="speed [furlong/h]"),
+        errors.UnknownUnit,
+        "'furlong/h' is not known; expected one of rad/s",
+        None,
+        "speed [furlong/h]",
+    ),
+    Refusal(
+        "mega for milli",
+        renamed(current_A="current_MA"),
+        errors.UnknownUnit,
+        "'MA' is not known; if it means mA, write it so",
+    ),
+    Refusal(
+        "ticks", beside(**{"position [ticks]": 1.0}), errors.UnknownUnit, '"position_rad": null'
+    ),
+    Refusal(
+        "degrees for a temperature",
+        renamed(temperature_degC="temperature [deg]"),
+        errors.WrongUnit,
+        "deg is a unit of angle",
+    ),
+    Refusal(
+        "a current in volts",
+        renamed(current_A="current_sensor_V"),
+        errors.WrongUnit,
+        r'"column": "current_sensor_V", "scale": NUMBER',
+        None,
+        "current_sensor_V",
+    ),
+    Refusal(
+        "two candidates",
+        renamed(speed_rad_s="speed [rpm]", temperature_degC="n [1/min]"),
+        errors.AmbiguousColumn,
+        r"'speed \[rpm\]', 'n \[1/min\]' may all be speed_rad_s",
+    ),
+    Refusal(
+        "a name twice",
+        doubled_header("current_A"),
+        errors.DuplicateColumn,
+        "columns 3, 6",
+        None,
+        "current_A",
+    ),
+)

@@ -1,0 +1,107 @@
+"""Run files made up in tests: a plausible record, and every way of writing it down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.ingest import Run
+
+Array = NDArray[np.float64]
+
+CANONICAL = ("time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_degC")
+
+
+def record(rows: int = 40, interval: float = 1e-3, seed: int = 1) -> dict[str, Array]:
+    """A record with the look of a driven motor: all channels move, with noise, in both directions.
+
+    Values have six digits behind the point, so that written and read numbers can be compared.
+    """
+    noise = np.random.default_rng(seed)
+    time = np.arange(rows) * interval
+    voltage = np.where(np.arange(rows) // 10 % 2 == 0, 12.0, -12.0) + noise.normal(0.0, 0.05, rows)
+    speed = np.cumsum(voltage) * 0.5 + noise.normal(0.0, 0.1, rows)
+    current = voltage / 10.0 - speed / 100.0 + noise.normal(0.0, 0.01, rows)
+    temperature = 25.0 + np.linspace(0.0, 2.0, rows) + noise.normal(0.0, 0.01, rows)
+    values = (time, voltage, current, speed, temperature)
+    return {name: np.round(column, 6) for name, column in zip(CANONICAL, values, strict=True)}
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written."""
+
+    delimiter: str = ","
+    decimal: str = "."
+    newline: str = "\n"
+    encoding: str = "utf-8"
+    quote: str = ""
+    trailing: bool = False
+    above: tuple[str, ...] = ()
+    blank_lines_below: int = 0
+    final_newline: bool = True
+
+
+def cell(value: float, decimal: str = ".") -> str:
+    """Shortest text that reads back as the same number."""
+    return repr(float(value)).replace(".", decimal)
+
+
+def write(
+    columns: Mapping[str, Sequence[float] | Array],
+    dialect: Dialect = Dialect(),
+    units: Sequence[str] | None = None,
+) -> bytes:
+    """Write columns under their headers as the bytes of a file."""
+    body = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    rows: list[list[str]] = [list(columns)]
+    if units is not None:
+        rows.append(list(units))
+    rows += [[cell(value, dialect.decimal) for value in row] for row in body]
+    end = dialect.delimiter if dialect.trailing else ""
+    lines = [
+        dialect.delimiter.join(f"{dialect.quote}{text}{dialect.quote}" for text in row) + end
+        for row in rows
+    ]
+    lines = [*dialect.above, *lines, *([""] * dialect.blank_lines_below)]
+    text = dialect.newline.join(lines) + (dialect.newline if dialect.final_newline else "")
+    return text.encode(dialect.encoding)
+
+
+def with_cell(channel: str, sample: int, text: str, rows: int = 40) -> bytes:
+    """The canonical file with one cell replaced; sample 0 is on line 2."""
+    lines = write(record(rows)).decode().split("\n")
+    cells = lines[sample + 1].split(",")
+    cells[CANONICAL.index(channel)] = text
+    lines[sample + 1] = ",".join(cells)
+    return "\n".join(lines).encode()
+
+
+def with_line(line: int, text: str | None, rows: int = 40) -> bytes:
+    """The canonical file with one line, counted from 1, replaced, or removed where None."""
+    lines = write(record(rows)).decode().split("\n")
+    lines[line - 1 : line] = [] if text is None else [text]
+    return "\n".join(lines).encode()
+
+
+def renamed(**headers: str) -> bytes:
+    """The canonical file with other header texts."""
+    return write({headers.get(name, name): values for name, values in record().items()})
+
+
+def changed(rows: int = 40, **values: Array | float) -> bytes:
+    """The canonical file with other values in some channels."""
+    columns = record(rows)
+    for name, value in values.items():
+        columns[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), rows).copy()
+    return write(columns)
+
+
+def channels(run: Run) -> dict[str, Array]:
+    """Channels of a run by canonical name, those that it has."""
+    every = (run.time, run.voltage, run.current, run.speed, run.temperature, run.position)
+    names = (*CANONICAL, "position_rad")
+    return {name: values for name, values in zip(names, every, strict=True) if values is not None}

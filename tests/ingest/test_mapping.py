@@ -1,0 +1,216 @@
+"""The user's mapping: what it means, and that nothing in it passes unread."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.errors import (
+    AmbiguousUnit,
+    DuplicateColumn,
+    MappingError,
+    RunFileError,
+    UnknownUnit,
+    WrongUnit,
+)
+from identification.ingest import read_mapping, read_run
+from tests.ingest.samples import channels, record, renamed, write
+
+NAMELESS = {f"CH{k}": column for k, column in enumerate(record().values())}
+
+
+def nameless(tmp_path: Path) -> Path:
+    """A file whose headers mean nothing."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(NAMELESS))
+    return path
+
+
+def mapping(**entries: object) -> dict[str, object]:
+    """A mapping of the nameless file, with some entries changed."""
+    names = ("time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_degC")
+    return {**{name: {"column": f"CH{k}"} for k, name in enumerate(names)}, **entries}
+
+
+def test_mapping_alone_gives_every_channel_in_si(tmp_path: Path) -> None:
+    """A header that says no unit and a mapping that says none are in the channel's own unit."""
+    run = channels(read_run(nameless(tmp_path), mapping=mapping()))
+
+    for name, column in record().items():
+        assert np.array_equal(run[name], column), name
+
+
+def test_scale_and_offset_come_before_the_unit(tmp_path: Path) -> None:
+    """The contract of a mapping: value = (cell * scale + offset) in the unit, here mA."""
+    entry = {"column": "CH2", "scale": 200.0, "offset": -7.0, "unit": "mA"}
+
+    run = read_run(nameless(tmp_path), mapping=mapping(current_A=entry))
+
+    expected = (record()["current_A"] * 200.0 - 7.0) * 1e-3
+    np.testing.assert_allclose(run.current, expected, rtol=1e-13)
+
+
+def test_mapping_in_a_file_is_the_same_as_the_mapping_itself(tmp_path: Path) -> None:
+    """The same words, once as a dictionary and once as JSON."""
+    said = mapping(speed_rad_s={"column": "CH3", "unit": "rpm"})
+    (tmp_path / "map.json").write_text(json.dumps(said), encoding="utf-8-sig")
+
+    assert read_mapping(tmp_path / "map.json") == read_mapping(said)
+
+
+def test_mapping_wins_over_another_column_of_the_right_name(tmp_path: Path) -> None:
+    """Two speeds, the canonical one raw and the other one chosen."""
+    path = tmp_path / "run.csv"
+    columns = {**record(), "speed_filtered": record()["speed_rad_s"] * 2.0}
+    path.write_bytes(write(columns))
+
+    run = read_run(path, mapping={"speed_rad_s": {"column": "speed_filtered"}})
+
+    assert np.array_equal(run.speed, columns["speed_filtered"])
+
+
+def test_unit_in_the_header_holds_for_a_mapped_column(tmp_path: Path) -> None:
+    """A mapping that only names the column leaves its header's mA in force."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(renamed(current_A="2nd current [mA]"))
+
+    run = read_run(path, mapping={"current_A": {"column": "2nd current [mA]"}})
+
+    np.testing.assert_allclose(run.current, record()["current_A"] * 1e-3, rtol=1e-14)
+
+
+def test_unit_that_contradicts_the_header_is_followed_with_a_warning(tmp_path: Path) -> None:
+    """The user's word is last, and the result says so."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(record()))
+    said = {"speed_rad_s": {"column": "speed_rad_s", "unit": "rpm"}}
+
+    run = read_run(path, mapping=said)
+
+    np.testing.assert_allclose(run.speed, record()["speed_rad_s"] * 2 * np.pi / 60, rtol=1e-14)
+    assert [w.code for w in run.warnings] == ["unit_overridden"]
+
+
+def test_optional_channel_mapped_to_null_is_left_out(tmp_path: Path) -> None:
+    """A position in ticks is refused by itself; null is what the message says to type."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write({**record(), "position [ticks]": np.arange(40.0)}))
+
+    run = read_run(path, mapping={"position_rad": None})
+
+    assert run.position is None
+
+
+def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
+    """Three header rows, a long name, a unit and a short name for each column."""
+    path = tmp_path / "run.csv"
+    units = ("s", "V", "A", "rad/s", "degC")
+    rows = [[f"Channel {k}" for k in range(5)], units, [f"c{k}" for k in range(5)]]
+    above = tuple(",".join(row) for row in rows)
+    body = write(record()).decode().split("\n", 1)[1]
+    path.write_text("\n".join(above) + "\n" + body)
+    said = {name: {"column": f"c{k}"} for k, name in enumerate(record())}
+
+    run = channels(read_run(path, mapping=said))
+
+    assert all(np.array_equal(run[name], column) for name, column in record().items())
+
+
+@pytest.mark.parametrize(
+    ("said", "error", "words"),
+    [
+        ({"speed": {"column": "CH3"}}, MappingError, "'speed' is no channel; expected time_s"),
+        (mapping(current_A={"column": "CH2", "scael": 2}), MappingError, "key 'scael'; expected"),
+        (mapping(current_A={"column": "CH9"}), MappingError, "the column 'CH9'; there are 'CH0'"),
+        (mapping(current_A={"column": ""}), MappingError, "has no column"),
+        (mapping(current_A={"column": 3}), MappingError, "has no column"),
+        (mapping(current_A={}), MappingError, "has no column"),
+        (mapping(current_A="CH2"), MappingError, 'expected {"column"'),
+        (mapping(current_A=None), MappingError, "cannot be left out"),
+        (mapping(current_A={"column": "CH3"}), MappingError, "both map to the column 'CH3'"),
+        (mapping(current_A={"column": "CH2", "scale": 0}), MappingError, "other than 0"),
+        (mapping(current_A={"column": "CH2", "scale": True}), MappingError, "the scale 'True'"),
+        (mapping(current_A={"column": "CH2", "scale": "2"}), MappingError, "a finite number"),
+        (mapping(current_A={"column": "CH2", "scale": math.nan}), MappingError, "'nan'"),
+        (mapping(current_A={"column": "CH2", "offset": math.inf}), MappingError, "'inf'"),
+        (mapping(current_A={"column": "CH2", "scale": 10**5000}), MappingError, "huge integer"),
+        (
+            mapping(current_A={"column": "CH2", "unit": "dB"}),
+            UnknownUnit,
+            "'dB'; expected one of A",
+        ),
+        (mapping(current_A={"column": "CH2", "unit": 1}), UnknownUnit, "the unit '1'"),
+        (mapping(current_A={"column": "CH2", "unit": "V"}), WrongUnit, "V of voltage"),
+        ([], MappingError, "a mapping is an object"),
+    ],
+)
+def test_mapping_at_fault_is_refused(
+    tmp_path: Path, said: Any, error: type[RunFileError], words: str
+) -> None:
+    """Each fault is the one put in; the file itself is sound."""
+    with pytest.raises(RunFileError, match=words) as caught:
+        read_run(nameless(tmp_path), mapping=said)
+
+    assert type(caught.value) is error
+    assert caught.value.file == "run.csv"
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "not JSON"),
+        (b"{", "not JSON"),
+        (b"[1, 2]", "a mapping is an object"),
+        (b"\xff\xff", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b'{"time_s": {"column": "a"}, "time_s": {"column": "b"}}', "'time_s' twice"),
+        (b'{"time_s": {"column": "a", "column": "b"}}', "'column' twice"),
+        (b'{"time_s": {"column": "a", "scale": ' + b"9" * 5000 + b"}}", "not JSON"),
+        (b" " * 1_000_001, "more than 1000000 bytes"),
+    ],
+)
+def test_mapping_file_at_fault_is_refused(tmp_path: Path, content: bytes, words: str) -> None:
+    """Each fault is the one written into the file."""
+    path = tmp_path / "map.json"
+    path.write_bytes(content)
+
+    with pytest.raises(MappingError, match=words) as caught:
+        read_mapping(path)
+
+    assert caught.value.file == "map.json"
+
+
+def test_mapping_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    """There is no such file."""
+    with pytest.raises(MappingError, match="cannot be opened"):
+        read_mapping(tmp_path / "map.json")
+
+
+def test_mapped_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    """Neither of two columns of one name can be meant by it."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(record()).replace(b"temperature_degC", b"current_A"))
+
+    with pytest.raises(DuplicateColumn, match="columns 3, 5 have the same name"):
+        read_run(path, mapping={"current_A": {"column": "current_A"}})
+
+
+def test_scale_on_a_column_in_milliamperes_asks_what_it_leads_to(tmp_path: Path) -> None:
+    """A scale of 0.001 may be the user's own conversion: applying both would be a guess."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(renamed(current_A="current_mA"))
+
+    with pytest.raises(AmbiguousUnit, match='add "unit": "mA" or "unit": "A"'):
+        read_run(path, mapping={"current_A": {"column": "current_mA", "scale": 0.001}})
+
+
+def test_scale_that_overflows_is_refused_at_its_cell(tmp_path: Path) -> None:
+    """1e300 times any voltage is no voltage."""
+    with pytest.raises(RunFileError, match="is not what a brushed motor|too large once scaled"):
+        read_run(nameless(tmp_path), mapping=mapping(voltage_V={"column": "CH1", "scale": 9e299}))

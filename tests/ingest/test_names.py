@@ -1,0 +1,80 @@
+"""What a header says, and what it does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.ingest.names import is_units_row, read_header, similar_to
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "unit"),
+    [
+        ("speed [rpm]", "speed", "rpm"),
+        ("Speed{rpm}", "speed", "rpm"),
+        ("n / (1/min)", "speed", "rpm"),
+        ("speed rad/s", "speed", "rad/s"),
+        ("omega_rad_per_s", "speed", "rad/s"),
+        ("motorSpeedRpm", "speed", "rpm"),
+        ("Motor Current (mA)", "current", "mA"),
+        ("I_mA", "current", "mA"),
+        ("U/V", "voltage", "V"),
+        ("t [ms]", "time", "ms"),
+        ("T [degC]", "temperature", "degC"),
+        ("theta [deg]", "angle", "deg"),
+        ("theta [degC]", "temperature", "degC"),
+        ("kelvin", "temperature", "K"),
+        ("TIME_S", "time", "s"),
+    ],
+)
+def test_header_says_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
+    """The forms that docs/run-files.md lists."""
+    said = read_header(text)
+
+    assert said.quantities == {quantity}
+    assert said.unit is not None
+    assert said.unit.name == unit
+
+
+@pytest.mark.parametrize(
+    "text", ["V", "speed", "t", "theta", "Motor current", "rot. velocity", "A"]
+)
+def test_header_without_unit_has_none(text: str) -> None:
+    """Single letters are names as often as units, and a name alone says no unit."""
+    assert read_header(text).unit is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["1st motor velocity", "m1vel", "speed_set_rpm", "battery voltage [V]", "CH1", "", "x" * 9999],
+)
+def test_header_that_is_no_exact_name_stands_for_nothing(text: str) -> None:
+    """A number, a set point, another voltage, no name at all."""
+    assert read_header(text).quantities == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "similar"),
+    [
+        ("1st motor velocity", "speed", True),
+        ("m1vel", "speed", True),
+        ("m1setvel", "speed", False),
+        ("1st motor set speed", "speed", False),
+        ("voltage_ref", "voltage", False),
+        ("battery voltage", "voltage", True),
+        ("battery voltage", "current", False),
+    ],
+)
+def test_similar_header_is_offered_unless_it_is_a_command(
+    text: str, quantity: str, similar: bool
+) -> None:
+    """Offering a set point as a measurement would invite a wrong fit."""
+    assert similar_to(text, quantity) is similar
+
+
+def test_units_row_is_told_from_names() -> None:
+    """At least half of the filled cells are units, in brackets or bare."""
+    assert is_units_row(["ms", "rad/s", "ticks", "A", ""])
+    assert is_units_row(["[s]", "(V)"])
+    assert not is_units_row(["time", "speed", "current", "A"])
+    assert not is_units_row(["", ""])

@@ -1,0 +1,328 @@
+"""Files that are accepted, in the many ways in which benches write them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.errors import AmbiguousUnit, MissingColumn, NotFinite, WrongUnit
+from identification.ingest import read_run, source, table
+from identification.ingest.scan import CellReader
+from tests.ingest.samples import CANONICAL, Dialect, channels, record, renamed, with_cell, write
+
+Array = NDArray[np.float64]
+
+REAL = Path(__file__).parents[3] / "shared" / "real"
+
+needs_real_data = pytest.mark.skipif(not REAL.is_dir(), reason="the measured runs are not here")
+
+
+def numbers(delimiter: str = ",", rows: int = 40) -> str:
+    """The samples of the record without a header."""
+    text = write(record(rows), Dialect(delimiter=delimiter)).decode()
+    return text.split("\n", 1)[1]
+
+
+LABVIEW = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\n***End_of_Header***\t\n\n"
+    "Channels\t5\nSamples\t40\t40\t40\t40\t40\nX0\t0.0\t0.0\t0.0\t0.0\n"
+    "Delta_X\t0.001\t0.001\t0.001\t0.001\n***End_of_Header***\n"
+    "Time [s]\tVoltage [V]\tCurrent [A]\tSpeed [rad/s]\tTemperature [degC]\tComment\n"
+)
+SCOPE = (
+    'Model,MSO44\n"Firmware, options",1.2\nRecord Length,40\nSample Interval,1e-3\n\n'
+    "Time,Voltage,Current,Speed,Temperature\nsecond,Volt,Ampere,rad/s,°C\n"
+)
+SAVETXT = "# recorded on bench 3\n# " + ",".join(CANONICAL) + "\n"
+THREE_ROWS = (
+    "Time;Motor voltage;Motor current;Motor speed;Winding temperature;\n"
+    "s;V;A;rad/s;degC;\nt;u_m;i_m;w_m;T_w;\n"
+)
+
+LAYOUTS = {
+    "tabs": write(record(), Dialect("\t")),
+    "semicolons and decimal commas": write(record(), Dialect(";", ",")),
+    "tabs and decimal commas": write(record(), Dialect("\t", ",")),
+    "byte order mark": write(record(), Dialect(encoding="utf-8-sig")),
+    "UTF-16": write(record(), Dialect("\t", encoding="utf-16")),
+    "UTF-16 of the other order": b"\xfe\xff" + write(record(), Dialect(encoding="utf-16-be")),
+    "Windows line ends": write(record(), Dialect(newline="\r\n")),
+    "old Macintosh line ends": write(record(), Dialect(newline="\r")),
+    "line ends converted twice": write(record(), Dialect(newline="\r\r\n")),
+    "trailing delimiters": write(record(), Dialect(";", trailing=True)),
+    "trailing delimiters below the header": write(record())
+    .replace(b"\n", b",\n")
+    .replace(b",\n", b"\n", 1),
+    "quoted cells": write(record(), Dialect(quote='"')),
+    "comments above": write(record(), Dialect(above=("# bench 3", "% motor 17", "// cold"))),
+    "comment within": write(record()).replace(b"\n0.02,", b"\n# paused here\n0.02,"),
+    "blank lines at the end": write(record(), Dialect(blank_lines_below=3)),
+    "lines of commas at the end": write(record()) + b",,,,\n,,,,\n",
+    "no final line end": write(record()).rstrip(b"\n"),
+    "Excel's first line": write(record(), Dialect(";", above=("sep=;",))),
+    "blanks": (" ".join(CANONICAL) + "\n" + numbers(" ")).encode(),
+    "runs of blanks": (
+        "  time [s]   voltage [V] current [A] speed [rad/s]  temperature [degC]\n"
+        + numbers(" ").replace(" ", "    ")
+    ).encode(),
+    "blanks after commas": write(record()).replace(b",", b", "),
+    "LabVIEW": (LABVIEW + numbers("\t")).encode(),
+    "LabVIEW with an empty comment": (LABVIEW + numbers("\t").replace("\n", "\t\n")).encode(),
+    "oscilloscope": (SCOPE + numbers()).encode(),
+    "oscilloscope in the Windows encoding": (SCOPE + numbers()).encode("cp1252"),
+    "header in a comment": (SAVETXT + numbers()).encode(),
+    "three header rows": (THREE_ROWS + numbers(";").replace("\n", ";\n")).encode(),
+    "header with a line break in a quoted cell": write(
+        {f'"{name}\n"': column for name, column in record().items()}
+    ),
+    "columns in another order": write(dict(reversed(record().items()))),
+    "columns that are not needed": write({"sample": np.arange(40.0), **record(), "x": np.ones(40)}),
+    "a column of words": write(record()).replace(b"\n", b",ok\n").replace(b",ok", b",state", 1),
+    "upper case": write({name.upper(): column for name, column in record().items()}),
+}
+
+
+@pytest.mark.parametrize("content", LAYOUTS.values(), ids=[k.replace(" ", "-") for k in LAYOUTS])
+def test_record_reads_the_same_however_it_is_laid_out(tmp_path: Path, content: bytes) -> None:
+    """The expected numbers are those of the record that was written."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(content)
+
+    run = read_run(path)
+
+    for name, column in record().items():
+        assert np.array_equal(channels(run)[name], column), name
+
+
+HEADERS = {
+    "rpm": (
+        "speed_rad_s",
+        ["speed [rpm]", "Drehzahl (U/min)", "n/min-1", "rpm", "motorSpeedRpm"],
+        60.0 / (2.0 * np.pi),
+    ),
+    "mA": ("current_A", ["current_mA", "Strom (mA)", "i in milliamps", "mA", "I / mA"], 1e3),
+    "ms": ("time_s", ["t/ms", "time_ms", "Time [ms]", "elapsed time (msec)"], 1e3),
+    "mV": ("voltage_V", ["u_mV", "Voltage, mV", "millivolts", "Spannung [mV]"], 1e3),
+}
+
+
+@pytest.mark.parametrize(
+    ("channel", "header", "per_si"),
+    [(channel, header, per) for channel, texts, per in HEADERS.values() for header in texts],
+)
+def test_unit_in_the_header_converts_the_column(
+    tmp_path: Path, channel: str, header: str, per_si: float
+) -> None:
+    """A column multiplied by the units per SI unit reads back as it was."""
+    path = tmp_path / "run.csv"
+    columns = {name if name != channel else header: column for name, column in record().items()}
+    columns[header] = columns[header] * per_si
+    path.write_bytes(write(columns, Dialect(";")))
+
+    run = channels(read_run(path))
+
+    np.testing.assert_allclose(run[channel], record()[channel], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("header", "of_celsius"),
+    [
+        ("temp_degF", lambda celsius: celsius * 9.0 / 5.0 + 32.0),
+        ("Motor temperature [°F]", lambda celsius: celsius * 9.0 / 5.0 + 32.0),
+        ("T [K]", lambda celsius: celsius + 273.15),
+        ("winding temperature in kelvin", lambda celsius: celsius + 273.15),
+        ("T/℃", lambda celsius: celsius),
+    ],
+)
+def test_temperature_scales_convert_to_celsius(
+    tmp_path: Path, header: str, of_celsius: Callable[[Array], Array]
+) -> None:
+    """The definitions of the Fahrenheit and Kelvin scales."""
+    path = tmp_path / "run.csv"
+    columns = record()
+    columns[header] = of_celsius(columns.pop("temperature_degC"))
+    path.write_bytes(write(columns))
+
+    run = read_run(path)
+
+    assert run.temperature is not None
+    np.testing.assert_allclose(run.temperature, record()["temperature_degC"], rtol=1e-12)
+
+
+def test_hash_is_that_of_the_bytes_on_disk(tmp_path: Path) -> None:
+    """Hashlib over the whole file, here larger than one block and in another encoding."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(record(100_000), Dialect(newline="\r\n", encoding="utf-16")))
+
+    run = read_run(path)
+
+    assert run.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert run.rows == 100_000
+
+
+def test_name_is_the_one_given_or_else_the_files(tmp_path: Path) -> None:
+    """A stored upload has a name of its own on disk; messages use the user's."""
+    path = tmp_path / "3f2a"
+    path.write_bytes(write(record()))
+
+    assert read_run(path).name == "3f2a"
+    assert read_run(path, name="warm run.csv").name == "warm run.csv"
+    assert read_run(path, name="a\nb\x1b").name.isprintable()
+
+
+def test_clean_file_is_never_read_cell_by_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A million rows in two seconds need the fast way; the slow one is made to fail here."""
+    path = tmp_path / "run.csv"
+
+    def slow(*_: object) -> None:
+        """Refuse to read."""
+        pytest.fail("the slow way was taken")
+
+    monkeypatch.setattr(CellReader, "read", slow)
+    for dialect in (Dialect(), Dialect("\t", ","), Dialect(" "), Dialect(";", trailing=True)):
+        path.write_bytes(write(record(), dialect))
+
+        assert read_run(path).rows == 40
+
+
+def test_slow_way_reads_the_same_numbers_as_the_fast_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fast way is made to decline, and nothing changes."""
+    path = tmp_path / "run.csv"
+    for content in LAYOUTS.values():
+        path.write_bytes(content)
+        fast = channels(read_run(path))
+        with monkeypatch.context() as patch:
+            patch.setattr(table, "read_clean", lambda *_: None)
+            slow = channels(read_run(path))
+
+        assert all(np.array_equal(fast[name], slow[name]) for name in CANONICAL)
+
+
+@pytest.mark.parametrize("size", [900, 1201])
+def test_blocks_of_any_size_give_the_same_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    """Block edges fall anywhere, within characters and line ends; the record is expected."""
+    monkeypatch.setattr(source, "_CHUNK_BYTES", size)
+    path = tmp_path / "run.csv"
+    for title, content in LAYOUTS.items():
+        path.write_bytes(content)
+
+        run = channels(read_run(path))
+
+        for name, column in record().items():
+            assert np.array_equal(run[name], column), (title, name)
+
+
+def test_bad_cell_far_down_is_named_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sample k of a canonical file is on line k + 2, in whichever block."""
+    monkeypatch.setattr(source, "_CHUNK_BYTES", 20_000)
+    path = tmp_path / "run.csv"
+    path.write_bytes(with_cell("current_A", 4995, "n/a", 5000))
+
+    with pytest.raises(NotFinite, match="row 4997, column current_A: 'n/a' is no finite"):
+        read_run(path)
+
+
+def test_temperature_logged_more_slowly_is_filled_on_straight_lines(tmp_path: Path) -> None:
+    """Every fourth temperature of a linear ramp is written; the ramp itself is expected."""
+    path = tmp_path / "run.csv"
+    columns = record(41)
+    ramp = 25.0 + 10.0 * columns["time_s"]
+    columns["temperature_degC"] = ramp
+    lines = write(columns).decode().splitlines()
+    for sample in range(41):
+        if sample % 4:
+            lines[sample + 1] = lines[sample + 1].rsplit(",", 1)[0] + ","
+    path.write_text("\n".join(lines) + "\n")
+
+    run = read_run(path)
+
+    assert run.temperature is not None
+    np.testing.assert_allclose(run.temperature, ramp, rtol=1e-12)
+    assert [(w.code, w.row) for w in run.warnings] == [("interpolated_temperature", 3)]
+
+
+def test_temperature_column_left_blank_is_a_run_without_temperature(tmp_path: Path) -> None:
+    """No value is known, so none is made up."""
+    path = tmp_path / "run.csv"
+    lines = write(record()).decode().splitlines()
+    blank = [lines[0], *(line.rsplit(",", 1)[0] + "," for line in lines[1:])]
+    path.write_text("\n".join(blank) + "\n")
+
+    run = read_run(path)
+
+    assert run.temperature is None
+    assert "blank throughout" in run.warnings[0].message
+
+
+def test_line_cut_off_by_a_power_failure_is_left_out_with_a_warning(tmp_path: Path) -> None:
+    """The record ends in the middle of its last line, line 41."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(record())[:-20])
+
+    run = read_run(path)
+
+    assert run.rows == 39
+    assert [(w.code, w.row) for w in run.warnings] == [("truncated_last_row", 41)]
+
+
+@needs_real_data
+@pytest.mark.parametrize(("file", "rows"), [("prbs_long.csv", 50_000), ("prbs_short.csv", 10_000)])
+def test_measured_servo_reads_with_its_current_sensor_scaled(file: str, rows: int) -> None:
+    """The row counts are the files'; 2.5 A/V is assumed, as the real gain is not known."""
+    path = REAL / "labeca_dc_servo" / file
+    with pytest.raises(WrongUnit, match=r'"current_A": \{"column": "current_sensor_V", "scale"'):
+        read_run(path)
+
+    run = read_run(path, mapping={"current_A": {"column": "current_sensor_V", "scale": 2.5}})
+
+    assert run.rows == rows
+    assert [w.code for w in run.warnings] == ["no_temperature"]
+    assert run.clipped == {}
+    assert run.sample_rate_hz == pytest.approx(1.0 / 0.00012)
+
+
+@needs_real_data
+def test_measured_robot_log_is_refused_with_what_is_missing() -> None:
+    """Its README: no voltage, and three motors side by side."""
+    path = REAL / "robotino_dunkermotor" / "data_for_identification_with_integral.csv"
+
+    with pytest.raises(MissingColumn, match="voltage_V has none") as caught:
+        read_run(path)
+
+    for title in ("1st motor current", "3rd motor velocity", '"column": "1st motor current"'):
+        assert title in str(caught.value)
+    assert "set speed'," not in str(caught.value).split("the file has")[0]
+
+
+def test_unused_columns_are_named_in_a_warning(tmp_path: Path) -> None:
+    """A misspelt optional channel must not disappear without a word."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(renamed(temperature_degC="temprature_degC"))
+
+    run = read_run(path)
+
+    assert [w.code for w in run.warnings] == ["no_temperature", "unused_columns"]
+    assert "temprature_degC" in run.warnings[1].message
+
+
+def test_name_without_unit_is_never_taken_for_si(tmp_path: Path) -> None:
+    """Plain names, all of them known: the first one is asked about."""
+    path = tmp_path / "run.csv"
+    names = ("t", "u", "i", "n", "temp")
+    path.write_bytes(write(dict(zip(names, record().values(), strict=True))))
+
+    with pytest.raises(AmbiguousUnit, match="has no unit"):
+        read_run(path)

@@ -1,0 +1,334 @@
+"""What is noticed in a run that is read: each remark, its place, and silence where all is well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.ingest import Run, read_run
+from tests.ingest.samples import changed, record, write
+
+Array = NDArray[np.float64]
+
+ROWS = 4000
+
+
+def motor(rows: int = ROWS, interval: float = 1e-3, seed: int = 7) -> dict[str, Array]:
+    """A small motor under random reversing steps, integrated by Euler's rule, with sensor noise.
+
+    0.6 ohm, 0.07 V s/rad, 2e-4 kg m^2; electrical lag left out.
+    """
+    random = np.random.default_rng(seed)
+    time = np.arange(rows, dtype=np.float64) * interval
+    voltage = np.repeat(random.uniform(-12.0, 12.0, rows // 100 + 1), 100)[:rows]
+    speed = np.zeros(rows)
+    for k in range(rows - 1):
+        torque = 0.07 * (voltage[k] - 0.07 * speed[k]) / 0.6
+        speed[k + 1] = speed[k] + interval * (torque - 1e-4 * speed[k]) / 2e-4
+    current = (voltage - 0.07 * speed) / 0.6
+    return {
+        "time_s": time,
+        "voltage_V": voltage + random.normal(0.0, 0.02, rows),
+        "current_A": current + random.normal(0.0, 0.05, rows),
+        "speed_rad_s": speed + random.normal(0.0, 0.3, rows),
+        "temperature_degC": 40.0 + random.normal(0.0, 0.1, rows),
+    }
+
+
+def read(tmp_path: Path, columns: dict[str, Array]) -> Run:
+    """Write columns to a file and read it."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(columns))
+    return read_run(path)
+
+
+def codes(run: Run) -> list[str]:
+    """Codes of the warnings in their order."""
+    return [warning.code for warning in run.warnings]
+
+
+def quantised(values: Array, step: float) -> Array:
+    """Values as a converter of that resolution gives them."""
+    return np.round(values / step) * step
+
+
+def test_clean_run_is_read_without_a_word(tmp_path: Path) -> None:
+    """Nothing is wrong with the simulated motor, noisy or quantised or both."""
+    columns = motor()
+    coarse = {
+        **columns,
+        "current_A": quantised(columns["current_A"], 0.05),
+        "speed_rad_s": quantised(columns["speed_rad_s"], 1.0),
+    }
+
+    assert codes(read(tmp_path, columns)) == []
+    assert codes(read(tmp_path, coarse)) == []
+    assert read(tmp_path, columns).segments == ((0, ROWS),)
+
+
+def test_run_without_noise_is_read_without_a_word(tmp_path: Path) -> None:
+    """Simulated step responses stand still on every level and settle softly: no sensor's limit."""
+    time = np.arange(3000) * 1e-3
+    settling = 1.0 - np.exp(-time / 0.05)
+    columns = {
+        "time_s": time,
+        "voltage_V": np.where(time < 0.5, 0.0, 12.0),
+        "current_A": np.where(time < 0.5, 0.0, 1.0 + 10.0 * np.exp(-(time - 0.5) / 0.05)),
+        "speed_rad_s": 150.0 * np.where(time < 0.5, 0.0, np.roll(settling, 500)),
+        "temperature_degC": np.full(3000, 25.0),
+    }
+
+    assert codes(read(tmp_path, columns)) == []
+
+
+def test_missing_temperature_is_said_and_none(tmp_path: Path) -> None:
+    """The contract: a file without temperature is a run at one unknown temperature."""
+    columns = record()
+    del columns["temperature_degC"]
+
+    run = read(tmp_path, columns)
+
+    assert run.temperature is None
+    assert codes(run) == ["no_temperature"]
+
+
+def test_gaps_cut_the_run_into_segments(tmp_path: Path) -> None:
+    """Samples 1000 to 1099 and 3000 to 3009 are taken out; lines count from 1 with the header."""
+    columns = motor()
+    keep = np.r_[0:1000, 1100:3000, 3010:ROWS]
+
+    run = read(tmp_path, {name: column[keep] for name, column in columns.items()})
+
+    assert run.segments == ((0, 1000), (1000, 2900), (2900, 3890))
+    assert [(w.code, w.row) for w in run.warnings] == [("gap", 1002)]
+    assert "2 gap(s)" in run.warnings[0].message
+
+
+def test_single_lost_sample_is_irregular_and_no_gap(tmp_path: Path) -> None:
+    """One interval of twice the median, at sample 500, on line 502."""
+    columns = motor()
+
+    run = read(tmp_path, {name: np.delete(column, 500) for name, column in columns.items()})
+
+    assert len(run.segments) == 1
+    assert [(w.code, w.row) for w in run.warnings] == [("irregular_sampling", 502)]
+
+
+def test_jitter_is_reported_with_its_size(tmp_path: Path) -> None:
+    """Every second sample is 10 % of the interval late: intervals deviate by 10 % rms."""
+    columns = motor()
+    columns["time_s"] = columns["time_s"] + 1e-4 * (np.arange(ROWS) % 2) / 2.0
+
+    run = read(tmp_path, columns)
+
+    assert codes(run) == ["irregular_sampling"]
+    assert "vary by" in run.warnings[0].message
+
+
+def test_worst_interval_behind_a_gap_is_found_at_its_line(tmp_path: Path) -> None:
+    """A gap before sample 100, then an interval three times too long before sample 200."""
+    columns = motor(400)
+    steps = np.full(399, 1e-3)
+    steps[99], steps[199] = 1.0, 3e-3
+    columns["time_s"] = np.concatenate(([0.0], np.cumsum(steps)))
+
+    run = read(tmp_path, columns)
+
+    assert [(w.code, w.row) for w in run.warnings] == [("gap", 102), ("irregular_sampling", 202)]
+
+
+def test_two_sampling_rates_are_irregular_and_no_thousand_gaps(tmp_path: Path) -> None:
+    """Half of the intervals are ten times the others: a logger's design, not lost data."""
+    columns = motor()
+    steps = np.where(np.arange(ROWS - 1) < 2500, 1e-3, 1e-2)
+    columns["time_s"] = np.concatenate(([0.0], np.cumsum(steps)))
+
+    run = read(tmp_path, columns)
+
+    assert run.segments == ((0, ROWS),)
+    assert codes(run) == ["irregular_sampling"]
+
+
+@pytest.mark.parametrize("channel", ["voltage_V", "current_A", "speed_rad_s"])
+def test_channel_that_never_moves_is_reported(tmp_path: Path, channel: str) -> None:
+    """One channel is held at one value."""
+    run = read(tmp_path, {**motor(), channel: np.full(ROWS, 1.25)})
+
+    assert [(w.code, w.column) for w in run.warnings] == [("constant_channel", channel)]
+
+
+@pytest.mark.parametrize("channel", ["current_A", "speed_rad_s"])
+@pytest.mark.parametrize("step", [None, 0.01])
+@pytest.mark.parametrize("sides", ["top", "bottom", "both"])
+def test_clipped_channel_is_marked_at_exactly_the_clipped_samples(
+    tmp_path: Path, channel: str, step: float | None, sides: str
+) -> None:
+    """The channel is cut at 60 % of its range; the mask has to be what was cut."""
+    columns = motor()
+    values = columns[channel] if step is None else quantised(columns[channel], step)
+    low = 0.6 * values.min() if sides != "top" else -np.inf
+    high = 0.6 * values.max() if sides != "bottom" else np.inf
+    columns[channel] = np.clip(values, low, high)
+
+    run = read(tmp_path, columns)
+
+    assert list(run.clipped) == [channel]
+    cut = columns[channel]
+    assert np.array_equal(run.clipped[channel], (cut == low) | (cut == high))
+    assert codes(run) == ["clipped_channel"] * (2 if sides == "both" else 1)
+    first = int(np.argmax(cut == (high if sides != "bottom" else low)))
+    assert run.warnings[0].row == first + 2
+
+
+def test_clipped_channel_without_noise_is_told_by_its_jolt(tmp_path: Path) -> None:
+    """A sine cut at 60 % arrives at the limit with its full slope; the sine itself does not."""
+    columns = motor()
+    sine = 10.0 * np.sin(np.arange(ROWS) / 100.0) + 1.0
+
+    whole = read(tmp_path, {**columns, "current_A": sine})
+    cut = read(tmp_path, {**columns, "current_A": np.minimum(sine, 6.0)})
+
+    assert "clipped_channel" not in codes(whole)
+    assert np.array_equal(cut.clipped["current_A"], sine >= 6.0)
+
+
+def test_noisy_voltage_at_its_limit_is_clipped(tmp_path: Path) -> None:
+    """Noise of 0.02 V everywhere but at the cut of 9 V."""
+    columns = motor()
+    columns["voltage_V"] = np.minimum(columns["voltage_V"], 9.0)
+
+    run = read(tmp_path, columns)
+
+    assert np.array_equal(run.clipped["voltage_V"], columns["voltage_V"] == 9.0)
+
+
+def test_commanded_trapezoid_and_motor_at_rest_are_not_clipped(tmp_path: Path) -> None:
+    """A drawn voltage stands still on its plateau, and an encoder reads zero before the start."""
+    columns = motor()
+    ramp = np.clip(np.abs(np.arange(ROWS) - 2000) / 100.0, 2.0, 12.0) - 2.0
+    columns["voltage_V"] = ramp
+    columns["speed_rad_s"] = np.where(
+        np.arange(ROWS) < 800, 0.0, np.abs(columns["speed_rad_s"]) + 5.0
+    )
+
+    run = read(tmp_path, columns)
+
+    assert run.clipped == {}
+
+
+@pytest.mark.parametrize("channel", ["current_A", "speed_rad_s"])
+def test_channel_that_holds_magnitudes_is_reported(tmp_path: Path, channel: str) -> None:
+    """The motor reverses and one channel is made unsigned."""
+    columns = motor()
+    columns[channel] = np.abs(columns[channel])
+
+    run = read(tmp_path, columns)
+
+    assert [(w.code, w.column) for w in run.warnings] == [("unsigned_channel", channel)]
+
+
+def test_two_channels_that_hold_magnitudes_are_both_reported(tmp_path: Path) -> None:
+    """Current and speed are made unsigned."""
+    columns = motor()
+    for channel in ("current_A", "speed_rad_s"):
+        columns[channel] = np.abs(columns[channel])
+
+    assert codes(read(tmp_path, columns)) == ["unsigned_channel", "unsigned_channel"]
+
+
+def test_braking_by_reversed_voltage_is_no_unsigned_speed(tmp_path: Path) -> None:
+    """After 300 samples of running up come 100 of braking, too few to turn the inertia round."""
+    columns = motor(400)
+    voltage = np.where(np.arange(400) < 300, 12.0, -3.0)
+    speed = np.zeros(400)
+    for k in range(399):
+        speed[k + 1] = speed[k] + 1e-3 * 0.07 * (voltage[k] - 0.07 * speed[k]) / 0.6 / 2e-3
+    columns["voltage_V"] = voltage + np.random.default_rng(1).normal(0.0, 0.02, 400)
+    columns["speed_rad_s"] = speed
+    columns["current_A"] = (voltage - 0.07 * speed) / 0.6
+
+    assert np.all(speed[1:] > 0.0)
+    assert codes(read(tmp_path, columns)) == []
+
+
+def test_current_of_a_hoist_keeps_its_sign_and_is_no_magnitude(tmp_path: Path) -> None:
+    """A load of 1.4 N m up and down: 20 A hold it, and the voltage follows the speed."""
+    columns = motor()
+    speed = 300.0 * np.sin(np.arange(ROWS) / 200.0)
+    current = 20.0 + 2e-4 * 1500.0 * np.cos(np.arange(ROWS) / 200.0) / 0.07
+    noise = np.random.default_rng(4).normal(0.0, 0.02, ROWS)
+    columns["speed_rad_s"], columns["current_A"] = speed, current
+    columns["voltage_V"] = 0.6 * current + 0.07 * speed + noise
+
+    assert np.all(current > 0.0)
+    assert np.min(columns["voltage_V"]) < -5.0
+    assert codes(read(tmp_path, columns)) == []
+
+
+@pytest.mark.parametrize("channel", ["current_A", "speed_rad_s"])
+def test_reversed_sensor_is_reported(tmp_path: Path, channel: str) -> None:
+    """One channel has its sign turned."""
+    columns = motor()
+    columns[channel] = -columns[channel]
+
+    assert [(w.code, w.column) for w in read(tmp_path, columns).warnings] == [
+        ("opposite_signs", channel)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "words"),
+    [
+        ("voltage_V", 150.0, "is it in millivolts"),
+        ("voltage_V", 1e-3, "is it in kilovolts"),
+        ("current_A", 500.0, "is it in milliamperes"),
+        ("speed_rad_s", 40.0, "is it in rpm"),
+        ("time_s", 1e3, "check the unit of the time"),
+    ],
+)
+def test_unusual_values_are_remarked_upon_and_not_refused(
+    tmp_path: Path, channel: str, factor: float, words: str
+) -> None:
+    """One channel is scaled to the edge of what motors do."""
+    columns = motor()
+    columns[channel] = columns[channel] * factor
+
+    run = read(tmp_path, columns)
+
+    assert [(w.code, w.column) for w in run.warnings] == [("suspicious_value", channel)]
+    assert words in run.warnings[0].message
+
+
+def test_same_numbers_in_two_channels_are_reported(tmp_path: Path) -> None:
+    """The speed is exported in place of the current."""
+    columns = motor()
+    columns["current_A"] = columns["speed_rad_s"]
+
+    assert "identical_channels" in codes(read(tmp_path, columns))
+
+
+def test_position_of_a_geared_sensor_is_reported(tmp_path: Path) -> None:
+    """The position turns a quarter as far as the speed's integral; a wrapped angle is no matter."""
+    columns = motor()
+    angle = np.concatenate(([0.0], np.cumsum(columns["speed_rad_s"][:-1] * 1e-3)))
+
+    wrapped = read(tmp_path, {**columns, "position_rad": np.mod(angle, 2.0 * np.pi)})
+    geared = read(tmp_path, {**columns, "position_rad": angle / 4.0})
+
+    assert codes(wrapped) == []
+    assert codes(geared) == ["position_disagrees"]
+    assert "0.25 times" in geared.warnings[0].message
+
+
+def test_warnings_are_one_printable_line(tmp_path: Path) -> None:
+    """A header with control characters reaches a warning, and not the terminal."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(changed().replace(b"temperature_degC", b"\x1b[31mx"))
+
+    warning = read_run(path).warnings[-1]
+
+    assert warning.message.isprintable()
+    assert warning.file == "run.csv"
