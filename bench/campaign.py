@@ -18,11 +18,11 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from bench.effects import EFFECTS, BenchEffect, RunPlan, Setup
+from bench.effects import EFFECTS, BenchEffect, Law, RunPlan, Setup
 from bench.motors import Motor, random_motor
 from bench.motors import motor as motor_named
 from bench.options import BenchOptions
@@ -41,11 +41,13 @@ class EffectRequest:
         name: Key of `bench.effects.EFFECTS`.
         size: As the effect's `size_means` says; None for the middle of its typical range.
         law: One of its laws; None for the textbook's.
+        role: Which runs have it: all, or those of one role.
     """
 
     name: str
     size: float | None = None
     law: str | None = None
+    role: Literal["all", "training", "validation"] = "all"
 
 
 @dataclass(frozen=True)
@@ -136,12 +138,42 @@ def _plan_runs(motor: Motor, options: BenchOptions, seed: int) -> list[RunPlan]:
     ]
 
 
+def _apply_to_role(setup: Setup, law: Law, size: float, role: str) -> dict[str, float]:
+    """Put an effect into the runs of one role only.
+
+    Raises:
+        ValueError: The effect is no matter of the plant or of a zero error, so that all runs have
+            it or none.
+    """
+    other = dataclasses.replace(
+        setup, plant=setup.plant.copy(), offsets={}, delays={}, difference_time=0.0
+    )
+    values = law(other, size)
+    changed = {
+        str(name): float(other.plant[name])
+        for name in other.plant.dtype.names or ()
+        if other.plant[name] != setup.plant[name]
+    }
+    if not changed and not other.offsets:
+        raise ValueError("this effect is in all runs or in none; leave its role at 'all'")
+    for run in setup.runs:
+        if run.role == role:
+            run.overrides.update(changed)
+        elif other.offsets:
+            run.offset_scale = 0.0
+    setup.offsets.update(other.offsets)
+    return values
+
+
 def _apply(setup: Setup, requests: Sequence[EffectRequest]) -> list[dict[str, Any]]:
     """Put effects into the plant and say what was put in."""
     told = []
     for request in requests:
         effect, size, law = _resolve(request)
-        values = effect.laws[law](setup, size)
+        if request.role == "all":
+            values = effect.laws[law](setup, size)
+        else:
+            values = _apply_to_role(setup, effect.laws[law], size, request.role)
         told.append(
             {
                 "name": effect.name,
@@ -149,6 +181,7 @@ def _apply(setup: Setup, requests: Sequence[EffectRequest]) -> list[dict[str, An
                 "drivers": list(effect.drivers),
                 "listed": effect.is_listed,
                 "law": law,
+                "role": request.role,
                 "size": size,
                 "size_means": effect.size_means,
                 "values": {name: float(value) for name, value in values.items()},

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["build_integrate"]
 
-_MAX_STEPS = 2_000_000  # in one interval; reached only by a plant that makes no sense
+_MAX_STEPS = 50_000  # in one interval; reached only by a plant that makes no sense
 
 
 @njit(error_model="numpy")
@@ -200,6 +200,9 @@ def _carry(
                 grid[g], grid[g + 1], h, y, k, trial, p, u, active, scale, tolerance, has_dry
             )
             states[g + 1] = y
+            if np.isnan(h):
+                states[g + 1 :] = np.nan
+                break
     return states, applied, peaks
 
 

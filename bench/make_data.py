@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.campaign import Campaign, EffectRequest, make_campaign
+from bench.data_page import data_page
 
 __all__ = ["RECIPES", "Recipe", "check", "main", "write_all"]
 
@@ -54,7 +55,12 @@ RECIPES: dict[str, Recipe] = {
 
 def _sums(folder: Path) -> str:
     """One line a file, as ``sha256sum`` writes and checks them."""
-    files = sorted(path for name in RECIPES for path in (folder / name).iterdir())
+    files = sorted(
+        path
+        for name in RECIPES
+        for path in (folder / name).iterdir()
+        if path.suffix in {".csv", ".json"}
+    )
     return "".join(
         f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(folder).as_posix()}\n"
         for path in files
@@ -62,10 +68,13 @@ def _sums(folder: Path) -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Write every campaign and the sums into a folder."""
-    for name, recipe in RECIPES.items():
-        recipe.make().write(folder / name)
-    (folder / _SUMS).write_text(_sums(folder), encoding="utf-8", newline="\n")
+    """Write every campaign, the sums and the page that explains them into a folder."""
+    campaigns = {name: recipe.make() for name, recipe in RECIPES.items()}
+    for name, campaign in campaigns.items():
+        campaign.write(folder / name)
+    sums = _sums(folder)
+    (folder / _SUMS).write_text(sums, encoding="utf-8", newline="\n")
+    (folder / "README.md").write_text(data_page(campaigns, sums), encoding="utf-8", newline="\n")
 
 
 def check(folder: Path) -> list[str]:

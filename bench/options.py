@@ -33,6 +33,9 @@ class BenchOptions:
         position: Whether an angle is logged, and whether its zero is that of the shaft.
         hold: True inter-sample behaviour of the voltage (the effect `input_hold` swaps it).
         sample_interval: [s]; None for the motor's own.
+        jitter: Scatter of the sampling instants, logged truly, in sample intervals [-].
+        sensor_range: Where current and speed clip, relative to rated; 0 for nowhere [-].
+        lost_rows: Consecutive rows missing from the middle of every run.
         moving_start: Whether runs begin in motion; at rest otherwise.
         tolerance: Relative tolerance of the simulation's steps.
     """
@@ -51,6 +54,9 @@ class BenchOptions:
     position: Literal["none", "absolute", "incremental"] = "none"
     hold: Literal["zoh", "foh"] = "zoh"
     sample_interval: float | None = None
+    jitter: float = 0.0
+    sensor_range: float = 0.0
+    lost_rows: int = 0
     moving_start: bool = True
     tolerance: float = 1e-8
 

@@ -83,6 +83,16 @@ def _start(setup: Setup, plan: RunPlan, options: BenchOptions, rng: np.random.Ge
     return state
 
 
+def _instants(options: BenchOptions, lead: int, interval: float, rng: np.random.Generator) -> Array:
+    """(lead + rows,) sampling instants, the run beginning at zero [s]."""
+    numbers = (np.arange(options.rows + lead) - lead).astype(np.float64)
+    if options.jitter > 0.0:
+        numbers += np.clip(options.jitter * rng.standard_normal(numbers.size), -0.45, 0.45)
+        numbers -= numbers[lead]
+        return np.asarray(np.round(numbers * interval, 9), np.float64)
+    return np.asarray(numbers * interval, np.float64)
+
+
 def _late_sensors(setup: Setup) -> dict[str, tuple[str, float]]:
     """Sensors that show a state other than the present current or speed."""
     late: dict[str, tuple[str, float]] = {}
@@ -126,7 +136,7 @@ def channel_decimals(setup: Setup, options: BenchOptions) -> dict[str, int]:
     if options.noise.position_step > 0.0:
         decimals["position_rad"] = 5
     interval = options.sample_interval or setup.motor.sample_interval
-    return {"time_s": decimals_for(interval), **decimals}
+    return {"time_s": 9 if options.jitter > 0.0 else decimals_for(interval), **decimals}
 
 
 def _log(
@@ -155,6 +165,9 @@ def _log(
         kind = "white" if channel == "voltage" else noise.kind
         logged = values[late:] + setup.offsets.get(channel, 0.0) * plan.offset_scale
         logged = logged + draw_noise(rows, getattr(noise, channel) * rated[channel], kind, rng)
+        if options.sensor_range > 0.0 and channel != "voltage":
+            reach = options.sensor_range * rated[channel]
+            logged = np.clip(logged, -reach, reach)
         columns[units[channel]] = quantise(logged, steps[units[channel]])
     warmth = plan.temperature + draw_noise(rows, noise.temperature, "white", rng)
     angle = run.state("angle")[late:] + draw_noise(rows, noise.position, "white", rng)
@@ -164,7 +177,9 @@ def _log(
         zero = run.state("angle")[late] if options.position == "incremental" else 0.0
         columns["position_rad"] = quantise(angle - zero, steps["position_rad"])
     decimals = channel_decimals(setup, options)
-    return pd.DataFrame({name: np.round(v, decimals[name]) for name, v in columns.items()})
+    frame = pd.DataFrame({name: np.round(v, decimals[name]) for name, v in columns.items()})
+    lost = range(rows // 2, rows // 2 + options.lost_rows)
+    return frame.drop(index=list(lost)).reset_index(drop=True)
 
 
 def record_run(
@@ -191,7 +206,7 @@ def record_run(
     lead = math.ceil(latest / interval) + 1 if latest > 0.0 else 0
     command = _command(setup, options, number, streams[0])
     stimulus = Stimulus(
-        (np.arange(options.rows + lead) - lead).astype(np.float64) * interval,
+        _instants(options, lead, interval, streams[1]),
         np.concatenate([np.full(lead, command[0]), command]),
         np.concatenate([np.full(lead, plan.temperature[0]), plan.temperature]),
         setup.is_linear,

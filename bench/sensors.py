@@ -14,9 +14,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NOISELESS", "Noise", "decimals_for", "draw_noise", "quantise", "round_step"]
+__all__ = [
+    "NOISELESS",
+    "Noise",
+    "NoiseKind",
+    "decimals_for",
+    "draw_noise",
+    "quantise",
+    "round_step",
+]
 
 Array = NDArray[np.float64]
+NoiseKind = Literal["white", "coloured", "spiky"]
 _COLOUR = 0.9
 _SPIKE_SHARE = 0.005
 _SPIKE_SIZE = 10.0
@@ -43,7 +52,7 @@ class Noise:
     voltage: float = 2e-5
     temperature: float = 0.1
     position: float = 0.0
-    kind: Literal["white", "coloured", "spiky"] = "white"
+    kind: NoiseKind = "white"
     step: float = 0.25
     temperature_step: float = 0.1
     position_step: float = 2.0 * math.pi / 8192

@@ -186,7 +186,10 @@ def simulate(
         any(plant[name] > 0 for name in _DRY),
     )  # fmt: skip
     if not np.all(np.isfinite(states)):
-        raise SimulationFailed("the plant diverged; expected a plant that is stable at this load")
+        raise SimulationFailed(
+            "the plant diverged or is too stiff for the step; expected one that is stable under "
+            "this load, with no time constant below a ten-thousandth of the sample interval"
+        )
     seen = {
         sensor: states[np.searchsorted(grid, np.maximum(knots - delay, knots[0])), _INDEX[name]]
         for sensor, (name, delay) in late.items()
