@@ -32,9 +32,7 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         if self.hold not in ("auto", "zoh", "foh"):
-            raise OptionError(
-                f"hold is {self.hold!r}; expected auto, zoh or foh", value=self.hold
-            )
+            raise OptionError(f"hold is {self.hold!r}; expected auto, zoh or foh", value=self.hold)
         if not 0 <= self.seed < 2**32:
             raise OptionError(
                 f"seed is {self.seed}; expected a whole number from 0 to 4294967295",

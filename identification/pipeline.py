@@ -1,8 +1,8 @@
 """The whole job, from runs to a result: the only file that knows the order of the stages.
 
-    identification = identify(training, validation)
-    identification.result["parameters"]["Ra25"]["median"]
-    identification.write(Path("out"))
+identification = identify(training, validation)
+identification.result["parameters"]["Ra25"]["median"]
+identification.write(Path("out"))
 """
 
 from __future__ import annotations

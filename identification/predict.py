@@ -19,7 +19,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.errors import InputError
 from identification.fit.initial import fitted_initial_states
 from identification.ingest.run import Run
-from identification.model.composite import MotorModel
+from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
@@ -90,7 +90,7 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
     try:
         entries = result["declared"]["parameters"] if declared else result["parameters"]
         terms = () if declared else tuple(_term(effect) for effect in result.get("effects", ()))
-        hold = result["declared"].get("hold") or result.get("hold") or "zoh"
+        hold: Hold = result["declared"].get("hold") or "zoh"
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"the result has no {error}; expected a result.json of schema_version 1 as written by "

@@ -206,7 +206,7 @@ def _max_lag(runs: Sequence[Array], asked: int | None, usual: int = 60) -> int:
 
 
 def _energy(run: Array) -> float:
-    # Not np.dot: for these lengths the threads of the linear algebra library cost more than they do.
+    # Not np.dot: its threads cost more than they save at the length of a run.
     return float(np.sum(np.square(run)))
 
 

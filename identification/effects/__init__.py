@@ -1,0 +1,1 @@
+"""What real motors have beyond the declared model: the catalogue and the search."""

@@ -5,7 +5,7 @@ Adding one is a class in one of the files beside this and a line here.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from identification.effects.electrical import BrushDrop, FluxSaturation, InductanceSaturation
 from identification.effects.friction import (
@@ -40,7 +40,7 @@ from identification.effects.thermal import (
 
 __all__ = ["CATALOGUE"]
 
-CATALOGUE: Final = {
+CATALOGUE: Final[dict[str, Any]] = {
     "coulomb_friction": CoulombFriction,
     "stribeck_friction": StribeckFriction,
     "quadratic_drag": QuadraticDrag,

@@ -148,7 +148,13 @@ def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Par
     middle = float(np.sqrt(lower * upper))
     width = float(np.log(upper / lower) / np.sqrt(12.0))
     return Parameter(
-        name, unit, meaning, search="log", lower=lower, upper=upper, prior_mean=middle,
+        name,
+        unit,
+        meaning,
+        search="log",
+        lower=lower,
+        upper=upper,
+        prior_mean=middle,
         prior_sd=2.0 * width,
     )
 

@@ -49,8 +49,13 @@ class BrushDrop(AbstractVoltage):
         """Voltage and knee."""
         return (
             amplitude("voltage", "V", "voltage lost at both brushes", self.voltage_size),
-            shape("knee", "A", "current at the knee", 3e-3 * self.current_size,
-                  1.5 * self.current_size),
+            shape(
+                "knee",
+                "A",
+                "current at the knee",
+                3e-3 * self.current_size,
+                1.5 * self.current_size,
+            ),
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -64,9 +69,7 @@ class BrushDrop(AbstractVoltage):
         term = cls(survey.voltage, survey.current)
         knees = (0.02, 0.1, 0.4)
         return [
-            Candidate(
-                term, columns(*[(0.03 * survey.voltage, k * survey.current) for k in knees])
-            )
+            Candidate(term, columns(*[(0.03 * survey.voltage, k * survey.current) for k in knees]))
         ]
 
 
@@ -96,8 +99,15 @@ class FluxSaturation(AbstractCoefficient):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Fall at the reference current, and its exponent."""
         return (
-            Parameter("fall", "-", f"relative fall of Kt at {self.reference:.4g} A", scale=0.05,
-                      lower=0.0, upper=3.0, prior_sd=5.0),
+            Parameter(
+                "fall",
+                "-",
+                f"relative fall of Kt at {self.reference:.4g} A",
+                scale=0.05,
+                lower=0.0,
+                upper=3.0,
+                prior_sd=5.0,
+            ),
             shape("exponent", "-", "power of the current", 0.8, 6.0),
         )
 
@@ -136,8 +146,15 @@ class InductanceSaturation(AbstractCoefficient):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Fall at the reference current, and its exponent."""
         return (
-            Parameter("fall", "-", f"relative fall of L at {self.reference:.4g} A", scale=0.2,
-                      lower=0.0, upper=20.0, prior_sd=10.0),
+            Parameter(
+                "fall",
+                "-",
+                f"relative fall of L at {self.reference:.4g} A",
+                scale=0.2,
+                lower=0.0,
+                upper=20.0,
+                prior_sd=10.0,
+            ),
             shape("exponent", "-", "power of the current", 0.8, 6.0),
         )
 

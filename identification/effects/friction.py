@@ -58,8 +58,13 @@ class CoulombFriction(AbstractTorque):
         return (
             amplitude("torque", "N m", "dry friction torque", self.torque_size),
             Parameter(
-                "asymmetry", "-", "half the difference between the directions over their mean",
-                scale=0.1, lower=-0.6, upper=0.6, prior_sd=2.0,
+                "asymmetry",
+                "-",
+                "half the difference between the directions over their mean",
+                scale=0.1,
+                lower=-0.6,
+                upper=0.6,
+                prior_sd=2.0,
             ),
         )
 
@@ -81,8 +86,8 @@ class StribeckFriction(AbstractTorque):
 
         tau = -T_s exp(-(|w| / w_s)^d) sgn w                                [N m]
 
-    With d between one half and two the family holds Tustin's law, the Gaussian one and, closely, the
-    Lorentzian one of Hess and Soom.
+    With d between one half and two the family holds Tustin's law, the Gaussian one and, closely,
+    the Lorentzian one of Hess and Soom.
 
     Args:
         torque_size: Natural torque [N m].
@@ -107,8 +112,13 @@ class StribeckFriction(AbstractTorque):
         """Torque, speed and exponent."""
         return (
             amplitude("torque", "N m", "extra friction at standstill", self.torque_size),
-            shape("speed", "rad/s", "speed at which it has fallen to 1/e",
-                  5.0 * self.width, 1.0 * self.speed_size),
+            shape(
+                "speed",
+                "rad/s",
+                "speed at which it has fallen to 1/e",
+                5.0 * self.width,
+                1.0 * self.speed_size,
+            ),
             shape("exponent", "-", "steepness of the fall", 0.5, 3.0),
         )
 
@@ -185,8 +195,15 @@ class ViscousTemperature(AbstractCoefficient):
     )
     coefficient: ClassVar[str] = "b"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("rate", "1/K", "relative fall of the friction per kelvin",
-                  scale=5e-3, lower=-0.05, upper=0.1, prior_sd=3.0),
+        Parameter(
+            "rate",
+            "1/K",
+            "relative fall of the friction per kelvin",
+            scale=5e-3,
+            lower=-0.05,
+            upper=0.1,
+            prior_sd=3.0,
+        ),
     )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:

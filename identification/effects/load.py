@@ -93,11 +93,17 @@ class LoadStep(AbstractTorque):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque, and the times at which it comes and goes."""
-        time = {"scale": self.duration / 50, "lower": -self.duration, "upper": 2 * self.duration,
-                "prior_mean": self.duration / 2, "prior_sd": 50.0}
+        time = {
+            "scale": self.duration / 50,
+            "lower": -self.duration,
+            "upper": 2 * self.duration,
+            "prior_mean": self.duration / 2,
+            "prior_sd": 50.0,
+        }
         return (
-            amplitude("torque", "N m", f"load in run {self.run + 1}", self.torque_size,
-                      signed=True),
+            amplitude(
+                "torque", "N m", f"load in run {self.run + 1}", self.torque_size, signed=True
+            ),
             Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
             Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
         )
@@ -165,10 +171,12 @@ class CoggingTorque(AbstractTorque):
         return (order, *amplitudes) if self.logged else (order,)
 
     @property
-    def states(self) -> tuple[State, ...]:
+    def states(self) -> tuple[State, ...]:  # type: ignore[override]
         """Amplitudes that each record has for itself, where the angle is not logged."""
-        return () if self.logged else tuple(
-            State(name, "N m", scale=self.torque_size) for name in _HARMONICS
+        return (
+            ()
+            if self.logged
+            else tuple(State(name, "N m", scale=self.torque_size) for name in _HARMONICS)
         )
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
@@ -226,8 +234,15 @@ class InertiaChange(AbstractCoefficient):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The relative change."""
         return (
-            Parameter("change", "-", f"relative change of the inertia in run {self.run + 1}",
-                      scale=0.1, lower=-0.9, upper=20.0, prior_sd=10.0),
+            Parameter(
+                "change",
+                "-",
+                f"relative change of the inertia in run {self.run + 1}",
+                scale=0.1,
+                lower=-0.9,
+                upper=20.0,
+                prior_sd=10.0,
+            ),
         )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -272,8 +287,9 @@ class ShaftCompliance(AbstractTorque):
         """Inertia ratio, resonance and damping."""
         return (
             shape("ratio", "-", "second inertia over the first", 0.003, 30.0),
-            shape("resonance", "rad/s", "resonance of the second inertia", self.slowest,
-                  self.fastest),
+            shape(
+                "resonance", "rad/s", "resonance of the second inertia", self.slowest, self.fastest
+            ),
             shape("damping", "-", "damping ratio", 0.002, 2.0),
         )
 

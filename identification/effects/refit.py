@@ -64,9 +64,7 @@ def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], steps: int) 
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
     )
-    return replanned(
-        solve(simulator, coordinates, coordinates.of(values), states, plain, steps)
-    )
+    return replanned(solve(simulator, coordinates, coordinates.of(values), states, plain, steps))
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:

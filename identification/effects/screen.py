@@ -86,8 +86,10 @@ def _scores_by_record(
         for number in range(gains.size):
             span = slice(number * group, (number + 1) * group)
             square = np.column_stack(
-                [gradient_of(deviation[:, :, j], deviation[:, :, span], fit.weighting, k)
-                 for j in range(span.start, span.stop)]
+                [
+                    gradient_of(deviation[:, :, j], deviation[:, :, span], fit.weighting, k)
+                    for j in range(span.start, span.stop)
+                ]
             )
             gains[number] += _gain(square, right[span])[0]
     count = len(candidate.final.parameters)
@@ -142,7 +144,7 @@ def _normal(
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))
     for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
-        bad = ~np.isfinite(deviation).all(axis=(0, 1))
+        bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
         right += gradient_of(residual, safe, weighting, k)
         both = np.zeros((n + fit.simulator.n_state, count))

@@ -199,7 +199,11 @@ def _forward(state: _State, round_: int) -> bool:
             chosen = outcome
         state.searched.append(
             Searched(
-                score.candidate.term.name, round_, score.gain, gates, take,
+                score.candidate.term.name,
+                round_,
+                score.gain,
+                gates,
+                take,
                 _variant(score.candidate),
             )
         )

@@ -214,8 +214,15 @@ class ChannelDelay(AbstractDelay):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The delay."""
         return (
-            Parameter("delay", "s", f"lag of the {self.channel} channel", scale=self.interval,
-                      lower=0.0, upper=(self.depth - 0.01) * self.interval, prior_sd=10.0),
+            Parameter(
+                "delay",
+                "s",
+                f"lag of the {self.channel} channel",
+                scale=self.interval,
+                lower=0.0,
+                upper=(self.depth - 0.01) * self.interval,
+                prior_sd=10.0,
+            ),
         )
 
     @classmethod

@@ -57,8 +57,14 @@ class SelfHeating(AbstractTemperature):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Thermal resistance and time constant."""
         return (
-            Parameter("resistance", "K/W", "rise of the winding over its loss",
-                      scale=10.0 / self.power_size, lower=0.0, prior_sd=20.0),
+            Parameter(
+                "resistance",
+                "K/W",
+                "rise of the winding over its loss",
+                scale=10.0 / self.power_size,
+                lower=0.0,
+                prior_sd=20.0,
+            ),
             shape("time_constant", "s", "time constant of the rise", self.fastest, self.slowest),
         )
 
@@ -102,8 +108,9 @@ class _Lag(AbstractTemperature):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The time constant."""
-        return (shape("time_constant", "s", "time constant of the lag", self.fastest,
-                      self.slowest),)
+        return (
+            shape("time_constant", "s", "time constant of the lag", self.fastest, self.slowest),
+        )
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
@@ -130,7 +137,7 @@ class _Lag(AbstractTemperature):
 class WindingLag(_Lag):
     """The logged temperature and that of the winding differ by a lag.
 
-        dT_w/dt = (T - T_w) / tau                                           [K/s]
+    dT_w/dt = (T - T_w) / tau                                           [K/s]
     """
 
     name: ClassVar[str] = "winding_lag"
@@ -144,7 +151,7 @@ class WindingLag(_Lag):
 class MagnetLag(_Lag):
     """The magnet follows the logged temperature slowly.
 
-        dT_m/dt = (T - T_m) / tau                                           [K/s]
+    dT_m/dt = (T - T_m) / tau                                           [K/s]
     """
 
     name: ClassVar[str] = "magnet_lag"
@@ -158,7 +165,7 @@ class MagnetLag(_Lag):
 class ResistanceCurvature(AbstractCoefficient):
     """A second-order term in Ra(T).
 
-        Ra -> Ra (1 + c (T - 25)^2)                                         [ohm]
+    Ra -> Ra (1 + c (T - 25)^2)                                         [ohm]
     """
 
     name: ClassVar[str] = "resistance_curvature"
@@ -167,8 +174,15 @@ class ResistanceCurvature(AbstractCoefficient):
     source: ClassVar[str] = "IEC 60751 (second-order law of metal resistance)"
     coefficient: ClassVar[str] = "Ra"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("curvature", "1/K^2", "second-order coefficient of the resistance",
-                  scale=5e-6, lower=-1e-4, upper=1e-4, prior_sd=5.0),
+        Parameter(
+            "curvature",
+            "1/K^2",
+            "second-order coefficient of the resistance",
+            scale=5e-6,
+            lower=-1e-4,
+            upper=1e-4,
+            prior_sd=5.0,
+        ),
     )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -211,11 +225,19 @@ class Demagnetization(AbstractCoefficient):
         """Loss, temperature and width."""
         span = self.hottest - self.coldest
         return (
-            Parameter("loss", "-", "share of Kt lost", scale=0.05, lower=-0.5, upper=0.9,
-                      prior_sd=5.0),
-            Parameter("temperature", "degC", "temperature that has to be passed",
-                      scale=span / 20, lower=self.coldest, upper=self.hottest,
-                      prior_mean=0.5 * (self.coldest + self.hottest), prior_sd=20.0),
+            Parameter(
+                "loss", "-", "share of Kt lost", scale=0.05, lower=-0.5, upper=0.9, prior_sd=5.0
+            ),
+            Parameter(
+                "temperature",
+                "degC",
+                "temperature that has to be passed",
+                scale=span / 20,
+                lower=self.coldest,
+                upper=self.hottest,
+                prior_mean=0.5 * (self.coldest + self.hottest),
+                prior_sd=20.0,
+            ),
             shape("width", "K", "range over which the loss grows", 0.3, 1.5 * span),
         )
 

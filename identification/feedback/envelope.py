@@ -67,9 +67,10 @@ def time_below(modes: Modes, level: float) -> Array:
         rest = np.sum(weights[loop] * np.exp(exponents - largest[..., None]), axis=-1)
         return np.asarray(np.log(rest / level) + largest)
 
-    found = elementwise.find_root(
-        excess, (np.zeros_like(latest), latest), args=(np.arange(latest.size),)
-    )
+    with np.errstate(all="ignore"):
+        found = elementwise.find_root(
+            excess, (np.zeros_like(latest), latest), args=(np.arange(latest.size),)
+        )
     modal = np.where(found.success, found.x, latest)
     return np.asarray(np.minimum(modal, newton) * (1 + _ROUNDING))
 

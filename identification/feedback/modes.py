@@ -30,6 +30,7 @@ Index = NDArray[np.intp]
 
 # Poles closer than 1/t are summed as a series around their mean; the terms fall like 1/k!.
 _SERIES_TERMS: Final = 18
+_SMALLEST_GAP: Final = 1e-150
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Modes:
             value = value * self.poles + self.numerator[:, k, None]
         apart = self.poles[:, :, None] - self.poles[:, None, :]
         apart += np.eye(self.poles.shape[1])
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.asarray(value / apart.prod(axis=2))
 
 
@@ -87,8 +88,9 @@ def _pair(p: Complex, q: Complex, time: Array) -> Complex:
     """f[p, q]; the pole that decays slower is drawn out, so that nothing overflows."""
     slow, fast = np.where(p.real >= q.real, p, q), np.where(p.real >= q.real, q, p)
     z = (fast - slow) * time
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(z == 0, 1.0, np.expm1(z) / z)
+    # Complex division overflows on subnormal numbers, where the quotient is 1 to all digits.
+    is_zero = np.abs(z) < _SMALLEST_GAP
+    ratio = np.where(is_zero, 1.0, np.expm1(z) / np.where(is_zero, 1.0, z))
     return np.asarray(np.exp(slow * time) * time * ratio)
 
 
@@ -101,7 +103,7 @@ def _triple(poles: Complex, time: Array) -> Complex:
     left = np.where(widest == 0, q, p)
     right = np.where(widest == 2, q, r)
     middle = np.where(widest == 0, p, np.where(widest == 1, q, r))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         apart = (_pair(left, middle, time) - _pair(middle, right, time)) / (left - right)
     together = gaps.max(axis=0) * time < 1
     if not np.any(together):

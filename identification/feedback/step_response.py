@@ -277,5 +277,7 @@ def _root(
     """Roots between brackets of opposite sign, to the last digits."""
     if not rows.size:
         return np.empty(0)
-    found = elementwise.find_root(function, bracket, args=(rows,))
+    # The search divides by differences of values that may be equal, and then bisects.
+    with np.errstate(all="ignore"):
+        found = elementwise.find_root(function, bracket, args=(rows,))
     return np.asarray(found.x)

@@ -1,0 +1,1 @@
+"""Estimation: starting values, least squares on the simulation error, noise, identifiability."""

@@ -17,11 +17,11 @@ from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
 from identification.fit.solve import Fit, solve
 from identification.fit.start import starting_values
-from identification.model.weighting import Weighting
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
+from identification.model.weighting import Weighting
 
 __all__ = ["fit_declared", "replanned", "settled"]
 
@@ -61,14 +61,12 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
 
 
 def settled(fit: Fit) -> Fit:
-    """The fit with those quantities in linear coordinates that may be zero for all that is known."""
+    """The fit with quantities that may be zero, for all the data say, made linear."""
     deviations = np.sqrt(np.diag(fit.equations.covariance())) * fit.coordinates.slopes(fit.position)
     coordinates = linear_where_uncertain(fit.coordinates, fit.values, deviations)
     if coordinates.parameters == fit.coordinates.parameters:
         return fit
-    return solve(
-        fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting
-    )
+    return solve(fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting)
 
 
 def replanned(fit: Fit) -> Fit:
@@ -94,9 +92,7 @@ def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> 
     return [candidates[:, k] for k in order if np.isfinite(cost[k])]
 
 
-def _stiff_enough(
-    model: MotorModel, records: Sequence[Record], candidates: Array
-) -> Simulator:
+def _stiff_enough(model: MotorModel, records: Sequence[Record], candidates: Array) -> Simulator:
     """A simulator whose plan suits the stiffest candidate."""
     plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
     return Simulator(model, tuple(records), max(plans, key=lambda plan: plan.rate))

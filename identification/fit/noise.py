@@ -102,9 +102,7 @@ def _whitening(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array,
     return taps[0], taps[1]
 
 
-def _student_weights(
-    weighting: Weighting, residuals: Sequence[Array]
-) -> tuple[Array, ...] | None:
+def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, ...] | None:
     """Weights of the samples under the best Student-t law, None where the normal law is as good."""
     weights = [np.ones_like(residual) for residual in residuals]
     heavy = False
@@ -151,12 +149,11 @@ def effective_shares(fit: Fit) -> Array:
     n = fit.position.size
     plain, gradient = np.zeros((n, n)), np.zeros((n, n))
     for channel in range(2):
-        series = [
-            fit.weighting.whitened(residual[:, channel], channel) for residual in residuals
-        ]
+        series = [fit.weighting.whitened(residual[:, channel], channel) for residual in residuals]
         taps = autoregression(series)
-        power = np.sqrt(np.mean(np.concatenate(
-            [signal.lfilter(taps, [1.0], s) ** 2 for s in series])))
+        power = np.sqrt(
+            np.mean(np.concatenate([signal.lfilter(taps, [1.0], s) ** 2 for s in series]))
+        )
         deviation = float(fit.weighting.deviation[channel])
         for k, tangent in enumerate(tangents):
             root = np.sqrt(fit.weighting.sample_weights(k)[:, channel])[:, None]

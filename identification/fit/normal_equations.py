@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.weighting import Weighting
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
+from identification.model.weighting import Weighting
 
 __all__ = ["NormalEquations", "gradient_of", "normal_equations", "products", "state_precision"]
 
@@ -88,7 +88,7 @@ class NormalEquations:
             weighting: Noise model.
 
         Source:
-            Transtrum and Sethna, arXiv:1201.5885 (2012), geodesic acceleration.
+            Geodesic acceleration by Transtrum and Sethna, arXiv preprint 1201.5885 (2012).
         """
         n = position.size
         gradient, state_gradients = np.zeros(n), []
@@ -121,13 +121,13 @@ class NormalEquations:
                 break
             free &= ~beyond
         step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
-        moved = [
-            np.linalg.solve(matrix, right - coupling @ step)
+        moved: list[Array] = [
+            np.asarray(np.linalg.solve(matrix, right - coupling @ step))
             for matrix, coupling, right in zip(
                 self.state_matrices, self.couplings, state_gradients, strict=True
             )
         ]
-        return step, moved
+        return np.asarray(step), moved
 
     def covariance(self) -> Array:
         """Covariance of the search coordinates, prior included."""
@@ -187,9 +187,7 @@ def normal_equations(
     )
 
 
-def products(
-    residual: Array, tangent: Array, weighting: Weighting, k: int
-) -> tuple[Array, Array]:
+def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> tuple[Array, Array]:
     """J'WJ and J'Wr of one record.
 
     Args:

@@ -69,14 +69,16 @@ def linear_where_uncertain(
     """
     ra, kt = float(values[0]), float(values[2])
     changed = []
-    for parameter, value, deviation in zip(
-        coordinates.parameters, values, deviations, strict=True
-    ):
+    for parameter, value, deviation in zip(coordinates.parameters, values, deviations, strict=True):
         if parameter.name in _MAY_VANISH and not value > _CERTAIN * deviation:
             scale = parameter.prior_mean + (kt**2 / ra if parameter.name == "b" else 0.0)
             lower = 0.0 if parameter.name == "b" else parameter.lower
             parameter = replace(
-                parameter, search="linear", lower=lower, scale=scale, prior_mean=0.0,
+                parameter,
+                search="linear",
+                lower=lower,
+                scale=scale,
+                prior_mean=0.0,
                 prior_sd=_LINEAR_WIDTH,
             )
         changed.append(parameter)

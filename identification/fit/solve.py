@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.normal_equations import NormalEquations, normal_equations
-from identification.model.weighting import Weighting
-from identification.model.excitation import Record
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
+from identification.model.weighting import Weighting
 
 __all__ = ["Fit", "solve"]
 
@@ -114,7 +113,7 @@ def solve(
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))
         if cost - costs[best] < _STRAIGHT * equations.decrement - _ENOUGH:
-            bent = _bent(simulator, equations, coordinates, at, x0, trial, weighting)
+            bent = _bent(simulator, equations, coordinates, (at, x0), trial, weighting)
             bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
             if bent_costs.min() < costs[best]:
                 trial, costs, sized = bent, bent_costs, bent_sized
@@ -137,8 +136,7 @@ def _bent(
     simulator: Simulator,
     equations: NormalEquations,
     coordinates: Coordinates,
-    at: Array,
-    x0: Sequence[Array],
+    place: tuple[Array, Sequence[Array]],
     trial: tuple[Array, list[Array]],
     weighting: Weighting,
 ) -> tuple[Array, list[Array]]:
@@ -146,6 +144,7 @@ def _bent(
 
     The second derivative along each step comes from one more simulation a tenth of the way.
     """
+    at, x0 = place
     steps = trial[0] - at[:, None]
     moves = [end - start[:, None] for end, start in zip(trial[1], x0, strict=True)]
     probe = simulator.logged(
@@ -163,9 +162,7 @@ def _bent(
         if not all(np.isfinite(curve).all() for curve in second):
             continue
         bend, state_bends = equations.bend(damping, at, coordinates, second, weighting)
-        position[:, lane] = np.clip(
-            position[:, lane] + bend, coordinates.lower, coordinates.upper
-        )
+        position[:, lane] = np.clip(position[:, lane] + bend, coordinates.lower, coordinates.upper)
         for k, state_bend in enumerate(state_bends):
             states[k][:, lane] += state_bend
     return position, states
@@ -182,7 +179,7 @@ def refit(fit: Fit, **changes: object) -> Fit:
 def _ladder(
     equations: NormalEquations, coordinates: Coordinates, at: Array, x0: Sequence[Array]
 ) -> tuple[Array, list[Array]]:
-    """Steps for every damping: (n_parameter, n_damping) and for each record (n_state, n_damping)."""
+    """Steps for every damping: (n_parameter, n_damping), and (n_state, n_damping) a record."""
     ends = [equations.step(damping, at, coordinates) for damping in _LADDER]
     position = np.column_stack([at + step for step, _ in ends])
     states = [

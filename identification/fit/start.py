@@ -72,14 +72,10 @@ def _scales(records: Sequence[Record], interval: float) -> Array:
     inertia = 50.0 * interval * (friction + constant**2 / resistance)
     inductance = resistance * 2.0 * interval
     slopes = (_TYPICAL["alpha_Ra"], _TYPICAL["alpha_Kt"])
-    return np.array(
-        [resistance, slopes[0], constant, slopes[1], inertia, friction, inductance]
-    )
+    return np.array([resistance, slopes[0], constant, slopes[1], inertia, friction, inductance])
 
 
-def _regressed(
-    records: Sequence[Record], cutoff: float, interval: float, scales: Array
-) -> Array:
+def _regressed(records: Sequence[Record], cutoff: float, interval: float, scales: Array) -> Array:
     electrical, mechanical = [], []
     for record in records:
         e, m = _rows(record, cutoff, interval)
@@ -104,9 +100,7 @@ def _regressed(
     floor = 1e-3 * constant**2 / resistance
     friction = max(float(friction), floor) if np.isfinite(friction) else floor
     inductance = max(float(inductance), 0.05 * resistance * interval)
-    return np.array(
-        [resistance, alpha_ra, constant, alpha_kt, inertia, friction, inductance]
-    )
+    return np.array([resistance, alpha_ra, constant, alpha_kt, inertia, friction, inductance])
 
 
 def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]:

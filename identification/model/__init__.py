@@ -1,0 +1,1 @@
+"""The motor in symbols, and its simulation."""

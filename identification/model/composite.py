@@ -180,8 +180,9 @@ class MotorModel:
     def _own_states(self, state: Expression) -> list[Values]:
         own, start = [], 2
         for term in self.terms:
-            own.append(SimpleNamespace(**{s.name: state[start + k]
-                                          for k, s in enumerate(term.states)}))
+            own.append(
+                SimpleNamespace(**{s.name: state[start + k] for k, s in enumerate(term.states)})
+            )
             start += len(term.states)
         return own
 

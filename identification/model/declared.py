@@ -39,9 +39,7 @@ DECLARED = (
 """Parameters of the declared model; data give `b`, `L` their scales and the logarithms centres."""
 
 
-def coefficient_at(
-    reference: Expression, slope: Expression, temperature: Expression
-) -> Expression:
+def coefficient_at(reference: Expression, slope: Expression, temperature: Expression) -> Expression:
     """Ra(T) or Kt(T) from its value at 25 degC (equations 11 and 12).
 
     Args:

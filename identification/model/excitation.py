@@ -165,8 +165,9 @@ def smooth_temperature(run: Run) -> Array:
     # Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
     # cross-validation would take the steps for signal.
     hidden = quantum / np.sqrt(12.0) if within < 0.1 * quantum else 0.0
-    spline = CubicSpline(time, _smoothed(mean, hidden))
-    return np.asarray(spline(np.clip(run.time, time[0], time[-1])), dtype=np.float64)
+    # Natural ends: half a span beyond the first and the last mean the curve goes on straight.
+    spline = CubicSpline(time, _smoothed(mean, hidden), bc_type="natural")
+    return np.asarray(spline(run.time), dtype=np.float64)
 
 
 def _smoothed(series: Array, hidden: float) -> Array:

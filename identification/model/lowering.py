@@ -139,9 +139,7 @@ class _Lowering:
         if value.name not in self._spread:
             lines = self._lines["shared"]
             single, spread = self._new(), self._new()
-            lines.append(
-                f"  {single} = insertelement {_VECTOR} poison, double {value.name}, i64 0"
-            )
+            lines.append(f"  {single} = insertelement {_VECTOR} poison, double {value.name}, i64 0")
             lines.append(
                 f"  {spread} = shufflevector {_VECTOR} {single}, {_VECTOR} poison, "
                 f"<{LANES} x i32> zeroinitializer"
@@ -199,16 +197,15 @@ class _Lowering:
     ) -> _Value:
         """Operations that LLVM has no word for, in terms of those it has."""
         first = names[0]
-        if operation == ca.OP_ASSIGN:
-            return emit(f"fadd {kind} {first}, {number(-0.0)}")
-        if operation == ca.OP_NEG:
-            return emit(f"fneg {kind} {first}")
-        if operation == ca.OP_SQ:
-            return emit(f"fmul {_FLAGS} {kind} {first}, {first}")
-        if operation == ca.OP_TWICE:
-            return emit(f"fadd {_FLAGS} {kind} {first}, {first}")
-        if operation == ca.OP_INV:
-            return emit(f"fdiv {_FLAGS} {kind} {number(1.0)}, {first}")
+        simple = {
+            ca.OP_ASSIGN: f"fadd {kind} {first}, {number(-0.0)}",
+            ca.OP_NEG: f"fneg {kind} {first}",
+            ca.OP_SQ: f"fmul {_FLAGS} {kind} {first}, {first}",
+            ca.OP_TWICE: f"fadd {_FLAGS} {kind} {first}, {first}",
+            ca.OP_INV: f"fdiv {_FLAGS} {kind} {number(1.0)}, {first}",
+        }
+        if operation in simple:
+            return emit(simple[operation])
         if operation == ca.OP_TANH:
             double = emit(f"fmul {kind} {first}, {number(2.0)}")
             power = emit(self._call("exp", kind, [double.name]))

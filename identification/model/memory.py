@@ -43,8 +43,7 @@ def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.f
 
 def remembered(
     model: MotorModel,
-    state: Expression,
-    following: Expression,
+    states: tuple[Expression, Expression],
     memory: Expression,
     inputs: tuple[Expression, Expression],
     parameter: Expression,
@@ -54,8 +53,7 @@ def remembered(
 
     Args:
         model: The model.
-        state: (n_state,) at the beginning of the interval.
-        following: (n_state,) at its end.
+        states: (n_state,) at the beginning and at the end of the interval.
         memory: (n_memory,) of the intervals before.
         inputs: Inputs at the beginning and at the end of the interval.
         parameter: (n_parameter,).
@@ -66,7 +64,7 @@ def remembered(
     """
     interval = inputs[0][0]
     values, slopes = [], []
-    for x, u in zip((state, following), inputs, strict=True):
+    for x, u in zip(states, inputs, strict=True):
         value, slope = _value_and_slope(model, x, u, parameter)
         values.append(value)
         slopes.append(slope * interval)
@@ -93,12 +91,9 @@ def _delayed(term: AbstractDelay) -> tuple[int, ...]:
 def _value_and_slope(
     model: MotorModel, state: Expression, inputs: Expression, parameter: Expression
 ) -> tuple[Expression, Expression]:
-    x, u, p = (ca.SX.sym(n, s.numel()) for n, s in
-               (("x", state), ("u", inputs), ("p", parameter)))
+    x, u, p = (ca.SX.sym(n, s.numel()) for n, s in (("x", state), ("u", inputs), ("p", parameter)))
     logged = model.logged(x, u, p)
-    function = ca.Function(
-        "slope", [x, u, p], [logged, ca.jtimes(logged, x, model.rates(x, u, p))]
-    )
+    function = ca.Function("slope", [x, u, p], [logged, ca.jtimes(logged, x, model.rates(x, u, p))])
     value, slope = function(state, inputs, parameter)
     return value, slope
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,12 +64,19 @@ class Coordinates:
             [1.0 if parameter.search == "log" else parameter.scale for parameter in parameters]
         )
         with np.errstate(divide="ignore"):
-            self.lower = self.of(np.array([p.lower if p.search == "linear" else max(p.lower, 0.0)
-                                           for p in parameters]))
+            self.lower = self.of(
+                np.array(
+                    [p.lower if p.search == "linear" else max(p.lower, 0.0) for p in parameters]
+                )
+            )
             self.upper = self.of(np.array([p.upper for p in parameters]))
         self.prior_mean = self.of(
-            np.array([p.prior_mean if p.search == "linear" or p.prior_mean > 0 else 1.0
-                      for p in parameters])
+            np.array(
+                [
+                    p.prior_mean if p.search == "linear" or p.prior_mean > 0 else 1.0
+                    for p in parameters
+                ]
+            )
         )
         self.prior_sd = np.array([p.prior_sd for p in parameters])
 
@@ -77,15 +84,19 @@ class Coordinates:
         """Coordinates of physical values (n_parameter, ...)."""
         log = self._shaped(self._log, values)
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(log, np.log(np.where(log, values, 1.0)),
-                            values / self._shaped(self._scale, values))
+            return np.where(
+                log, np.log(np.where(log, values, 1.0)), values / self._shaped(self._scale, values)
+            )
 
     def values(self, coordinates: Array) -> Array:
         """Physical values of coordinates (n_parameter, ...)."""
         log = self._shaped(self._log, coordinates)
         with np.errstate(over="ignore"):
-            return np.where(log, np.exp(np.where(log, coordinates, 0.0)),
-                            coordinates * self._shaped(self._scale, coordinates))
+            return np.where(
+                log,
+                np.exp(np.where(log, coordinates, 0.0)),
+                coordinates * self._shaped(self._scale, coordinates),
+            )
 
     def slopes(self, coordinates: Array) -> Array:
         """Derivative of each physical value by its own coordinate (n_parameter,)."""
@@ -101,6 +112,6 @@ class Coordinates:
         return np.where(inside, -0.5 * np.sum(deviation**2, axis=0), -np.inf)
 
     @staticmethod
-    def _shaped(vector: NDArray[np.generic], like: Array) -> Array:
-        shaped: Array = vector.reshape(vector.shape + (1,) * (np.ndim(like) - 1))
+    def _shaped(vector: NDArray[Any], like: Array) -> NDArray[Any]:
+        shaped: NDArray[Any] = vector.reshape(vector.shape + (1,) * (np.ndim(like) - 1))
         return shaped

@@ -11,15 +11,33 @@ from identification.model.composite import INPUTS, MotorModel
 __all__ = ["printed_equations"]
 
 _INFIX: Final = {
-    ca.OP_ADD: (" + ", 1), ca.OP_SUB: (" - ", 1), ca.OP_MUL: (" ", 2), ca.OP_DIV: (" / ", 2),
-    ca.OP_LT: (" < ", 0), ca.OP_LE: (" <= ", 0), ca.OP_EQ: (" = ", 0),
+    ca.OP_ADD: (" + ", 1),
+    ca.OP_SUB: (" - ", 1),
+    ca.OP_MUL: (" ", 2),
+    ca.OP_DIV: (" / ", 2),
+    ca.OP_LT: (" < ", 0),
+    ca.OP_LE: (" <= ", 0),
+    ca.OP_EQ: (" = ", 0),
 }
 _NAMED: Final = {
-    ca.OP_SQRT: "sqrt", ca.OP_EXP: "exp", ca.OP_LOG: "ln", ca.OP_SIN: "sin", ca.OP_COS: "cos",
-    ca.OP_FABS: "abs", ca.OP_TANH: "tanh", ca.OP_SIGN: "sgn",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "ln",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_FABS: "abs",
+    ca.OP_TANH: "tanh",
+    ca.OP_SIGN: "sgn",
 }
-_SYMBOLS: Final = {"current": "i", "speed": "w", "voltage": "v", "temperature": "T",
-                   "angle": "phi", "time": "t", "peak_temperature": "T_peak"}
+_SYMBOLS: Final = {
+    "current": "i",
+    "speed": "w",
+    "voltage": "v",
+    "temperature": "T",
+    "angle": "phi",
+    "time": "t",
+    "peak_temperature": "T_peak",
+}
 
 
 def printed_equations(model: MotorModel) -> dict[str, str]:

@@ -38,6 +38,8 @@ def rate_of(
     """Largest spectral radius of h df/dx over the records, where `states` pass through [-].
 
     Args:
+        model: The model.
+        records: What drives it.
         values: (n_parameter,) physical.
         states: For each record (n_point, n_state) states to look at.
     """
@@ -124,7 +126,10 @@ class Simulator:
 
     @staticmethod
     def fitting(
-        model: MotorModel, records: Sequence[Record], values: Array, parts: int = 1,
+        model: MotorModel,
+        records: Sequence[Record],
+        values: Array,
+        parts: int = 1,
         margin: float = 1.5,
     ) -> Simulator:
         """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
@@ -166,9 +171,7 @@ class Simulator:
     def _logged_scan(self) -> Scan:
         return scan_of(step_function(self.model, self.plan))
 
-    def misfit(
-        self, values: Array, states: Sequence[Array], weighting: Weighting
-    ) -> Array:
+    def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
 
         The sums are kept in the carry, so that nothing is written to memory on the way; this is

@@ -121,7 +121,7 @@ def step_function(model: MotorModel, plan: Plan) -> ca.Function:
     if model.delays:
         end = _inputs_within(model, inputs, 1, 1)[0]
         memory, logged = remembered(
-            model, state, advanced, carry[n:], (inputs, end), parameter, logged
+            model, (state, advanced), carry[n:], (inputs, end), parameter, logged
         )
         advanced = ca.vertcat(advanced, memory)
     return ca.Function("step", [carry, inputs, parameter], [advanced, logged])
@@ -131,8 +131,10 @@ def advance(
     model: MotorModel, plan: Plan, state: Expression, inputs: Expression, parameter: Expression
 ) -> Expression:
     """State at the end of the sample interval, (n_state,) expression."""
-    x, u, p = (ca.SX.sym(name, symbol.numel()) for name, symbol in
-               (("x", state), ("u", inputs), ("p", parameter)))
+    x, u, p = (
+        ca.SX.sym(name, symbol.numel())
+        for name, symbol in (("x", state), ("u", inputs), ("p", parameter))
+    )
     rates = model.rates(x, u, p)
     slope = ca.SX.sym("du", u.numel())
     linear = ca.Function(
@@ -190,8 +192,7 @@ def _by_action(
 ) -> Expression:
     """The increment by the Taylor series acting on vectors.
 
-    Args:
-        drift: h df/dt, so that the interval appears to the same power in both vectors.
+    `drift` is h df/dt, so that the interval appears to the same power in both vectors.
     """
     scaled = interval * jacobian
     # Horner's rule: the last vector of the sum, f + h df/dt / 2 + ..., is built from the inside.

@@ -102,11 +102,11 @@ class AbstractTerm(ABC):
     """A piece of physics with a name; see the module's docstring for its kinds."""
 
     name: ClassVar[str]
-    equation: ClassVar[Literal["electrical", "mechanical", "thermal", "sensor"]]
+    equation: ClassVar[str]  # electrical, mechanical, thermal or sensor
     drivers: ClassVar[tuple[str, ...]]
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    states: Any = ()
+    states: ClassVar[tuple[State, ...]] = ()
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term [unit of the state / s]."""
@@ -132,7 +132,7 @@ class AbstractVoltage(AbstractTerm):
 class AbstractCoefficient(AbstractTerm):
     """A factor on one of the coefficients of the declared equations."""
 
-    coefficient: ClassVar[Literal["Ra", "Kt", "L", "J", "b"]]
+    coefficient: ClassVar[str]  # Ra, Kt, L, J or b
 
     @abstractmethod
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -142,7 +142,7 @@ class AbstractCoefficient(AbstractTerm):
 class AbstractTemperature(AbstractTerm):
     """The temperature of winding or magnet, where it is not the logged one."""
 
-    body: ClassVar[Literal["winding", "magnet"]]
+    body: ClassVar[str]  # winding or magnet
 
     @abstractmethod
     def felt(
@@ -162,7 +162,7 @@ class AbstractSupply(AbstractTerm):
 class AbstractSensor(AbstractTerm):
     """What a sensor logs, where it is not the state itself."""
 
-    channel: ClassVar[Literal["current", "speed"]]
+    channel: ClassVar[str]  # current or speed
 
     @abstractmethod
     def logged(

@@ -1,0 +1,1 @@
+"""What the data leave uncertain: the posterior density and its sampling."""

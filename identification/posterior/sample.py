@@ -122,9 +122,7 @@ class _Independent:
         self._centre = centre
         self._root = np.linalg.cholesky(covariance)
 
-    def __call__(
-        self, coordinates: Array, random: np.random.RandomState
-    ) -> tuple[Array, Array]:
+    def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
         n_walker, n_dim = coordinates.shape
         normal = random.randn(n_walker, n_dim)
         size = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=n_walker))
@@ -134,7 +132,7 @@ class _Independent:
     def _log_density(self, points: Array) -> Array:
         scaled = np.linalg.solve(self._root, (points - self._centre).T)
         distance = np.sum(scaled**2, axis=0)
-        return -0.5 * (_FREEDOM + points.shape[1]) * np.log1p(distance / _FREEDOM)
+        return np.asarray(-0.5 * (_FREEDOM + points.shape[1]) * np.log1p(distance / _FREEDOM))
 
 
 def _start(

@@ -122,14 +122,13 @@ def _by_run(simulated: list[Simulated], runs: tuple[Run, ...]) -> list[Array]:
 def _coefficients(findings: Findings) -> list[CoefficientCurve]:
     logged = np.concatenate([r.column("temperature") for r in findings.campaign.training])
     wanted = findings.options.temperatures
-    grid = np.linspace(
-        min(logged.min(), *wanted), max(logged.max(), *wanted), _POINTS
-    )
+    grid = np.linspace(min(logged.min(), *wanted), max(logged.max(), *wanted), _POINTS)
     curves = []
     for name, unit, reference, slope in (
         ("Ra", "ohm", "Ra25", "alpha_Ra"),
         ("Kt", "N m/A", "Kt25", "alpha_Kt"),
     ):
+
         def spread(draws: dict[str, Array]) -> Array:
             values = draws[reference][:, None] * (  # noqa: B023
                 1 + draws[slope][:, None] * (grid - 25.0)  # noqa: B023
@@ -140,7 +139,12 @@ def _coefficients(findings: Findings) -> list[CoefficientCurve]:
         changed = findings.final is not findings.declared
         curves.append(
             CoefficientCurve(
-                name, unit, grid, median, low, high,
+                name,
+                unit,
+                grid,
+                median,
+                low,
+                high,
                 before=spread(findings.declared_draws)[1] if changed else None,
             )
         )

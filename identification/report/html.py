@@ -21,6 +21,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from identification.diagnosis.residual import Correlation
 from identification.report.data import ReportData, RunTraces, StepResponse
 from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
 from identification.report.figures.correlation import correlation_figure
@@ -28,8 +29,15 @@ from identification.report.figures.curves import coefficient_figure, step_figure
 from identification.report.figures.missing import missing_over_time, missing_term_figure
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
-from identification.report.numbers import number_text, percent_text, unit_text
-from identification.report.residuals import residual_checks
+from identification.report.numbers import (
+    count_text,
+    number_text,
+    percent_text,
+    probability_text,
+    signed_percent_text,
+    unit_text,
+)
+from identification.report.residuals import ResidualCheck, coloured_channels, residual_checks
 from identification.report.result import finite_or_null
 from identification.report.summary import key_figures, summary_sentences
 from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
@@ -51,20 +59,22 @@ def render_report(data: ReportData) -> str:
         HTML text, UTF-8 when written.
     """
     result = data.result
+    checks = _checks_by_role(data.runs)
+    coloured = coloured_channels(next(iter(checks.values()), []))
     return _environment().get_template("report.html.j2").render(
         data=data,
         result=result,
         policy=content_security_policy(),
         scripts=[_asset(name) for name in _SCRIPTS],
         styles=[_asset(name) for name in _STYLES],
-        sentences=summary_sentences(result),
-        key_figures=key_figures(result),
+        sentences=summary_sentences(result, coloured),
+        key_figures=key_figures(result, coloured),
         parameters=parameter_rows(data),
         runs=list(zip(run_rows(data), [Markup(run_thumbnail(run)) for run in data.runs],
                       strict=True)),
         payload=_payload(data),
         has_before=any(run.before_speed is not None for run in data.runs),
-        checks=_check_figures(data.runs),
+        checks=_check_figures(checks),
         coefficients=_coefficient_figures(data),
         steps=[Markup(step_figure(steps)) for steps in _by_controller(data.steps)],
         feedback=feedback_tables(result["feedback"]),
@@ -101,6 +111,9 @@ def _environment() -> Environment:
     environment.filters |= {
         "number": number_text,
         "percent": percent_text,
+        "probability": probability_text,
+        "change": signed_percent_text,
+        "count": count_text,
         "unit": unit_text,
         "words": lambda name: str(name).replace("_", " "),
     }
@@ -129,31 +142,45 @@ def _payload(data: ReportData) -> Markup:
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
-def _check_figures(runs: Sequence[RunTraces]) -> list[dict[str, Any]]:
-    """Residual pictures by role, the deciding role first."""
-    found = []
-    for role in ("validation", "training"):
-        checks = residual_checks([run for run in runs if run.role == role])
-        figures = [
-            {
-                "title": f"{check.channel.capitalize()} residual with {against}",
-                "figure": Markup(
-                    correlation_figure(
-                        f"{check.channel} residual with {against}, {role} runs", after, before,
-                        "lag [samples]",
-                    )
-                ),
-                "outside": after.outside,
-            }
-            for check in checks
-            for against, after, before in (
-                ("its own past", check.own, check.own_before),
-                ("the voltage", check.voltage, check.voltage_before),
-            )
-        ]  # fmt: skip
-        if figures:
-            found.append({"role": role, "figures": figures})
-    return found
+def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:
+    """Correlations of each role that has runs long enough, the deciding role first."""
+    found = {
+        role: residual_checks([run for run in runs if run.role == role])
+        for role in ("validation", "training")
+    }
+    return {role: checks for role, checks in found.items() if checks}
+
+
+def _check_figures(checks_by_role: dict[str, list[ResidualCheck]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "role": role,
+            "figures": [
+                _check_figure(check.channel, against, stage, correlation)
+                for check in checks
+                for against, before, after in (
+                    ("its own past", check.own_before, check.own),
+                    ("the voltage", check.voltage_before, check.voltage),
+                )
+                for stage, correlation in (("before", before), ("after", after))
+                if correlation is not None
+            ],
+        }
+        for role, checks in checks_by_role.items()
+    ]
+
+
+def _check_figure(
+    channel: str, against: str, stage: str, correlation: Correlation
+) -> dict[str, Any]:
+    title = f"{channel.capitalize()} residual with {against}"
+    drawing = correlation_figure(title, correlation, "lag [samples]", is_before=stage == "before")
+    return {
+        "title": title,
+        "stage": stage,
+        "outside": correlation.outside,
+        "figure": Markup(drawing),
+    }
 
 
 def _coefficient_figures(data: ReportData) -> list[dict[str, Any]]:

@@ -9,7 +9,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["UNKNOWN", "Interval", "interval_text", "number_text", "percent_text", "unit_text"]
+__all__ = [
+    "UNKNOWN",
+    "Interval",
+    "count_text",
+    "interval_text",
+    "number_text",
+    "percent_text",
+    "probability_text",
+    "scaled_unit",
+    "signed_percent_text",
+    "unit_power",
+    "unit_text",
+]
 
 UNKNOWN = "–"
 
@@ -49,6 +61,9 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
         Texts; a part that is unknown is an en dash.
     """
     known = [value for value in (median, low, high) if value is not None]
+    if known and not any(known):
+        middle, lower, upper = ("0" if value == 0.0 else UNKNOWN for value in (median, low, high))
+        return Interval(middle, lower, upper, "")
     exponent = _exponent(max((abs(value) for value in known), default=0.0))
     scale = 10.0**-exponent
     if low is not None and high is not None and high > low:
@@ -64,6 +79,8 @@ def number_text(value: float | None, digits: int = 4) -> str:
     """Write one number to `digits` significant digits; an en dash where it is unknown."""
     if value is None or not math.isfinite(value):
         return UNKNOWN
+    # Rounded first: 0.99996 to four digits is 1.000, with one digit before the point.
+    value = float(f"{value:.{digits - 1}e}")
     exponent = _exponent(abs(value))
     scaled = value * 10.0**-exponent
     decimals = min(max(digits - _leading(abs(scaled)), 0), 9)
@@ -77,9 +94,42 @@ def percent_text(share: float | None, digits: int = 3) -> str:
     return f"{number_text(100.0 * share, digits)} %"
 
 
+def probability_text(share: float | None) -> str:
+    """Write a probability as per cent with one decimal, never as a certainty that it is not."""
+    if share is None or not math.isfinite(share):
+        return UNKNOWN
+    if 0.0 < share < 0.001:
+        return "< 0.1 %"
+    return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.1f} %"
+
+
+def signed_percent_text(share: float | None) -> str:
+    """Write a change as per cent with its sign; an en dash where it is unknown."""
+    if share is None or not math.isfinite(share):
+        return UNKNOWN
+    percent = 100.0 * share
+    digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
+    return f"{percent:+.{digits}f} %".replace("-", "−")
+
+
+def count_text(value: int | None) -> str:
+    """Write a count with narrow spaces between thousands; an en dash where it is unknown."""
+    return UNKNOWN if value is None else f"{value:,}".replace(",", "\u202f")
+
+
 def unit_text(unit: str) -> str:
     """The unit with its signs: ``kg m^2`` becomes ``kg·m²``, and an unknown one stays."""
     return _UNITS.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+
+
+def unit_power(size: float) -> int:
+    """Power of ten to take out of an axis whose largest value is `size`; none for plain numbers."""
+    return 0 if size == 0.0 or 0.05 <= size < 1000.0 else math.floor(math.log10(size))
+
+
+def scaled_unit(unit: str, power: int) -> str:
+    """The unit behind the power of ten that was taken out, such as ``10⁻⁵ kg·m²``."""
+    return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
 
 
 def _exponent(size: float) -> int:
@@ -103,4 +153,8 @@ def _fixed(value: float | None, scale: float, decimals: int) -> str:
 
 
 def _power(exponent: int) -> str:
-    return f" ×10{str(exponent).translate(_SUPERSCRIPT)}" if exponent else ""
+    return f" ×{_ten(exponent)}" if exponent else ""
+
+
+def _ten(exponent: int) -> str:
+    return f"10{str(exponent).translate(_SUPERSCRIPT)}"

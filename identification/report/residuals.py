@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from identification.diagnosis.residual import (
     Correlation,
@@ -18,10 +19,12 @@ from identification.diagnosis.residual import (
 from identification.report.data import RunTraces
 from identification.report.decimate import gaps
 
-__all__ = ["ResidualCheck", "channel_whiteness", "residual_checks"]
+__all__ = ["ResidualCheck", "channel_whiteness", "coloured_channels", "residual_checks"]
 
 Array = NDArray[np.float64]
 
+_CHANCE = 1e-4
+"""Share of reports in which white noise may be called coloured."""
 _SHORTEST = 8
 """Pieces with fewer samples say nothing about lags."""
 
@@ -65,6 +68,24 @@ def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
             )
         )
     return checks
+
+
+def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
+    """Channels whose final residual leaves the band of white noise more often than chance allows.
+
+    Counted are lags, not their size: over a million samples a correlation of 0.003 is significant
+    at one lag, and means nothing to anyone.
+    """
+    return [
+        check.channel
+        for check in checks
+        if stats.binom.sf(
+            round(check.own.outside * check.own.lags.size) - 1,
+            check.own.lags.size,
+            1.0 - check.own.level,
+        )
+        < _CHANCE
+    ]
 
 
 def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:

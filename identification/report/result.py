@@ -67,15 +67,15 @@ def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
     """QUANTITY from draws.
 
     A metric can be undefined for some draws: an unstable loop has no settling time.  Numbers are
-    then those of the draws that have one, and ``defined`` says which share of the draws that is; a
-    quantity that no draw has is null throughout.
+    then those of the draws that have one, and ``defined_fraction`` says which share of the draws
+    that is; a quantity that no draw has is null throughout.
 
     Args:
         draws: (n_draw,) in `unit`; NaN or infinity where undefined.
         unit: Unit as the contract spells it.
 
     Returns:
-        Mean, standard deviation, quantiles, unit, and ``defined`` where it is below 1.
+        Mean, standard deviation, quantiles, unit, and ``defined_fraction`` where it is below 1.
     """
     values = np.asarray(draws, dtype=np.float64).ravel()
     finite = values[np.isfinite(values)]
@@ -85,7 +85,7 @@ def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
         low, median, high = np.quantile(finite, _QUANTILES)
         entry = _entry(unit, finite.mean(), finite.std(), (low, median, high))
     if finite.size < values.size:
-        entry["defined"] = finite.size / values.size
+        entry["defined_fraction"] = finite.size / values.size
     return entry
 
 

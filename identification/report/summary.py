@@ -6,7 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from identification.report.numbers import UNKNOWN, interval_text, number_text, percent_text
+from identification.report.numbers import (
+    UNKNOWN,
+    count_text,
+    interval_text,
+    number_text,
+    percent_text,
+    probability_text,
+)
 
 __all__ = ["KeyFigure", "key_figures", "summary_sentences"]
 
@@ -26,15 +33,30 @@ class KeyFigure:
     tone: str = "plain"
 
 
-def summary_sentences(result: Entry) -> list[str]:
-    """What was done, what was found, how good it is and what it means for the loop."""
-    sentences = [_campaign(result["runs"]), _effects(result), _quality(result), _identified(result)]
-    sentences.append(_loop(result["feedback"]))
+def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
+    """What was done, what was found, how good it is and what it means for the loop.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is no white noise on the deciding runs.
+    """
+    sentences = [
+        _campaign(result["runs"]),
+        _effects(result),
+        _quality(result, coloured),
+        _identified(result),
+        _loop(result["feedback"]),
+    ]
     return [sentence for sentence in sentences if sentence]
 
 
-def key_figures(result: Entry) -> list[KeyFigure]:
-    """Noise ratios, identified parameters, and the loop cold and hot."""
+def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
+    """Noise ratios, identified parameters, and the loop cold and hot.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is no white noise on the deciding runs.
+    """
     role, errors = _deciding_errors(result)
     figures = [
         KeyFigure(
@@ -43,7 +65,7 @@ def key_figures(result: Entry) -> list[KeyFigure]:
             f"{percent_text(1.0 - errors[channel]['nrmse'], 4)} fit"
             if errors[channel]["nrmse"] is not None
             else "",
-            _tone(errors[channel]["noise_ratio"]),
+            _tone(errors[channel]["noise_ratio"], channel in coloured),
         )
         for channel in ("current", "speed")
         if errors.get(channel)
@@ -83,7 +105,7 @@ def _campaign(runs: Sequence[Entry]) -> str:
 def _runs_and_rows(runs: Sequence[Entry]) -> str:
     rows = sum(int(run["rows"]) for run in runs)
     noun = "run" if len(runs) == 1 else "runs"
-    return f"{len(runs)} {noun} with {rows:,} samples".replace(",", "\u202f")
+    return f"{len(runs)} {noun} with {count_text(rows)} samples"
 
 
 def _effects(result: Entry) -> str:
@@ -92,16 +114,17 @@ def _effects(result: Entry) -> str:
         drivers = f", depending on {_list(effect['drivers'])}" if effect["drivers"] else ""
         name = effect["name"].replace("_", " ")
         part = f"{name} in the {effect['equation']} equation{drivers}"
-        if effect["probability"] is not None:
-            part += f" (probability {percent_text(effect['probability'], 3)})"
-        others = [item["name"].replace("_", " ") for item in effect["alternatives"]]
-        if others:
-            part += f", which the data cannot tell from {_list(others)}"
+        chances = [f"probability {probability_text(effect['probability'])}"]
+        chances += [
+            f"{item['name'].replace('_', ' ')} instead {probability_text(item['probability'])}"
+            for item in effect["alternatives"]
+        ]
+        part += f" ({', '.join(chances)})"
         parts.append(part)
     return f"The declared model lacked {'; and '.join(parts)}." if parts else ""
 
 
-def _quality(result: Entry) -> str:
+def _quality(result: Entry, coloured: Sequence[str]) -> str:
     role, errors = _deciding_errors(result)
     ratios = {
         channel: errors[channel]["noise_ratio"]
@@ -112,7 +135,13 @@ def _quality(result: Entry) -> str:
         return ""
     told = _list([f"{number_text(ratio, 3)} in {name}" for name, ratio in ratios.items()])
     worst = max(ratios.values())
-    if worst <= _DOWN_TO_NOISE:
+    if worst <= _NEAR_NOISE and coloured:
+        # Where the noise is estimated from the same residuals, a ratio of 1 proves nothing.
+        verdict = (
+            f"yet the residual of {_list(coloured)} is not white, so either the sensor is slow or "
+            "the model misses something (see Residuals)"
+        )
+    elif worst <= _DOWN_TO_NOISE:
         verdict = "that is as close as the sensors can tell"
     elif worst <= _NEAR_NOISE:
         verdict = "a small part of the error is more than sensor noise"
@@ -178,7 +207,9 @@ def _list(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _tone(ratio: float | None) -> str:
+def _tone(ratio: float | None, is_coloured: bool) -> str:
     if ratio is None:
         return "plain"
+    if is_coloured:
+        return "fair" if ratio <= _NEAR_NOISE else "bad"
     return "good" if ratio <= _DOWN_TO_NOISE else "fair" if ratio <= _NEAR_NOISE else "bad"

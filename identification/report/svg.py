@@ -20,7 +20,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification.report.numbers import number_text
 
-__all__ = ["Frame", "axes", "band", "dots", "line", "path", "span", "svg", "text", "ticks"]
+__all__ = [
+    "Frame",
+    "axes",
+    "band",
+    "dots",
+    "line",
+    "path",
+    "span",
+    "svg",
+    "text",
+    "tick_words",
+    "ticks",
+]
 
 Array = NDArray[np.float64]
 
@@ -59,7 +71,7 @@ def span(*arrays: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
     if values.size == 0:
         return (0.0, 1.0)
     low, high = float(values.min()), float(values.max())
-    room = margin * (high - low) or 0.05 * abs(high) or 0.5
+    room = margin * (high - low) if high > low else 0.05 * abs(high) or 0.5
     return (low - room, high + room)
 
 
@@ -73,6 +85,24 @@ def ticks(low: float, high: float, about: int = 5) -> Array:
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
+
+
+def tick_words(low: float, high: float, about: int = 5) -> list[tuple[float, str]]:
+    """At least two ticks with their numbers, which have the digits that tell them apart."""
+    values = ticks(low, high, about)
+    while values.size < 2 and high > low and about < 40:
+        # One number on an axis tells no scale.
+        about *= 2
+        values = ticks(low, high, about)
+    largest = max(abs(low), abs(high))
+    if not 1e-4 <= largest < 1e5:
+        return [(value, "0" if value == 0.0 else number_text(value, 3)) for value in values]
+    step = float(values[1] - values[0]) if values.size > 1 else high - low
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0.0 else 3
+    return [
+        (value, "0" if value == 0.0 else f"{value:.{decimals}f}".replace("-", "−"))
+        for value in values
+    ]
 
 
 def svg(width: float, height: float, title: str, description: str, body: str) -> str:
@@ -140,8 +170,8 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
 
     Args:
         frame: Where.
-        x_label: With unit; no labels below the frame where empty.
-        y_label: With unit; no labels beside the frame where empty.
+        x_label: With unit; neither label nor ticks' numbers below the frame where empty.
+        y_label: With unit; ticks keep their numbers where empty.
         about: Wanted number of ticks along x and along y.
 
     Returns:
@@ -150,16 +180,15 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
     left, top, width, height = frame.box
     bottom = top + height
     parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
-    for value in ticks(*frame.x_range, about[0]):
+    for value, word in tick_words(*frame.x_range, about[0]):
         at = float(frame.x(value))
         parts.append(f'<path class="grid" d="M{at:.1f} {top:.1f}V{bottom:.1f}"/>')
         if x_label:
-            parts.append(text(at, bottom + 14, _tick_text(value, frame.x_range), "tick mid"))
-    for value in ticks(*frame.y_range, about[1]):
+            parts.append(text(at, bottom + 14, word, "tick mid"))
+    for value, word in tick_words(*frame.y_range, about[1]):
         at = float(frame.y(value))
         parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
-        if y_label:
-            parts.append(text(left - 6, at + 4, _tick_text(value, frame.y_range), "tick end"))
+        parts.append(text(left - 6, at + 4, word, "tick end"))
     if x_label:
         parts.append(text(left + width / 2, bottom + 31, x_label, "label mid"))
     if y_label:
@@ -170,15 +199,3 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
 def _share(values: ArrayLike, limits: tuple[float, float]) -> Array:
     low, high = limits
     return np.asarray((np.asarray(values, dtype=np.float64) - low) / ((high - low) or 1.0))
-
-
-def _tick_text(value: float, limits: tuple[float, float]) -> str:
-    """A tick with as many digits as tell it from its neighbours."""
-    largest = max(abs(limits[0]), abs(limits[1]))
-    if value == 0.0:
-        return "0"
-    if not 1e-3 <= largest < 1e5:
-        return number_text(value, 3)
-    step = (limits[1] - limits[0]) / 5.0
-    decimals = max(0, 1 - math.floor(math.log10(step)) - 1) if step > 0.0 else 0
-    return f"{value:.{min(decimals, 6)}f}".replace("-", "−")

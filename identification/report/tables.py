@@ -14,9 +14,11 @@ from identification.report.data import ReportData, RunTraces
 from identification.report.numbers import (
     UNKNOWN,
     Interval,
+    count_text,
     interval_text,
     number_text,
     percent_text,
+    signed_percent_text,
     unit_text,
 )
 from identification.report.residuals import channel_whiteness
@@ -102,11 +104,15 @@ class ErrorRow:
 
 @dataclass(frozen=True)
 class FeedbackTable:
-    """Metrics of one controller: a column a temperature, a row a metric."""
+    """Metrics of one controller: a column a temperature, a row a metric.
+
+    `statements` says for each temperature whether the loop is stable, where the result says so.
+    """
 
     controller: str
     temperatures: tuple[str, ...]
     rows: tuple[tuple[str, str, tuple[Interval, ...]], ...]
+    statements: tuple[str, ...]
 
 
 def parameter_rows(data: ReportData) -> list[ParameterRow]:
@@ -164,7 +170,8 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
             if all(entry.get(key) is not None for entry in entries)
         )
         columns = tuple(f"{entry['temperature_degC']:g} °C" for entry in entries)
-        tables.append(FeedbackTable(controller, columns, rows))
+        statements = tuple(str(entry.get("statement", "")) for entry in entries)
+        tables.append(FeedbackTable(controller, columns, rows, statements))
     return tables
 
 
@@ -176,7 +183,7 @@ def _parameter_row(
     reason = "" if is_identified else data.reasons.get(name, "the data do not determine it")
     return ParameterRow(
         name=name,
-        meaning=known.meaning if known else "",
+        meaning=known.meaning.replace("degC", "°C") if known else "",
         unit=unit_text(entry["unit"]),
         value=_interval(entry),
         is_identified=is_identified,
@@ -208,7 +215,7 @@ def _run_row(run: RunTraces, noise: Entry) -> RunRow:
     return RunRow(
         name=run.name,
         role=run.role,
-        rows=f"{run.time.size:,}".replace(",", "\u202f"),
+        rows=count_text(run.time.size),
         duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
         temperature=_temperature_text(run),
         current_fit=fits["current"],
@@ -251,17 +258,11 @@ def _change(before: float | None, after: float | None) -> str:
     """Change of the RMSE; nothing to say where both models are the same."""
     if not before or after is None or before == after:
         return UNKNOWN
-    return _signed_percent(after / before - 1.0)
+    return signed_percent_text(after / before - 1.0)
 
 
 def _shift(declared: Entry, final: Entry) -> str:
     """How far the declared model was off, in per cent of the final value."""
     if declared["median"] is None or not final["median"]:
         return UNKNOWN
-    return _signed_percent((declared["median"] - final["median"]) / abs(final["median"]))
-
-
-def _signed_percent(share: float) -> str:
-    percent = 100.0 * share
-    digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
-    return f"{percent:+.{digits}f} %".replace("-", "−")
+    return signed_percent_text((declared["median"] - final["median"]) / abs(final["median"]))

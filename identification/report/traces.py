@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.report.data import RunTraces
-from identification.report.decimate import extremes, gaps, packed, packed_time
+from identification.report.decimate import extremes, gaps, packed, packed_time, with_corners
 
 __all__ = ["run_payload"]
 
@@ -51,7 +51,9 @@ def run_payload(
             (run.measured_current, run.after_current, run.before_current),
             buckets,
         ),
-        _panel(run.time, ("Voltage", "V"), [("voltage", "measured", run.voltage)], buckets),
+        _panel(
+            run.time, ("Voltage", "V"), [("voltage", "measured", run.voltage)], buckets, run.voltage
+        ),
     ]
     if run.temperature is not None:
         logged = [("temperature", "measured", run.temperature)]
@@ -74,15 +76,21 @@ def _channel(
         shown.insert(1, ("declared model", "before", before))
         left.insert(0, ("residual of the declared model", "before", measured - before))
     return [
-        _panel(run.time, (name, unit), shown, buckets) | {"tall": True},
+        _panel(run.time, (name, unit), shown, buckets, after) | {"tall": True},
         _panel(run.time, (f"{name} residual", unit), left, buckets) | {"noise": noise},
     ]
 
 
 def _panel(
-    time: Array, label: tuple[str, str], series: Sequence[tuple[str, str, Array]], buckets: int
+    time: Array,
+    label: tuple[str, str],
+    series: Sequence[tuple[str, str, Array]],
+    buckets: int,
+    smooth: Array | None = None,
 ) -> dict[str, Any]:
     kept = extremes([values for _, _, values in series], buckets)
+    if smooth is not None:
+        kept = with_corners(kept, smooth, 2 * buckets)
     # A line that ends before a pause and begins after it needs a missing point between the two.
     pauses = np.searchsorted(kept, gaps(time), side="right")
     pauses = np.unique(pauses[(pauses > 0) & (pauses < kept.size)])

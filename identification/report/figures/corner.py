@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from identification.report.contours import density, enclosing_heights, outlines
 from identification.report.data import PosteriorChain
-from identification.report.numbers import unit_text
-from identification.report.svg import Frame, path, svg, text, ticks
+from identification.report.numbers import scaled_unit, unit_power
+from identification.report.svg import Frame, path, svg, text, tick_words
 
 __all__ = ["MOST_PARAMETERS", "corner_figure"]
 
@@ -17,8 +17,11 @@ Array = NDArray[np.float64]
 MOST_PARAMETERS = 14
 """More make panels too small to read."""
 
-_LEFT, _BOTTOM, _GAP = 74.0, 66.0, 6.0
+_LEFT, _BOTTOM, _GAP = 92.0, 58.0, 6.0
 _SHARES = (0.9, 0.5)
+_DIGIT = 5.8
+"""Width of a digit of a tick, in drawing units."""
+_LONGEST = 14
 
 
 def corner_figure(posterior: PosteriorChain) -> str:
@@ -29,7 +32,9 @@ def corner_figure(posterior: PosteriorChain) -> str:
     names, units = posterior.names[:MOST_PARAMETERS], posterior.units[:MOST_PARAMETERS]
     draws = posterior.chain.reshape(-1, posterior.chain.shape[2])[:, : len(names)]
     draws = draws[_spread_rows(draws.shape[0], 20_000)]
-    powers = [_power(column) for column in draws.T]
+    powers = [
+        unit_power(float(np.max(np.abs(np.quantile(column, (0.05, 0.95)))))) for column in draws.T
+    ]
     draws = draws * 10.0 ** -np.array(powers, dtype=np.float64)
     limits = [_limits(column) for column in draws.T]
     size = min(118.0, 880.0 / len(names))
@@ -44,16 +49,14 @@ def corner_figure(posterior: PosteriorChain) -> str:
             )
             body.append(_panel(box, draws, limits, row, column))
     side = len(names) * (size + _GAP)
-    labels = [
-        _label(name, unit, power) for name, unit, power in zip(names, units, powers, strict=True)
-    ]
-    for index, (name, unit) in enumerate(labels):
+    for index, (name, unit, power) in enumerate(zip(names, units, powers, strict=True)):
+        unit = scaled_unit(unit, power)
         centre = index * (size + _GAP) + size / 2
-        body.append(text(_LEFT + centre, side + 44, name, "label mid strong"))
-        body.append(text(_LEFT + centre, side + 58, unit, "tick mid"))
+        body.append(text(_LEFT + centre, side + 36, _shown(name), "label mid strong"))
+        body.append(text(_LEFT + centre, side + 50, unit, "tick mid"))
         if index:
-            body.append(text(14, 4.0 + centre, name, "label mid strong", turned=True))
-            body.append(text(28, 4.0 + centre, unit, "tick mid", turned=True))
+            body.append(text(14, 4.0 + centre, _shown(name), "label mid strong", turned=True))
+            body.append(text(27, 4.0 + centre, unit, "tick mid", turned=True))
     return svg(
         _LEFT + side,
         side + _BOTTOM,
@@ -80,13 +83,11 @@ def _panel(
         else _regions(frame, draws[:, column], draws[:, row])
     )
     if row == len(limits) - 1:
-        for value in ticks(*limits[column], 2):
-            at = float(frame.x(value))
-            marks += text(at, top + height + 14, _plain(value, limits[column]), "tick mid small")
+        for at, word in _ticks_across(frame):
+            marks += text(at, top + height + 13, word, "tick mid small")
     if column == 0 and row > 0:
-        for value in ticks(*limits[row], 3):
-            at = float(frame.y(value))
-            marks += text(left - 5, at + 3, _plain(value, limits[row]), "tick end small")
+        for value, word in tick_words(*limits[row], 3)[:4]:
+            marks += text(left - 5, float(frame.y(value)) + 3, word, "tick end small")
     return marks
 
 
@@ -126,25 +127,28 @@ def _limits(draws: Array) -> tuple[float, float]:
     return (float(low - room), float(high + room))
 
 
-def _power(draws: Array) -> int:
-    size = float(np.max(np.abs(np.quantile(draws, (0.05, 0.95)))))
-    if size == 0.0 or 0.05 <= size < 1000.0:
-        return 0
-    return int(np.floor(np.log10(size)))
+def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
+    """Places and numbers of two ticks that run neither into each other nor into the next panel."""
+    left, _, width, _ = frame.box
+    single: list[tuple[float, str]] = []
+    for about in range(2, 9):
+        words = tick_words(*frame.x_range, about)
+        reach = 0.5 * _DIGIT * max(len(word) for _, word in words)
+        inside = [
+            (at, word)
+            for at, word in ((float(frame.x(value)), word) for value, word in words)
+            if left + reach - _GAP / 2 <= at <= left + width - reach + _GAP / 2
+        ]
+        if len(inside) > 1 and inside[-1][0] - inside[0][0] > 2.2 * reach:
+            return [inside[0], inside[-1]]
+        single = single or inside[:1]
+    return single
 
 
-def _label(name: str, unit: str, power: int) -> tuple[str, str]:
-    scale = f"10{str(power).translate(_SUPERSCRIPT)} " if power else ""
-    return (name, f"{scale}{unit_text(unit)}".strip())
-
-
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def _plain(value: float, limits: tuple[float, float]) -> str:
-    step = (limits[1] - limits[0]) / 4.0
-    decimals = int(max(0, np.ceil(-np.log10(step)))) if step > 0.0 else 2
-    return f"{value:.{min(decimals, 6)}f}".replace("-", "−")
+def _shown(name: str) -> str:
+    """The name without the unit at its end, which stands beside it, and short enough to fit."""
+    bare = name.removesuffix("_A").removesuffix("_rad_s")
+    return bare if len(bare) <= _LONGEST else f"{bare[: _LONGEST - 1]}…"
 
 
 def _spread_rows(size: int, most: int) -> NDArray[np.int_]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.residual import Correlation
-from identification.report.svg import Frame, axes, band, dots, path, svg
+from identification.report.svg import Frame, axes, band, path, svg
 
 __all__ = ["correlation_figure"]
 
@@ -13,36 +13,33 @@ _BOX = (54.0, 8.0, 396.0, 150.0)
 
 
 def correlation_figure(
-    title: str, after: Correlation, before: Correlation | None, x_label: str
+    title: str, found: Correlation, x_label: str, *, is_before: bool = False
 ) -> str:
-    """Stems of one correlation function, with the band in which 99 of 100 should end.
+    """Stems of a correlation function, with the band in which 99 of 100 should end.
+
+    Each picture has its own scale: drawn over the residual of the declared model, what is left
+    after an effect was added would be a flat line whatever it holds.
 
     Args:
         title: What is correlated with what.
-        after: Of the final model.
-        before: Of the declared model, drawn as dots; None where that is the final one.
+        found: The correlation.
         x_label: Label of the lags.
+        is_before: Whether it belongs to the declared model, which has another colour.
 
     Returns:
         Text of the drawing.
     """
-    frame = Frame(_BOX, (float(after.lags[0]) - 1.0, float(after.lags[-1]) + 1.0), _limits(after))
-    if before is not None:
-        lower, upper = _limits(before)
-        low, high = frame.y_range
-        frame = Frame(_BOX, frame.x_range, (min(low, lower), max(high, upper)))
-    outside = np.abs(after.values) > after.half_width
+    lags = found.lags
+    frame = Frame(_BOX, (float(lags[0]) - 1.0, float(lags[-1]) + 1.0), _limits(found))
     body = axes(frame, x_label, "correlation", (6, 4))
-    body += band(frame, after.lags, -after.half_width, after.half_width, "band bandwhite")
-    body += path(np.array(_BOX[0] + np.array([0.0, _BOX[2]])), frame.y(np.zeros(2)), "zero")
-    if before is not None:
-        body += dots(frame, before.lags, before.values, "dots before")
-    for mask, kind in ((~outside, "stem"), (outside, "stem loud")):
-        body += _stems(frame, after, mask, kind)
-    percent = f"{100.0 * after.outside:.0f}"
+    body += band(frame, lags, -found.half_width, found.half_width, "band bandwhite")
+    body += path(np.array([_BOX[0], _BOX[0] + _BOX[2]]), frame.y(np.zeros(2)), "zero")
+    outside = np.abs(found.values) > found.half_width
+    loud = "stem before" if is_before else "stem loud"
+    body += _stems(frame, found, ~outside, "stem") + _stems(frame, found, outside, loud)
     described = (
-        f"{percent} % of {after.lags.size} lags leave the band; "
-        f"{100.0 * (1.0 - after.level):.0f} % would by chance."
+        f"{100.0 * found.outside:.1f} % of {lags.size} lags leave the band; "
+        f"{100.0 * (1.0 - found.level):.0f} % would by chance."
     )
     return svg(460, 196, title, described, body)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.report.data import PosteriorChain
-from identification.report.numbers import unit_text
+from identification.report.numbers import scaled_unit, unit_power
 from identification.report.svg import Frame, axes, band, line, span, svg, text
 
 __all__ = ["trace_figure"]
@@ -32,15 +32,17 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
     """
     name, unit = posterior.names[index], posterior.units[index]
     walks = posterior.chain[:, :, index]
+    power = unit_power(float(np.max(np.abs(np.quantile(walks, (0.05, 0.95))))))
+    walks = walks * 10.0**-power
     steps, (low, lower, middle, upper, high) = _moving_quantiles(walks)
     shown = [walks[steps, walker] for walker in range(min(_WALKERS, walks.shape[1]))]
     frame = Frame((66.0, 18.0, 384.0, 74.0), (0.0, float(steps[-1])), span(low, high, *shown))
-    body = axes(frame, "", " ", (6, 2))
+    body = axes(frame, "", "", (6, 4))
     body += band(frame, steps, low, high) + band(frame, steps, lower, upper, "band inner")
     for walk in shown:
         body += line(frame, steps, walk, "line walker")
     body += line(frame, steps, middle, "line after thin")
-    shown_unit = unit_text(unit)
+    shown_unit = scaled_unit(unit, power)
     body += text(66, 12, f"{name} [{shown_unit}]" if shown_unit else name, "label strong")
     body += text(450, 12, f"{walks.shape[0]} steps", "tick end")
     return svg(
@@ -53,7 +55,7 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
 
 
 def _moving_quantiles(walks: Array) -> tuple[NDArray[np.int_], Array]:
-    """Middle steps (n_point,) of equal stretches, and quantiles (5, n_point) of all walkers there."""
+    """Middles (n_point,) of equal stretches of steps, quantiles (5, n_point) of walkers there."""
     width = max(1, walks.shape[0] // _POINTS)
     points = walks.shape[0] // width
     stretches = walks[: points * width].reshape(points, -1)

@@ -103,8 +103,8 @@
       grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("rule"), width: 1, size: 4 }
     };
     return {
-      width: panels.clientWidth, height: (panel.tall ? 190 : 96) + (isLast ? 38 : 8),
-      legend: { show: false }, padding: [6, 8, 0, 0],
+      width: panels.clientWidth, height: (panel.tall ? 190 : 96) + (isLast ? 38 : 12),
+      legend: { show: false }, padding: [6, 8, isLast ? 0 : 6, 0],
       scales: { x: { time: false } },
       cursor: {
         drag: { x: true, y: false, setScale: true },
@@ -120,8 +120,8 @@
       ],
       series: [{}].concat(panel.series.map(function (series) {
         return {
-          stroke: colour(series.kind === "measured" && !panel.tall ? "voltage" : series.kind),
-          width: series.kind === "after" && panel.tall ? 1.6 : 1.1,
+          stroke: colour(series.kind !== "measured" ? series.kind : panel.tall ? "trace" : "voltage"),
+          width: series.kind === "measured" && panel.tall ? 3 : 1.2,
           points: { show: false }, spanGaps: false
         };
       })),

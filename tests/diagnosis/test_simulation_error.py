@@ -1,0 +1,63 @@
+"""Sizes of simulation errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.simulation_error import fit_percent, nrmse, pooled_errors, rmse
+
+
+def test_the_mean_of_a_record_as_simulation_has_a_fit_of_zero() -> None:
+    """By definition of the fit percentage."""
+    measured = np.array([1.0, 4.0, 2.0, 9.0])
+
+    assert fit_percent(measured - measured.mean(), measured) == pytest.approx(0.0)
+    assert fit_percent(np.zeros(4), measured) == 100.0
+
+
+def test_rmse_of_a_constant_error_is_that_error() -> None:
+    """sqrt(mean 3^2) = 3."""
+    assert rmse(np.full(7, -3.0)) == pytest.approx(3.0)
+
+
+def test_nrmse_does_not_depend_on_the_unit() -> None:
+    """Both of its parts scale with the unit."""
+    rng = np.random.default_rng(31)
+    measured, residual = rng.standard_normal((2, 50))
+
+    assert nrmse(60 * residual, 60 * measured) == pytest.approx(nrmse(residual, measured))
+
+
+def test_pooling_a_run_with_itself_changes_nothing() -> None:
+    """Squares and samples double together."""
+    rng = np.random.default_rng(32)
+    measured, residual = rng.standard_normal((2, 80))
+
+    single = pooled_errors([residual], [measured])
+    double = pooled_errors([residual, residual], [measured, measured])
+
+    assert double.rmse == pytest.approx(single.rmse)
+    assert double.nrmse == pytest.approx(single.nrmse)
+
+
+def test_two_steady_speeds_do_not_pass_for_a_good_fit() -> None:
+    """Each run deviates about its own mean: a model that only gets the means right has fit zero."""
+    rng = np.random.default_rng(33)
+    slow, fast = 10 + rng.standard_normal(100), 300 + rng.standard_normal(100)
+
+    errors = pooled_errors([slow - slow.mean(), fast - fast.mean()], [slow, fast])
+
+    assert errors.fit_percent == pytest.approx(0.0)
+
+
+def test_an_error_on_a_channel_that_never_moves_has_no_finite_nrmse() -> None:
+    """Division by a standard deviation of zero."""
+    assert nrmse(np.ones(5), np.zeros(5)) == np.inf
+    assert nrmse(np.zeros(5), np.zeros(5)) == 0.0
+
+
+def test_no_samples_are_refused() -> None:
+    """A mean over nothing is not a number."""
+    with pytest.raises(ValueError, match="expected at least one run with one row"):
+        pooled_errors([], [])

@@ -1,0 +1,59 @@
+"""Controllers as text."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.errors import OptionError
+from identification.feedback import Controller, parse_controller, parse_controllers
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("P:1", Controller("P:1", 1.0)),
+        ("PI:2,0.5", Controller("PI:2,0.5", 2.0, 0.5)),
+        ("PID:2,0.5,1e-3", Controller("PID:2,0.5,1e-3", 2.0, 0.5, 1e-3)),
+        (" pid : 2 , 0 , 0 ", Controller("pid : 2 , 0 , 0", 2.0)),
+        ("P:-1", Controller("P:-1", -1.0)),
+    ],
+)
+def test_controller_is_read_with_its_gains(text: str, expected: Controller) -> None:
+    """The gains as they stand in the text; kp before ki before kd."""
+    assert parse_controller(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "controller '' is not a controller"),
+        ("P", "is not a controller"),
+        ("PD:1,2", "'PD:1,2' is not a controller"),
+        ("1", "is not a controller"),
+        ("P:", "the gain '', which is not a number"),
+        ("P:1,2", "has 2 gains where P takes 1"),
+        ("PI:1", "has 1 gain where PI takes 2"),
+        ("PID:1,2", "has 2 gains where PID takes 3"),
+        ("PI:1,x", "the gain 'x', which is not a number"),
+        ("P:nan", "the gain 'nan'; a gain is finite"),
+        ("P:inf", "the gain 'inf'; a gain is finite"),
+        ("P:1e13", "the gain '1e13'; a gain is finite and at most 1e12"),
+        ("PID:0,0,0", "has no gain other than zero"),
+        ("Q" * 5000, r"QQQ\.\.\.' is not a controller"),
+        ("P\n:1;rm", r"'P\\n:1;rm' has the gain"),
+    ],
+)
+def test_controller_that_is_none_is_refused_with_what_is_accepted(text: str, message: str) -> None:
+    """Each way to be wrong, named in one line that ends with the accepted forms."""
+    with pytest.raises(OptionError, match=message) as caught:
+        parse_controller(text)
+
+    assert "expected P:kp, PI:kp,ki or PID:kp,ki,kd" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_no_controller_at_all_is_refused() -> None:
+    """An empty list has nothing to report on."""
+    with pytest.raises(OptionError, match="no controller is given"):
+        parse_controllers([])

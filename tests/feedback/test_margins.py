@@ -1,0 +1,159 @@
+"""Margins and bandwidth against their definitions and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from identification.feedback.loop import Loop
+from identification.feedback.margins import bandwidth, stability_margins
+from identification.feedback.roots import monic_roots
+
+GAINS = st.floats(-2, 3).map(lambda exponent: 10.0**exponent)
+
+
+def loop_of(numerator: list[float], open_denominator: list[float]) -> Loop:
+    """One loop from N and D."""
+    return Loop(np.array([numerator], dtype=float), np.array([open_denominator], dtype=float))
+
+
+def open_gain(loop: Loop, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """L(j omega) by numpy's own evaluation of polynomials."""
+    s = 1j * frequency
+    return np.asarray(np.polyval(loop.numerator[0], s) / np.polyval(loop.open_denominator[0], s))
+
+
+def test_gain_margin_is_the_distance_to_the_routh_border() -> None:
+    """K / (s (s + 1)(s + 2)) is on the border at K = 6: with K = 2 the margin is a factor 3."""
+    margins = stability_margins(loop_of([0, 0, 2], [1, 3, 2, 0]))
+
+    assert margins.gain_db[0] == pytest.approx(20 * np.log10(3), rel=1e-12)
+
+
+def test_margins_of_a_loop_past_the_border_are_negative() -> None:
+    """The same loop with K = 12: the gain has to fall by a factor 2."""
+    margins = stability_margins(loop_of([0, 0, 12], [1, 3, 2, 0]))
+
+    assert margins.gain_db[0] == pytest.approx(-20 * np.log10(2), rel=1e-12)
+    assert margins.phase_deg[0] < 0
+
+
+@pytest.mark.parametrize("damping", [0.05, 0.3, 0.7, 1.5])
+def test_phase_margin_of_the_textbook_servo(damping: float) -> None:
+    """w^2 / (s (s + 2 zeta w)): atan(2 zeta / sqrt(sqrt(1 + 4 zeta^4) - 2 zeta^2))."""
+    inner = np.sqrt(np.sqrt(1 + 4 * damping**4) - 2 * damping**2)
+
+    margins = stability_margins(loop_of([0, 9.0], [1, 6 * damping, 0]))
+
+    assert margins.phase_deg[0] == pytest.approx(np.degrees(np.arctan(2 * damping / inner)))
+    assert margins.gain_db[0] == np.inf
+
+
+def test_loop_gain_below_one_everywhere_has_no_phase_margin_to_use_up() -> None:
+    """0.5 / ((s + 1)(s + 1)): |L| starts at 0.5 and falls."""
+    margins = stability_margins(loop_of([0, 0.5], [1, 2, 1]))
+
+    assert margins.phase_deg[0] == np.inf
+
+
+def test_negative_gain_at_rest_is_a_border_too() -> None:
+    """-0.5 / ((s + 1)(s + 1)) becomes unstable, without oscillation, when the gain doubles."""
+    margins = stability_margins(loop_of([0, -0.5], [1, 2, 1]))
+
+    assert margins.gain_db[0] == pytest.approx(20 * np.log10(2))
+
+
+@st.composite
+def open_loops(draw: st.DrawFn) -> Loop:
+    """Motors of any two poles under any P, PD, PI or PID of positive gains."""
+    poles = [-draw(GAINS), -draw(GAINS)]
+    kp, ki, kd = (draw(GAINS) for _ in range(3))
+    kd *= draw(st.sampled_from([0, 0.01]))
+    scale = poles[0] * poles[1]
+    denominator = list(np.poly(poles))
+    if draw(st.booleans()):
+        return loop_of([kd * scale, kp * scale, ki * scale], [*denominator, 0.0])
+    return loop_of([kd * scale, kp * scale], denominator)
+
+
+def closed_poles(loop: Loop, factor: complex) -> NDArray[np.complex128]:
+    """Poles under unity feedback with the loop gain times `factor`, by numpy's roots."""
+    polynomial = loop.open_denominator[0].astype(complex)
+    polynomial[1:] += factor * loop.numerator[0]
+    return np.asarray(np.roots(polynomial), dtype=complex)
+
+
+@settings(deadline=None, max_examples=100)
+@given(open_loops())
+def test_a_finite_margin_used_up_puts_a_pole_on_the_border(loop: Loop) -> None:
+    """The definition of both: with that gain or lag the loop has a pole on the imaginary axis."""
+    margins = stability_margins(loop)
+    gain = 10 ** (margins.gain_db / 20)
+    lag = np.radians(margins.phase_deg[np.isfinite(margins.phase_deg)])
+
+    for factor in [*gain[np.isfinite(gain)], *np.exp(-1j * lag)]:
+        poles = closed_poles(loop, factor)
+        assert np.min(np.abs(poles.real) / np.abs(poles)) < 1e-6
+
+
+@settings(deadline=None, max_examples=100)
+@given(open_loops())
+def test_no_crossing_is_missed(loop: Loop) -> None:
+    """A grid of 20,001 frequencies may miss a crossing, but may find none that the roots do not."""
+    margins = stability_margins(loop)
+    gain = open_gain(loop, np.geomspace(1e-5, 1e7, 20_001))
+
+    crosses_one = np.flatnonzero(np.diff(np.sign(np.abs(gain) - 1)))
+    crosses_axis = np.flatnonzero((np.diff(np.sign(gain.imag)) != 0) & (gain.real[1:] < 0))
+
+    if crosses_one.size:
+        seen = np.min(np.abs(np.angle(-gain[crosses_one], deg=True)))
+        assert abs(margins.phase_deg[0]) <= seen + 1.0
+    if crosses_axis.size:
+        assert (
+            abs(margins.gain_db[0]) <= np.min(np.abs(20 * np.log10(-gain.real[crosses_axis]))) + 1
+        )
+
+
+@settings(deadline=None, max_examples=100)
+@given(open_loops())
+def test_signs_of_the_margins_say_whether_the_loop_is_stable(loop: Loop) -> None:
+    """With a stable motor and positive gains a phase margin below 0 is an unstable loop."""
+    margins = stability_margins(loop)
+    closed = monic_roots(loop.closed_denominator)
+
+    if abs(margins.phase_deg[0]) > 1e-6 and abs(margins.gain_db[0]) > 1e-6:
+        assert bool((closed.real < 0).all()) == bool(margins.phase_deg[0] > 0)
+
+
+@settings(deadline=None, max_examples=100)
+@given(open_loops())
+def test_closed_loop_is_three_decibels_down_at_the_bandwidth_and_not_before(loop: Loop) -> None:
+    """|T| evaluated at the frequency found and on a grid below it."""
+    frequency = bandwidth(loop)[0]
+    s = 1j * np.append(np.geomspace(1e-6, 1 - 1e-9, 2001), 1.0) * frequency
+
+    closed = np.polyval(loop.numerator[0], s) / np.polyval(loop.closed_denominator[0], s)
+
+    relative = 20 * np.log10(np.abs(closed) / loop.final_value[0])
+    assert relative[-1] == pytest.approx(-3, abs=1e-6)
+    assert (relative[:-1] > -3 - 1e-6).all()
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.5, 1.0, 3.0])
+def test_bandwidth_of_the_textbook_loop(damping: float) -> None:
+    """Closed form w sqrt(1 - 2 z^2 + sqrt((1 - 2 z^2)^2 - 1 + k)); 3 dB in power are k = 10^0.3."""
+    part = 1 - 2 * damping**2
+    expected = 3 * np.sqrt(part + np.sqrt(part**2 - 1 + 10**0.3))
+
+    found = bandwidth(loop_of([0, 9.0], [1, 6 * damping, 0]))
+
+    assert found[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_loop_without_gain_at_rest_has_no_bandwidth() -> None:
+    """Derivative action alone leads to speed 0: there is nothing to be 3 dB below."""
+    assert np.isnan(bandwidth(loop_of([1.0, 0.0], [1, 2, 1]))[0])

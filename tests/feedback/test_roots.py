@@ -1,0 +1,68 @@
+"""Roots of quadratics and cubics over many decades."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identification.feedback.roots import monic_roots
+
+SIZES = st.floats(-6, 6).map(lambda exponent: 10.0**exponent)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(SIZES, min_size=2, max_size=3))
+def test_real_roots_twelve_decades_apart_are_found(sizes: list[float]) -> None:
+    """The roots that the polynomial was made of, as exactly as their distance lets them be known.
+
+    A coefficient is rounded to 1 part in 1e16, and a root of a cluster of k moves by the k-th root.
+    """
+    wanted = -np.sort(sizes)
+    gaps = np.abs(np.subtract.outer(wanted, wanted)) / np.maximum.outer(-wanted, -wanted)
+    apart = np.min(gaps[np.triu_indices(len(sizes), 1)])
+
+    found = np.sort(monic_roots(np.real(np.poly(wanted))[None]).real[0])[::-1]
+
+    assert found == pytest.approx(wanted, rel=1e-13 / max(apart, 1e-8) ** 2 + 1e-12)
+
+
+@settings(deadline=None, max_examples=100)
+@given(SIZES, SIZES, st.floats(-2, 4))
+def test_complex_pair_beside_a_real_root_is_found(real: float, decay: float, ratio: float) -> None:
+    """The coefficients made of the roots found are those given, each relative to its own terms."""
+    pair = decay * np.array([-1 + 1j * 10**ratio, -1 - 1j * 10**ratio])
+    coefficients = np.real(np.poly([-real, *pair]))
+
+    found = monic_roots(coefficients[None])[0]
+
+    assert found[0].imag == 0
+    assert found[1] == np.conj(found[2])
+    assert np.real(np.poly(found)) == pytest.approx(coefficients, rel=1e-9)
+    assert abs(found[1]) == pytest.approx(abs(pair[0]), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "expected"),
+    [
+        ([1, 4, 4], [-2, -2]),
+        ([1, 0, 0], [0, 0]),
+        ([1, 0, 4], [2j, -2j]),
+        ([1, 3, 0], [0, -3]),
+        ([1, 0, 0, 0], [0, 0, 0]),
+        ([1, 2, 0, 0], [-2, 0, 0]),
+        ([1, 6, 11, 6], [-3, -1, -2]),
+        ([1, 0, -1, 0], [1, 0, -1]),
+    ],
+)
+def test_roots_at_zero_and_double_roots_come_out_whole(
+    coefficients: list[float], expected: list[complex]
+) -> None:
+    """Polynomials with small whole roots, in the documented order of a pair."""
+    found = monic_roots(np.array([coefficients], dtype=float))[0]
+
+    assert found[-2:] == pytest.approx(np.array(expected[-2:]), abs=1e-9) or len(expected) == 3
+    assert sorted(found, key=lambda z: (z.real, z.imag)) == pytest.approx(
+        sorted(np.array(expected, dtype=complex), key=lambda z: (z.real, z.imag)), abs=1e-9
+    )

@@ -1,0 +1,323 @@
+"""Step responses: the source's table, textbook closed forms, simulation, and laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import signal
+
+from identification.feedback.controller import parse_controller
+from identification.feedback.loop import Loop, close, motor_draws
+from identification.feedback.step_response import (
+    StepCharacteristics,
+    StepResponse,
+    step_characteristics,
+)
+
+Array = NDArray[np.float64]
+
+PAPER = {
+    "Ra25": 0.59,
+    "alpha_Ra": 0.004,
+    "Kt25": 0.071,
+    "alpha_Kt": -0.002,
+    "J": 0.01,
+    "b": 0.1,
+    "L": 0.5,
+}
+
+
+def loop_with(numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]) -> Loop:
+    """One loop with the given closed-loop numerator and monic denominator."""
+    denominator = np.array([closed], dtype=float)
+    denominator[:, 1:] -= numerator
+    return Loop(np.array([numerator], dtype=float), denominator)
+
+
+def characteristics(
+    numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]
+) -> StepCharacteristics:
+    """What is read off the step response of one loop."""
+    return step_characteristics(StepResponse(loop_with(numerator, closed)))
+
+
+def second_order(damping: float, frequency: float = 1.0) -> StepCharacteristics:
+    """The textbook's w^2 / (s^2 + 2 zeta w s + w^2)."""
+    return characteristics([0, frequency**2], [1, 2 * damping * frequency, frequency**2])
+
+
+def test_table_of_the_source_is_reproduced_to_four_digits() -> None:
+    """Table 1 of the source at 25 and 125 degC, with its digits carried further."""
+    motors = motor_draws(PAPER, [25.0, 125.0])
+
+    step = step_characteristics(StepResponse(close(motors, [25.0, 125.0], parse_controller("P:1"))))
+
+    assert step.rise_time == pytest.approx([0.7193, 0.7144], abs=5e-5)
+    assert step.settling_time == pytest.approx([1.2826, 1.2781], abs=5e-5)
+    assert step.steady_state == pytest.approx([0.5258, 0.3982], abs=5e-5)
+    assert list(step.overshoot) == [0, 0]
+    assert list(step.peak) == list(step.steady_state)
+    assert np.isnan(step.peak_time).all()
+
+
+@pytest.mark.parametrize("damping", [0.001, 0.1, 0.456, 0.7, 0.95])
+def test_underdamped_peak_is_the_textbook_one(damping: float) -> None:
+    """Overshoot exp(-pi zeta / sqrt(1 - zeta^2)) at pi / (w sqrt(1 - zeta^2))."""
+    root = np.sqrt(1 - damping**2)
+
+    step = second_order(damping, frequency=3.0)
+
+    assert step.overshoot[0] == pytest.approx(100 * np.exp(-np.pi * damping / root), rel=1e-12)
+    assert step.peak_time[0] == pytest.approx(np.pi / (3 * root), rel=1e-12)
+    assert step.peak[0] == pytest.approx(1 + np.exp(-np.pi * damping / root), rel=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.001, 0.05, 0.3, 0.8])
+def test_underdamped_settling_is_the_last_time_outside_the_band(damping: float) -> None:
+    """The half wave in which settling lies, from the decay of the extrema.
+
+    Extremum k has the size exp(-k pi zeta / root); the last one over 2 % is the last whole k.
+    """
+    root = np.sqrt(1 - damping**2)
+    last = np.floor(np.log(50) * root / (np.pi * damping))
+
+    settling = second_order(damping).settling_time[0] * root / np.pi
+
+    assert last < settling < last + 1
+
+
+def test_critically_damped_loop_solves_its_own_equation() -> None:
+    """1 - (1 + t) exp(-t): the rise and settling times are roots of that, here by bisection."""
+
+    def instant(share: float) -> float:
+        low, high = 0.0, 50.0
+        for _ in range(200):
+            middle = (low + high) / 2
+            reached = 1 - (1 + middle) * np.exp(-middle) >= share
+            low, high = (low, middle) if reached else (middle, high)
+        return high
+
+    step = second_order(1.0)
+
+    assert step.rise_time[0] == pytest.approx(instant(0.9) - instant(0.1), rel=1e-12)
+    assert step.settling_time[0] == pytest.approx(instant(0.98), rel=1e-12)
+    assert step.overshoot[0] == 0
+
+
+def test_triple_pole_solves_its_own_equation() -> None:
+    """1 / (s + 1)^3 answers with 1 - (1 + t + t^2 / 2) exp(-t); its value at the times found."""
+    step = characteristics([0, 0, 1], [1, 3, 3, 1])
+
+    t = step.settling_time[0]
+    assert (1 + t + t**2 / 2) * np.exp(-t) == pytest.approx(0.02, rel=1e-9)
+    assert step.overshoot[0] == 0
+
+
+def test_fast_second_pole_leaves_the_first_order_times() -> None:
+    """exp(-t): rise log 9, settling log 50; the other pole is nine decades away."""
+    step = characteristics([0, 1e9], [1, 1e9 + 1, 1e9])
+
+    assert step.rise_time[0] == pytest.approx(np.log(9), rel=1e-8)
+    assert step.settling_time[0] == pytest.approx(np.log(50), rel=1e-8)
+
+
+def test_overshoot_within_the_band_is_found_after_settling() -> None:
+    """Damping of 0.9 overshoots by 0.15 %, and so after it has settled for good."""
+    step = second_order(0.9)
+
+    assert step.peak_time[0] > step.settling_time[0]
+    assert 0 < step.overshoot[0] < 0.2
+
+
+def test_late_overshoot_of_three_real_poles_is_found() -> None:
+    """A slow zero in front of a slower pole: y = 1 + 0.01 exp(-t/1000) - ..., computed by hand.
+
+    T = (s/900 + 1) / ((1000 s + 1)... ) has residues such that the slow mode decays from above.
+    """
+    slow, fast, faster = 1e-3, 1.0, 7.0
+    zero = 0.99e-3
+    closed = np.poly([-slow, -fast, -faster])
+    gain = slow * fast * faster / zero
+
+    step = characteristics([0, gain, gain * zero], closed)
+
+    # At its peak the fast modes are gone but for a trace: 1 + c exp(-t slow), c = (slow-zero)/zero.
+    expected = 100 * (slow - zero) / zero * 7 / 6.993 * 1 / 0.999
+    assert step.overshoot[0] == pytest.approx(expected, rel=0.02)
+    assert step.rise_time[0] < 5
+
+
+@pytest.mark.parametrize("ratio", [1e3, 1e7])
+def test_slow_creep_after_a_fast_oscillation_costs_no_walk_over_its_waves(ratio: float) -> None:
+    """PI with little integral action: creep at rate 1, waves at `ratio` that die in a few turns.
+
+    The creep alone is left by then, so settling is log(share / 0.02) of its share.
+    """
+    closed = np.real(np.poly([-1.0, ratio * (-0.2 + 1j), ratio * (-0.2 - 1j)]))
+    start = 0.4
+
+    step = characteristics([0, start * closed[2], closed[3]], closed)
+
+    residue = 1 - start  # of the creep, up to 1 / ratio
+    assert step.settling_time[0] == pytest.approx(np.log(residue / 0.02), rel=5 / ratio)
+
+
+@pytest.mark.parametrize("scale", [1e-5, 1e-2, 1e3])
+@pytest.mark.parametrize("text", ["P:1", "PI:1,2", "PID:1,2,0.1"])
+def test_times_scale_with_the_time_constants(text: str, scale: float) -> None:
+    """J, L and b / Kt / Ra chosen so that s becomes scale * s: every time grows by that factor."""
+    controller = parse_controller(text)
+    slow = motor_draws(PAPER | {"J": 0.01 * scale, "L": 0.5 * scale}, [25.0])
+    gains = (
+        f"{controller.proportional},{controller.integral / scale},{controller.derivative * scale}"
+    )
+
+    expected = step_characteristics(
+        StepResponse(close(motor_draws(PAPER, [25.0]), [25.0], controller))
+    )
+    step = step_characteristics(StepResponse(close(slow, [25.0], parse_controller(f"PID:{gains}"))))
+
+    assert step.rise_time == pytest.approx(expected.rise_time * scale, rel=1e-9)
+    assert step.settling_time == pytest.approx(expected.settling_time * scale, rel=1e-9)
+    assert step.overshoot == pytest.approx(expected.overshoot, rel=1e-7)
+
+
+@pytest.mark.parametrize("text", ["P:0.1", "P:50", "PI:1,2", "PI:20,40", "PID:3,5,0.2"])
+@pytest.mark.parametrize("temperature", [-40.0, 25.0, 125.0])
+def test_response_and_its_events_agree_with_a_fine_simulation(
+    text: str, temperature: float
+) -> None:
+    """State-space step of scipy on 100,001 instants; events to a step of that grid."""
+    loop = close(motor_draws(PAPER, [temperature]), [temperature], parse_controller(text))
+    step = step_characteristics(StepResponse(loop))
+    time = np.linspace(0, 1.5 * np.fmax(step.settling_time, step.peak_time)[0], 100_001)
+    _, speed = signal.step(
+        (np.trim_zeros(loop.numerator[0], "f"), loop.closed_denominator[0]), T=time
+    )
+    relative = speed / step.steady_state[0]
+
+    simulated = time[np.argmax(relative >= 0.9)] - time[np.argmax(relative >= 0.1)]
+
+    tolerance = 2 * time[1]
+    np.testing.assert_allclose(StepResponse(loop).at(time)[0], speed, atol=1e-9)
+    assert step.rise_time[0] == pytest.approx(simulated, abs=tolerance)
+    last = np.flatnonzero(np.abs(relative - 1) > 0.02)[-1]
+    assert step.settling_time[0] == pytest.approx(time[last], abs=tolerance)
+    assert step.overshoot[0] == pytest.approx(max(0, 100 * (relative.max() - 1)), abs=1e-5)
+
+
+RATES = st.floats(-2, 2).map(lambda exponent: 10.0**exponent)
+
+
+@st.composite
+def stable_loops(draw: st.DrawFn) -> Loop:
+    """Loops with any two or three stable poles, repeated ones included, and up to two zeros."""
+    poles: list[complex] = [-draw(RATES)]
+    decay = draw(RATES)
+    swing = decay * draw(st.sampled_from([0.0, 1e-9, 1e-4, 0.3, 1.0, 7.0]))
+    apart = 0.0 if swing else draw(st.sampled_from([0.0, 1e-7, 0.1, 3.0]))
+    pair: list[complex] = [-decay + 1j * swing, -decay * (1 + apart) - 1j * swing]
+    poles = poles + pair if draw(st.booleans()) else pair
+    closed = np.real(np.poly(poles))
+    final = draw(st.floats(0.1, 3.0))
+    lead = draw(st.floats(-0.5, 3.0))
+    numerator = [lead * closed[-2], final * closed[-1]]
+    if len(poles) == 3:
+        numerator = [draw(st.floats(0, 1)) * closed[1], *numerator]
+    return loop_with(numerator, closed)
+
+
+@settings(deadline=None, max_examples=60)
+@given(stable_loops())
+def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
+    """The response evaluated at the times found, and between them; no other source is needed."""
+    response = StepResponse(loop)
+    step = step_characteristics(response)
+
+    def relative(time: float | Array) -> Array:
+        return np.asarray(response.at(np.atleast_1d(time))[0] / step.steady_state[0])
+
+    settling, rise = step.settling_time[0], step.rise_time[0]
+    after = settling + np.geomspace(1e-6, 20, 500) * settling
+    before = np.linspace(0, settling, 4001)
+    tenth = _first_crossing(relative, before, 0.1)
+    assert np.abs(relative(settling) - 1) == pytest.approx(0.02, rel=1e-6)
+    assert (np.abs(relative(after) - 1) <= 0.02 * (1 + 1e-6)).all()
+    assert tenth is None or relative(tenth + rise) == pytest.approx(0.9, abs=1e-6)
+    peak = 1 + step.overshoot[0] / 100
+    assert relative(np.concatenate([before, after])).max() <= peak * (1 + 1e-9)
+    if step.overshoot[0] > 0:
+        assert relative(step.peak_time[0]) == pytest.approx(peak, rel=1e-9)
+    else:
+        assert np.isnan(step.peak_time[0])
+
+
+def _first_crossing(relative: Callable[[Array], Array], grid: Array, share: float) -> float | None:
+    """First crossing by bisection after a search on a grid; None where the grid is too coarse."""
+    above = np.flatnonzero(relative(grid) >= share)
+    if not above.size or above[0] < 20:
+        return None
+    low, high = grid[above[0] - 1], grid[above[0]]
+    for _ in range(45):
+        middle = (low + high) / 2
+        reached = relative(np.array([middle]))[0] >= share
+        low, high = (low, middle) if reached else (middle, high)
+    return float(high)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.lists(stable_loops(), min_size=2, max_size=5).filter(
+        lambda x: len({y.numerator.shape for y in x}) == 1
+    )
+)
+def test_batch_is_the_loops_one_by_one(loops: list[Loop]) -> None:
+    """Each loop alone; no loop of a batch may feel the others."""
+    batch = Loop(
+        np.concatenate([loop.numerator for loop in loops]),
+        np.concatenate([loop.open_denominator for loop in loops]),
+    )
+
+    together = step_characteristics(StepResponse(batch))
+
+    for k, loop in enumerate(loops):
+        alone = step_characteristics(StepResponse(loop))
+        for field in fields(StepCharacteristics):
+            one, of_many = getattr(alone, field.name)[0], getattr(together, field.name)[k]
+            assert of_many == pytest.approx(one, rel=1e-9, nan_ok=True)
+
+
+def test_unstable_loop_has_no_times() -> None:
+    """PI with an integral gain past the Routh border of s^3 + 2 s^2 + 3 s + c, c = 6."""
+    border = [characteristics([0, 0, c], [1, 2, 3, c]) for c in (5.99, 6.01)]
+
+    assert [bool(step.is_stable[0]) for step in border] == [True, False]
+    assert np.isfinite(border[0].settling_time[0])
+    assert np.isnan([border[1].rise_time, border[1].settling_time, border[1].peak]).all()
+    assert np.isnan(border[1].steady_state[0])
+
+
+def test_negative_final_value_is_approached_like_a_positive_one() -> None:
+    """Times are those of the mirrored response; the peak lies on the side of the final value."""
+    mirrored = characteristics([0, -4.0], [1, 0.4, 4])
+
+    step = characteristics([0, 4.0], [1, 0.4, 4])
+
+    assert mirrored.rise_time == pytest.approx(step.rise_time)
+    assert mirrored.settling_time == pytest.approx(step.settling_time)
+    assert mirrored.peak[0] == pytest.approx(-step.peak[0])
+
+
+def test_cancelled_pole_makes_no_overshoot_out_of_rounding() -> None:
+    """The zero cancels a pole: what is left is 1 / (s + 1)^2, monotone, whatever the last digit."""
+    step = characteristics([0, 1, 0.3], np.poly([-0.3, -1, -1]))
+
+    assert step.overshoot[0] == 0
+    assert np.isnan(step.peak_time[0])

@@ -1,0 +1,166 @@
+"""From runs to records: smoothing of the temperature, gaps, clipped samples, order of runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.ingest.run import Run
+from identification.model.composite import INPUTS
+from identification.model.excitation import records_of, smooth_temperature
+
+Array = NDArray[np.float64]
+
+
+def run_at(temperature: Array | None, rows: int = 2000, **others: object) -> Run:
+    """A run of two seconds with the given temperature."""
+    time = 0.001 * np.arange(rows)
+    waves = np.sin(20 * time)
+    run = Run("run.csv", "0" * 64, time, 10 * waves, waves, 100 * waves, temperature)
+    return replace(run, **others)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("digit", [0.1, 0.5, 1.0])
+def test_smoothing_takes_the_steps_of_the_logger_out(digit: float) -> None:
+    """The true curve is known; what is left must be below a quarter of the logger's step."""
+    share = np.linspace(0.0, 1.0, 4000)
+    truth = 25.0 + 40.0 * (1.0 - np.exp(-2.0 * share))
+    rng = np.random.default_rng(1)
+    logged = np.round((truth + 0.3 * digit * rng.standard_normal(4000)) / digit) * digit
+
+    smooth = smooth_temperature(run_at(logged, 4000))
+
+    assert np.sqrt(np.mean((smooth - truth) ** 2)) < 0.1 * digit
+    assert np.abs(smooth - truth).max() < 0.5 * digit
+
+
+def test_a_clean_curve_is_kept() -> None:
+    """Without noise or steps there is nothing to smooth away."""
+    truth = 60.0 + 10.0 * np.sin(np.linspace(0.0, 3.0, 3000))
+
+    smooth = smooth_temperature(run_at(truth, 3000))
+
+    np.testing.assert_allclose(smooth, truth, atol=0.02)
+
+
+@pytest.mark.parametrize("temperature", [-20.0, 25.0, 113.5])
+def test_a_constant_temperature_stays_itself(temperature: float) -> None:
+    """A constant has no other smooth curve through it."""
+    smooth = smooth_temperature(run_at(np.full(2000, temperature)))
+
+    np.testing.assert_allclose(smooth, temperature, rtol=1e-12)
+
+
+def test_a_run_without_temperature_is_taken_to_be_at_the_reference() -> None:
+    """Then Ra25 and Kt25 are those of its unknown temperature, as documented."""
+    np.testing.assert_array_equal(smooth_temperature(run_at(None)), np.full(2000, 25.0))
+
+
+def test_a_run_of_a_few_samples_is_interpolated() -> None:
+    """Fewer than eight points carry no spline; the values themselves are the curve."""
+    smooth = smooth_temperature(run_at(np.array([30.0, 31.0, 32.0]), 3))
+
+    np.testing.assert_allclose(smooth, [30.0, 31.0, 32.0])
+
+
+def test_a_record_holds_the_run_in_the_order_of_the_inputs() -> None:
+    """Each column is what its name says; the last interval has no length."""
+    run = run_at(np.full(2000, 40.0))
+
+    (record,) = records_of([run])
+
+    assert record.inputs.shape == (2000, len(INPUTS))
+    np.testing.assert_allclose(record.column("interval")[:-1], 0.001)
+    assert record.column("interval")[-1] == 0.0
+    np.testing.assert_array_equal(record.column("voltage"), run.voltage)
+    np.testing.assert_array_equal(record.column("voltage_next")[:-1], run.voltage[1:])
+    np.testing.assert_array_equal(record.measured, np.column_stack([run.current, run.speed]))
+    np.testing.assert_array_equal(record.weight, np.ones((2000, 2)))
+
+
+def test_a_gap_parts_a_run_into_records_with_their_own_start() -> None:
+    """Segments are half-open ranges of the run; no interval spans the gap between them."""
+    run = run_at(np.full(2000, 40.0), segments=((0, 700), (700, 1500), (1500, 2000)))
+    late = replace(run, time=run.time + 3.0 * (np.arange(2000) >= 700))
+
+    records = records_of([late])
+
+    assert [(record.start, record.rows) for record in records] == [
+        (0, 700),
+        (700, 800),
+        (1500, 500),
+    ]
+    assert {record.run for record in records} == {0}
+    for record in records:
+        assert record.column("interval").max() == pytest.approx(0.001)
+        assert record.column("interval")[-1] == 0.0
+    assert records[1].time[0] == pytest.approx(3.7)
+
+
+def test_a_segment_of_one_sample_is_no_record() -> None:
+    """One sample is a state and no motion."""
+    run = run_at(np.full(2000, 40.0), segments=((0, 1), (1, 2000)))
+
+    assert [record.rows for record in records_of([run])] == [1999]
+
+
+def test_the_peak_temperature_is_carried_from_run_to_run() -> None:
+    """Expected is the running maximum over the runs in the order of recording."""
+    runs = [run_at(np.linspace(a, b, 2000)) for a, b in ((30, 80), (50, 60), (40, 95))]
+
+    records = records_of(runs)
+
+    first, second, third = (record.column("peak_temperature") for record in records)
+    np.testing.assert_allclose(first, np.linspace(30, 80, 2000), atol=0.1)
+    np.testing.assert_allclose(second, 80.0, atol=0.1)
+    np.testing.assert_allclose(third, np.maximum(80.0, np.linspace(40, 95, 2000)), atol=0.1)
+
+
+def test_runs_are_numbered_on_from_those_recorded_before() -> None:
+    """Validation runs come after the training runs."""
+    runs = [run_at(np.full(2000, 40.0)) for _ in range(2)]
+
+    records = records_of(runs, first=5)
+
+    assert [record.run for record in records] == [5, 6]
+    assert records[1].column("run")[0] == 6.0
+
+
+def test_clipped_samples_have_no_weight() -> None:
+    """A sensor at its limit shows the limit; only that channel is left out."""
+    clipped = np.zeros(2000, dtype=bool)
+    clipped[100:120] = True
+
+    (record,) = records_of([run_at(None, clipped={"current_A": clipped})])
+
+    assert record.weight[:, 0].sum() == 1980
+    assert record.weight[:, 1].sum() == 2000
+    assert np.all(record.weight[100:120, 0] == 0.0)
+
+
+def test_a_logged_angle_is_used_and_a_missing_one_integrated() -> None:
+    """Expected is the integral of 100 sin(20 t), in closed form."""
+    run = run_at(None)
+    angle = np.linspace(3.0, 4.0, 2000)
+
+    (with_angle,) = records_of([replace(run, position=angle)])
+    (without,) = records_of([run])
+
+    np.testing.assert_array_equal(with_angle.column("angle"), angle)
+    np.testing.assert_array_equal(with_angle.column("angle_next")[:-1], angle[1:])
+    expected = 5.0 * (1.0 - np.cos(20 * run.time))
+    np.testing.assert_allclose(without.column("angle"), expected, atol=1e-3)
+
+
+def test_the_head_of_a_record_is_robust_against_one_bad_sample() -> None:
+    """The median of three samples does not see the largest."""
+    run = run_at(None)
+    current = run.current.copy()
+    current[0] = 1e3
+
+    (record,) = records_of([replace(run, current=current)])
+
+    assert abs(record.head[0]) < 1.0

@@ -1,0 +1,228 @@
+"""The compiled loop does what CasADi's own virtual machine does, lane by lane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from identification.errors import ComputationError
+from identification.model.lowering import LANES, lower
+from identification.model.scan import Scan, scan_of
+
+Array = NDArray[np.float64]
+Operation = Callable[[ca.SX, ca.SX], ca.SX]
+
+OPERATIONS: dict[str, Operation] = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+    "divide by a number": lambda a, b: a / 3,
+    "negate": lambda a, b: -a,
+    "square": lambda a, b: a**2,
+    "twice": lambda a, b: a + a,
+    "invert": lambda a, b: 1 / a,
+    "root": lambda a, b: ca.sqrt(ca.fabs(a)),
+    "exp": lambda a, b: ca.exp(a),
+    "log": lambda a, b: ca.log(ca.fabs(a)),
+    "sin": lambda a, b: ca.sin(a),
+    "cos": lambda a, b: ca.cos(a),
+    "tanh": lambda a, b: ca.tanh(a),
+    "absolute": lambda a, b: ca.fabs(a),
+    "floor": lambda a, b: ca.floor(a),
+    "ceil": lambda a, b: ca.ceil(a),
+    "sign": lambda a, b: ca.sign(a),
+    "power": lambda a, b: ca.fabs(a) ** b,
+    "constant power": lambda a, b: ca.fabs(a) ** 1.7,
+    "minimum": lambda a, b: ca.fmin(a, b),
+    "maximum": lambda a, b: ca.fmax(a, b),
+    "copy sign": lambda a, b: ca.copysign(a, b),
+    "less": lambda a, b: a < b,
+    "less or equal": lambda a, b: a <= b,
+    "equal": lambda a, b: a == b,
+    "different": lambda a, b: a != b,
+    "not": lambda a, b: ca.logic_not(a),
+    "and": lambda a, b: ca.logic_and(a, b),
+    "or": lambda a, b: ca.logic_or(a, b),
+    "choice": lambda a, b: ca.if_else(a > b, a, b),
+}
+"""Every operation that the lowering translates."""
+
+NUMBERS = st.floats(-30.0, 30.0).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
+
+
+def one_step(expression: Operation) -> ca.Function:
+    """A step whose outputs apply the operation to carry, input and parameter in all pairings."""
+    carry, given_input, parameter = (ca.SX.sym(name, 2) for name in "cup")
+    outputs = [
+        expression(carry[0], carry[1]),
+        expression(given_input[0], given_input[1]),
+        expression(parameter[0], parameter[1]),
+        expression(carry[0], given_input[1]),
+        expression(given_input[0], parameter[1]),
+        expression(parameter[0], carry[1]),
+    ]
+    return ca.Function("step", [carry, given_input, parameter], [carry, ca.vertcat(*outputs)])
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+@settings(max_examples=25, deadline=None)
+@given(numbers=st.lists(NUMBERS, min_size=6, max_size=6))
+def test_each_operation_gives_what_casadi_gives(name: str, numbers: list[float]) -> None:
+    """Expected is CasADi's own evaluation, wherever the operands come from."""
+    step = one_step(OPERATIONS[name])
+    carry, given_input, parameter = np.array(numbers).reshape(3, 2)
+
+    _, outputs = scan_of(step)([given_input[None, :]], parameter[:, None], [carry[:, None]])
+
+    expected = np.asarray(step(carry, given_input, parameter)[1]).ravel()
+    np.testing.assert_allclose(outputs[0][0, :, 0], expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["add", "multiply", "divide", "exp", "tanh", "square"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_not_a_number_and_infinity_survive(name: str, bad: float) -> None:
+    """Expected is IEEE arithmetic, which CasADi's virtual machine follows too."""
+    step = one_step(OPERATIONS[name])
+    carry, given_input, parameter = np.array([[bad, 2.0], [3.0, bad], [bad, bad]])
+
+    _, outputs = scan_of(step)([given_input[None, :]], parameter[:, None], [carry[:, None]])
+
+    expected = np.asarray(step(carry, given_input, parameter)[1]).ravel()
+    np.testing.assert_array_equal(outputs[0][0, :, 0], expected)
+
+
+def oscillator() -> ca.Function:
+    """A step of a driven, damped oscillator that logs its energy and its place."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p", 2)
+    following = ca.vertcat(
+        x[0] + u[0] * x[1], x[1] + u[0] * (u[1] - p[0] * ca.sin(x[0]) - p[1] * x[1])
+    )
+    return ca.Function("step", [x, u, p], [following, ca.vertcat(ca.dot(x, x), x[0])])
+
+
+def random_problem(lanes: int, rows: int, seed: int) -> tuple[Array, Array, Array]:
+    """Inputs (rows, 2), parameters (2, lanes) and carries (2, lanes) of the oscillator."""
+    rng = np.random.default_rng(seed)
+    inputs = np.column_stack([np.full(rows, 0.01), rng.normal(size=rows)])
+    return inputs, rng.uniform(0.5, 2.0, (2, lanes)), rng.normal(size=(2, lanes))
+
+
+@pytest.mark.parametrize("lanes", [1, LANES - 1, LANES, LANES + 3])
+def test_the_loop_equals_casadis_mapaccum(lanes: int) -> None:
+    """Expected is the same step repeated by CasADi's mapaccum, one lane at a time."""
+    step, rows = oscillator(), 40
+    inputs, parameters, carries = random_problem(lanes, rows, seed=lanes)
+
+    finals, outputs = scan_of(step)([inputs], parameters, [carries])
+
+    repeated = step.mapaccum(rows)
+    for lane in range(lanes):
+        states, logged = repeated(carries[:, lane], inputs.T, parameters[:, lane])
+        np.testing.assert_allclose(finals[0][:, lane], np.asarray(states)[:, -1], rtol=1e-12)
+        np.testing.assert_allclose(outputs[0][:, :, lane], np.asarray(logged).T, rtol=1e-11)
+
+
+def test_a_lane_that_diverges_leaves_the_others_alone() -> None:
+    """Expected is the result without the bad lane, to the last bit."""
+    inputs, parameters, carries = random_problem(LANES, 30, seed=3)
+    scan = scan_of(oscillator())
+    clean = scan([inputs], parameters, [carries])[1][0]
+    spoiled = parameters.copy()
+    spoiled[0, 2] = np.nan
+
+    outputs = scan([inputs], spoiled, [carries])[1][0]
+
+    kept = np.arange(LANES) != 2
+    assert np.isnan(outputs[-1, :, 2]).all()
+    np.testing.assert_array_equal(outputs[:, :, kept], clean[:, :, kept])
+
+
+def test_records_of_different_length_are_independent() -> None:
+    """Expected is each record simulated on its own."""
+    scan = scan_of(oscillator())
+    problems = [random_problem(5, rows, seed=rows) for rows in (1, 17, 60)]
+    parameters = problems[0][1]
+
+    finals, outputs = scan([p[0] for p in problems], parameters, [p[2] for p in problems])
+
+    for k, (inputs, _, carries) in enumerate(problems):
+        final, output = scan([inputs], parameters, [carries])
+        np.testing.assert_array_equal(finals[k], final[0])
+        np.testing.assert_array_equal(outputs[k], output[0])
+
+
+def test_each_record_may_have_its_own_parameters() -> None:
+    """Expected is each record simulated on its own with its parameters."""
+    scan = scan_of(oscillator())
+    problems = [random_problem(4, 20, seed=seed) for seed in (1, 2)]
+
+    _, outputs = scan(*zip(*problems, strict=True))
+
+    for output, (inputs, parameters, carries) in zip(outputs, problems, strict=True):
+        np.testing.assert_array_equal(output, scan([inputs], parameters, [carries])[1][0])
+
+
+def test_a_record_without_rows_keeps_its_carry() -> None:
+    """Nothing is repeated no times: the carry comes back as it went in."""
+    _, parameters, carries = random_problem(3, 0, seed=0)
+
+    finals, outputs = scan_of(oscillator())([np.zeros((0, 2))], parameters, [carries])
+
+    np.testing.assert_array_equal(finals[0], carries)
+    assert outputs[0].shape == (0, 2, 3)
+
+
+def test_the_callers_arrays_are_not_changed() -> None:
+    """The kernel overwrites its carry, so the caller must have been given a copy."""
+    inputs, parameters, carries = random_problem(LANES, 5, seed=0)
+    before = carries.copy()
+
+    scan_of(oscillator())([inputs], parameters, [carries])
+
+    np.testing.assert_array_equal(carries, before)
+
+
+@pytest.mark.parametrize("wrong", ["inputs", "parameters", "carry", "lanes"])
+def test_wrong_shapes_are_refused_with_the_shapes(wrong: str) -> None:
+    """The step takes two rows of each, as the message says."""
+    inputs, parameters, carries = random_problem(4, 6, seed=0)
+    if wrong == "inputs":
+        inputs = inputs[:, :1]
+    elif wrong == "parameters":
+        parameters = parameters[:1]
+    elif wrong == "carry":
+        carries = carries[:1]
+    else:
+        parameters = np.repeat(parameters, LANES, axis=1)
+
+    with pytest.raises(ValueError, match=r"the step takes \(2, 2, 2\) on equally many lanes"):
+        scan_of(oscillator())([inputs], parameters, [carries])
+
+
+def test_a_step_must_return_the_carry_that_it_takes() -> None:
+    """A loop whose carry changes length cannot be repeated."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p")
+
+    with pytest.raises(ValueError, match="takes a carry of 2 and returns one of 1"):
+        Scan(ca.Function("step", [x, u, p], [x[0], x]))
+
+
+def test_an_operation_without_translation_is_named() -> None:
+    """The inverse sine is not among the operations of the lowering."""
+    x, u, p = (ca.SX.sym(name) for name in "xup")
+
+    with pytest.raises(ComputationError, match="has no translation; expected arithmetic"):
+        lower(ca.Function("step", [x, u, p], [ca.asin(x), x]))
+
+
+def test_the_same_step_is_compiled_once() -> None:
+    """Two functions with the same operations share one loop."""
+    assert scan_of(oscillator()) is scan_of(oscillator())

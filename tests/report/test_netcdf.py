@@ -1,0 +1,87 @@
+"""The posterior file, read back without the program that wrote it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+
+from identification.report.netcdf import write_posterior
+
+NAMES, UNITS = ("Ra25", "J"), ("ohm", "kg m^2")
+RNG = np.random.default_rng(51)
+CHAIN = RNG.standard_normal((40, 6, 2))
+LOG_PROB = RNG.standard_normal((40, 6))
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    """A posterior of six walkers, forty draws and two parameters."""
+    path = tmp_path / "posterior.nc"
+    write_posterior(
+        path, NAMES, UNITS, CHAIN, LOG_PROB, acceptance=0.4, attributes={"motorid": "0.1.0"}
+    )
+    return path
+
+
+def test_each_parameter_is_a_variable_over_chain_and_draw(written: Path) -> None:
+    """The layout that ArviZ looks for: group, dimensions in this order, walkers as chains."""
+    with h5netcdf.File(written, "r") as file:
+        posterior = file["posterior"]
+
+        assert posterior["J"].dimensions == ("chain", "draw")
+        assert np.array_equal(posterior["J"][...], CHAIN[:, :, 1].T)
+        assert posterior["chain"][...].tolist() == list(range(6))
+        assert posterior["draw"][...].tolist() == list(range(40))
+
+
+def test_units_interval_and_versions_stand_in_the_attributes(written: Path) -> None:
+    """Units as in the contract; the kind of interval is always named with its level."""
+    with h5netcdf.File(written, "r") as file:
+        assert file.attrs["schema_version"] == "1"
+        assert file.attrs["motorid"] == "0.1.0"
+        assert file["posterior"].attrs["interval_kind"] == "equal-tailed"
+        assert file["posterior"].attrs["interval_level"] == 0.9
+        assert file["posterior"]["J"].attrs["units"] == "kg m^2"
+
+
+def test_the_log_density_lies_beside_the_draws(written: Path) -> None:
+    """Group and name by which ArviZ finds it; one rate given stands for every walker."""
+    with h5netcdf.File(written, "r") as file:
+        stats = file["sample_stats"]
+
+        assert np.array_equal(stats["lp"][...], LOG_PROB.T)
+        assert stats["acceptance_rate"][...].tolist() == [0.4] * 6
+
+
+def test_the_file_is_netcdf4_and_not_merely_hdf5(written: Path) -> None:
+    """Dimensions are HDF5 dimension scales, by which other NetCDF readers name the axes."""
+    with h5py.File(written, "r") as file:
+        scales = file["posterior/Ra25"].dims
+
+        assert [dimension[0].name for dimension in scales] == [
+            "/posterior/chain",
+            "/posterior/draw",
+        ]
+
+
+def test_the_same_chain_gives_the_same_bytes(written: Path, tmp_path: Path) -> None:
+    """No time stamp goes into the file."""
+    again = tmp_path / "again.nc"
+
+    write_posterior(
+        again, NAMES, UNITS, CHAIN, LOG_PROB, acceptance=0.4, attributes={"motorid": "0.1.0"}
+    )
+
+    assert again.read_bytes() == written.read_bytes()
+
+
+def test_shapes_that_do_not_belong_together_are_refused_and_leave_no_file(tmp_path: Path) -> None:
+    """Walkers and draws exchanged is the usual mistake."""
+    with pytest.raises(ValueError, match=r"expected \(n_draw, n_walker, n_param\)"):
+        write_posterior(tmp_path / "p.nc", NAMES, UNITS, CHAIN, LOG_PROB.T, acceptance=0.4)
+
+    assert list(tmp_path.iterdir()) == []

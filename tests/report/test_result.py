@@ -1,0 +1,204 @@
+"""Numbers of result.json and the schema that the project publishes for it."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator, ValidationError
+
+from identification.report.data import ReportData
+from identification.report.result import (
+    finite_or_null,
+    parameter_entry,
+    parameter_entry_from_normal,
+    quantity_entry,
+    quantity_entry_from_normal,
+    result_schema,
+    result_text,
+    write_result,
+)
+
+ROOT = Path(__file__).parents[2]
+VALIDATOR = Draft202012Validator(result_schema())
+NUMBERS = st.floats() | st.integers() | st.none() | st.text() | st.booleans()
+
+
+@pytest.fixture
+def result(make_report: Callable[..., ReportData]) -> dict[str, Any]:
+    """A complete result with one effect, free to be changed."""
+    made = make_report(rows=300, with_effect=True).result
+    copied: dict[str, Any] = copy.deepcopy(dict(made))
+    return copied
+
+
+def test_quantiles_of_many_normal_draws_are_those_of_the_normal_law() -> None:
+    """q05 and q95 lie 1.645 standard deviations from the mean; error of a quantile about 0.007."""
+    rng = np.random.default_rng(61)
+
+    drawn = quantity_entry(3.0 + 2.0 * rng.standard_normal(100_000), "V")
+    closed = quantity_entry_from_normal(3.0, 2.0, "V")
+
+    assert closed["q95"] == pytest.approx(3.0 + 2.0 * 1.6449, abs=1e-3)
+    for name in ("mean", "sd", "q05", "median", "q95"):
+        assert drawn[name] == pytest.approx(closed[name], abs=0.05)
+
+
+def test_draws_that_are_undefined_are_counted_and_left_out() -> None:
+    """Three of four draws have a value: 1, 2 and 3 with the median 2."""
+    entry = quantity_entry([1.0, 2.0, np.nan, 3.0], "s")
+
+    assert entry["median"] == 2.0
+    assert entry["defined_fraction"] == 0.75
+
+
+def test_a_quantity_that_no_draw_has_is_null_throughout() -> None:
+    """The gain margin of a loop whose phase never crosses is infinite in every draw."""
+    entry = quantity_entry([np.inf, np.inf], "dB")
+
+    assert {entry[name] for name in ("mean", "sd", "q05", "median", "q95")} == {None}
+    assert entry["defined_fraction"] == 0.0
+
+
+def test_an_unknown_spread_leaves_the_value() -> None:
+    """A singular covariance says nothing about the interval, but the fit has a value."""
+    entry = parameter_entry_from_normal(0.5, np.inf, "H", identified=False)
+
+    assert (entry["mean"], entry["median"]) == (0.5, 0.5)
+    assert (entry["sd"], entry["q05"], entry["q95"]) == (None, None, None)
+    assert entry["identified"] is False
+
+
+def test_identified_is_a_plain_boolean() -> None:
+    """A NumPy boolean is no JSON."""
+    entry = parameter_entry(np.ones(3), "ohm", np.bool_(True))  # type: ignore[arg-type]
+
+    assert json.loads(json.dumps(entry))["identified"] is True
+
+
+@given(st.recursive(NUMBERS, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
+def test_anything_becomes_json_without_nan(value: object) -> None:
+    """The strict encoder refuses NaN and infinity."""
+    json.dumps(finite_or_null(value), allow_nan=False)
+
+
+def test_numbers_of_numpy_become_plain_ones() -> None:
+    """Arrays, scalars and NaN anywhere inside."""
+    value = {"a": np.array([1.0, np.nan]), "b": (np.int64(3), np.float64("inf")), "c": np.bool_(1)}
+
+    assert finite_or_null(value) == {"a": [1.0, None], "b": [3, None], "c": True}
+
+
+def test_a_written_result_reads_back_in_full_precision(
+    result: dict[str, Any], tmp_path: Path
+) -> None:
+    """Python writes the shortest text that gives the same float."""
+    write_result(tmp_path / "result.json", result)
+
+    assert json.loads((tmp_path / "result.json").read_text("utf-8")) == finite_or_null(result)
+
+
+def test_schema_is_itself_valid_and_names_no_host() -> None:
+    """The meta-schema of 2020-12; an identifier that nobody tries to fetch."""
+    Draft202012Validator.check_schema(result_schema())
+
+    assert result_schema()["$id"] == "urn:motorid:result:1"
+
+
+def test_a_complete_result_is_valid(result: dict[str, Any]) -> None:
+    """The made-up campaign follows the contract member by member."""
+    VALIDATOR.validate(json.loads(result_text(result)))
+
+
+def test_unknown_parts_are_null_and_more_members_are_welcome(result: dict[str, Any]) -> None:
+    """contract.md: unknown is null; add to it freely."""
+    result["sampler"] = None
+    result["errors"]["after"]["validation"] = None
+    result["noise"]["current_A"] = None
+    result["effects"] = []
+    result["more"] = {"than": "before"}
+    result["feedback"][0]["statement"] = "stable"
+
+    VALIDATOR.validate(result)
+
+
+def _without(path: str) -> Callable[[Any], None]:
+    def change(result: Any) -> None:
+        *parents, last = path.split("/")
+        for name in parents:
+            result = result[int(name)] if name.isdigit() else result[name]
+        del result[last]
+
+    return change
+
+
+def _with(path: str, value: object) -> Callable[[Any], None]:
+    def change(result: Any) -> None:
+        *parents, last = path.split("/")
+        for name in parents:
+            result = result[int(name)] if name.isdigit() else result[name]
+        result[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_without("noise"), "'noise' is a required"),
+        (_without("parameters/Ra25"), "'Ra25' is a required"),
+        (_without("declared/parameters/L"), "'L' is a required"),
+        (_without("parameters/J/identified"), "'identified' is a required"),
+        (_without("feedback/0/rise_time_s/q95"), "'q95' is a required"),
+        (_without("errors/before/training/speed/noise_ratio"), "'noise_ratio' is a required"),
+        (_without("effects/0/alternatives"), "'alternatives' is a required"),
+        (_with("schema_version", 2), "1 was expected"),
+        (_with("parameters/Kt25/unit", "mN m/A"), "'N m/A' was expected"),
+        (_with("parameters/Kt25/median", "0.07"), "is not of type"),
+        (_with("runs/0/role", "test"), "is not one of"),
+        (_with("runs/0/sha256", "abc"), "does not match"),
+        (_with("effects/0/name", "magic"), "is not one of"),
+        (_with("effects/0/equation", "optical"), "is not one of"),
+        (_with("effects/0/drivers", ["torque"]), "is not one of"),
+        (_with("effects/0/probability", 1.2), "greater than the maximum"),
+        (_with("noise/speed_rad_s", -1.0), "less than the minimum"),
+        (_with("warnings", [{"text": "no"}]), "is not of type"),
+    ],
+)
+def test_a_result_that_breaks_the_contract_is_refused(
+    result: dict[str, Any], change: Callable[[Any], None], message: str
+) -> None:
+    """One change against contract.md each."""
+    change(result)
+
+    with pytest.raises(ValidationError, match=message):
+        VALIDATOR.validate(result)
+
+
+def _properties(schema: object) -> Iterator[str]:
+    """Names of all members that a schema speaks of."""
+    if isinstance(schema, dict):
+        for key, value in schema.items():
+            if key == "properties":
+                yield from value
+            yield from _properties(value)
+    elif isinstance(schema, list):
+        for item in schema:
+            yield from _properties(item)
+
+
+def test_the_page_about_the_result_explains_every_member() -> None:
+    """Each name of the schema stands in docs/result-json.md as code."""
+    page = (ROOT / "docs/result-json.md").read_text("utf-8")
+    explained = set(re.findall(r"`([\w.]+)`", page))
+    spoken = {word for name in explained for word in name.split(".")}
+
+    assert set(_properties(result_schema())) - spoken == set()

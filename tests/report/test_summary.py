@@ -1,0 +1,116 @@
+"""The plain words of a report: they must not say more than the numbers."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from identification.report.data import ReportData
+from identification.report.summary import key_figures, summary_sentences
+from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
+
+MakeReport = Callable[..., ReportData]
+
+
+@pytest.fixture
+def result(make_report: MakeReport) -> dict[str, Any]:
+    """The result of the clean motor, free to be changed."""
+    copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300).result))
+    return copied
+
+
+def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -> dict[str, Any]:
+    """The result with another noise ratio of the current."""
+    result["errors"]["after"][role]["current"]["noise_ratio"] = ratio
+    return result
+
+
+@pytest.mark.parametrize(
+    ("ratio", "verdict", "tone"),
+    [
+        (1.00, "as close as the sensors can tell", "good"),
+        (1.06, "a small part of the error is more than sensor noise", "fair"),
+        (3.00, "something moves the motor that the model does not contain", "bad"),
+    ],
+)
+def test_the_verdict_follows_the_noise_ratio(
+    result: dict[str, Any], ratio: float, verdict: str, tone: str
+) -> None:
+    """1.02 is what a complete model may reach on runs it has not seen, 1.1 what is still close."""
+    changed = with_ratio(result, ratio)
+
+    assert verdict in " ".join(summary_sentences(changed))
+    assert key_figures(changed)[0].tone == tone
+
+
+def test_a_good_ratio_is_no_praise_when_the_residual_is_not_white(result: dict[str, Any]) -> None:
+    """Noise estimated from the residual makes the ratio 1 for any model; colour gives it away."""
+    told = " ".join(summary_sentences(result, coloured=["speed"]))
+
+    assert "as close as the sensors can tell" not in told
+    assert "the residual of speed is not white" in told
+    assert key_figures(result, coloured=["speed"])[1].tone == "fair"
+
+
+def test_runs_that_were_not_fitted_decide(result: dict[str, Any]) -> None:
+    """A training error says little; without other runs it is all there is, and is named."""
+    with_ratio(result, 7.0, role="training")
+    assert "7.00" not in " ".join(summary_sentences(result))
+
+    result["errors"]["after"]["validation"] = None
+
+    assert "On the training runs the simulation error over the sensor noise is 7.00" in " ".join(
+        summary_sentences(result)
+    )
+
+
+def test_parameters_that_are_not_identified_are_named(result: dict[str, Any]) -> None:
+    """A number that is no measurement must not pass for one."""
+    result["parameters"]["alpha_Kt"]["identified"] = False
+
+    assert "do not determine alpha_Kt" in " ".join(summary_sentences(result))
+
+
+def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[str, Any]) -> None:
+    """There is nothing to compare."""
+    result["feedback"] = result["feedback"][:1]
+
+    assert "takes the final value" not in " ".join(summary_sentences(result))
+
+
+def test_a_shift_is_taken_relative_to_the_final_value(make_report: MakeReport) -> None:
+    """The declared fit of the made-up motor lies 11 % above the final one, in size."""
+    rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
+
+    assert rows["Ra25"].shift == "+11 %"
+    assert rows["alpha_Kt"].shift == "−11 %"
+    assert rows["torque"].meaning == "of coulomb_friction"
+    assert rows["torque"].before is None
+
+
+def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:
+    """Whatever order the user gave."""
+    result["feedback"].reverse()
+
+    (table,) = feedback_tables(result["feedback"])
+
+    assert table.temperatures == ("25 °C", "125 °C")
+    assert table.rows[0][0] == "Rise time, 10–90 %"
+
+
+def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> None:
+    """Null in the result, nothing in the table."""
+    result["errors"]["after"]["validation"] = None
+
+    assert {row.role for row in error_rows(result)} == {"training"}
+
+
+def test_a_run_is_rated_by_the_noise_it_was_made_with(make_report: MakeReport) -> None:
+    """The simulation is exact, so error over noise is 1 and the residual is white."""
+    for row in run_rows(make_report(rows=4000)):
+        assert float(row.current_ratio) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed_ratio) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed_white.removeprefix("< ")) > 0.001

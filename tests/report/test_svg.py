@@ -1,0 +1,92 @@
+"""Drawing by hand: axes that one can read, lines that break where data are missing."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification.report.svg import Frame, axes, band, line, span, svg, text, tick_words, ticks
+
+FRAME = Frame((10.0, 20.0, 100.0, 50.0), (0.0, 10.0), (-1.0, 1.0))
+
+
+def test_a_frame_maps_its_corners() -> None:
+    """Left and bottom of the data are left and bottom of the page, whose y grows downwards."""
+    assert FRAME.x([0.0, 10.0]).tolist() == [10.0, 110.0]
+    assert FRAME.y([-1.0, 1.0]).tolist() == [70.0, 20.0]
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 10))
+def test_ticks_are_round_inside_and_neither_few_nor_many(
+    low: float, width: float, about: int
+) -> None:
+    """Steps of 1, 2 or 5 times a ten: at most 2.5 times fewer than asked for, never more by one."""
+    values = ticks(low, low + width, about)
+
+    assert values.size <= about + 1
+    assert values.size >= about / 2.5 - 1
+    assert np.all(values >= low - 1e-6 * width)
+    assert np.all(values <= low + width * (1 + 1e-6))
+    if values.size > 1:
+        step = values[1] - values[0]
+        mantissa = step / 10.0 ** np.floor(np.log10(step * 1.0001))
+        assert min(abs(mantissa - nice) for nice in (1, 2, 5)) < 0.01
+
+
+@given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4))
+def test_numbers_of_ticks_tell_them_apart(low: float, width: float) -> None:
+    """Two ticks with the same number would be a wrong axis; one tick would be no scale."""
+    words = [word for _, word in tick_words(low, low + width)]
+
+    assert len(words) == len(set(words)) >= 2
+
+
+def test_a_line_breaks_where_a_value_is_missing() -> None:
+    """Two pieces begin with two moves of the pen."""
+    drawn = line(FRAME, np.arange(5.0), np.array([0.0, 0.1, np.nan, 0.2, 0.3]))
+
+    assert drawn.count("M") == 2
+    assert "nan" not in drawn
+
+
+def test_a_band_is_one_closed_shape() -> None:
+    """Out along the lower curve, back along the upper one."""
+    drawn = band(FRAME, [0.0, 5.0, 10.0], [-0.5] * 3, [0.5] * 3)
+
+    assert drawn.count("Z") == 1
+    assert len(re.findall(r"[\d.]+ [\d.]+", drawn)) == 6
+
+
+def test_words_are_escaped() -> None:
+    """Names of files are written into pictures."""
+    drawn = svg(10, 10, "<b>", 'a & "b"', text(1, 1, "<script>"))
+
+    assert "<script>" not in drawn
+    assert "&lt;b&gt;" in drawn
+    assert "a &amp; " in drawn
+
+
+@pytest.mark.parametrize("values", [[], [np.nan], [3.0], [0.0, 0.0], [1.0, 2.0]])
+def test_a_span_is_never_empty(values: list[float]) -> None:
+    """Constant and missing channels need an axis too."""
+    low, high = span(np.array(values))
+
+    assert np.isfinite([low, high]).all()
+    assert low < high
+
+
+def test_a_span_without_margin_ends_with_the_data() -> None:
+    """A time axis goes from the first sample to the last."""
+    assert span(np.array([2.0, 7.0]), margin=0.0) == (2.0, 7.0)
+
+
+def test_axes_without_a_label_below_have_no_numbers_there() -> None:
+    """Stacked panels share the numbers of the lowest one."""
+    labelled, bare = axes(FRAME, "time [s]", "y"), axes(FRAME, "", "y")
+
+    assert "tick mid" in labelled
+    assert "tick mid" not in bare

@@ -1,0 +1,203 @@
+"""What the pages say is there: commands, links, files, functions, decisions."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shlex
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import typer
+from app.cli import app as command_line
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for pattern in ("*.md", "docs/**/*.md", "data/**/*.md", "benchmarks/**/*.md")
+    for path in ROOT.glob(pattern)
+)
+DECISIONS = [page for page in PAGES if page.startswith("docs/adr/")]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+PATH = re.compile(
+    r"`((?:app|identification|bench|benchmarks|data|docs|tests|requirements)/[\w./-]*)`"
+)
+
+
+def read(page: str) -> str:
+    """The text of a page of the project."""
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def make_targets() -> set[str]:
+    """Targets of the Makefile that have a line in `make help`."""
+    return set(re.findall(r"^([a-z-]+):[^#\n]*## ", read("Makefile"), re.MULTILINE))
+
+
+def shell_lines(page: str) -> Iterator[list[str]]:
+    """Commands in the shell blocks of a page, as words; continued lines are joined."""
+    for language, block in FENCE.findall(read(page)):
+        if language in {"sh", "bash", "console"}:
+            for line in block.replace("\\\n", " ").splitlines():
+                yield shlex.split(line.removeprefix("$ "), comments=True)
+
+
+def command_words(words: list[str]) -> list[str]:
+    """A command without the assignments before it: `A=1 make test` is `make test`."""
+    while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):
+        words = words[1:]
+    return words
+
+
+def anchors(page: str) -> set[str]:
+    """Names by which links reach the headings of a page."""
+    headings = re.findall(r"^#+ (.+)$", FENCE.sub("", read(page)), re.MULTILINE)
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings
+    }
+
+
+def definitions(file: str) -> set[str]:
+    """Functions, classes and methods of a file, methods as `Class.method`."""
+    names = set()
+    for node in ast.parse(read(file)).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            names |= {f"{node.name}.{n.name}" for n in node.body if isinstance(n, ast.FunctionDef)}
+        if isinstance(node, ast.Assign):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return names
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_make_target_on_a_page_exists(page: str) -> None:
+    """Targets in shell blocks and in backticks, against those that `make help` lists."""
+    lines = [command_words(words) for words in shell_lines(page)]
+    named = {
+        word for words in lines if words[:1] == ["make"] for word in words[1:] if "=" not in word
+    }
+    named |= set(re.findall(r"`make ([a-z-]+)", read(page)))
+
+    assert named - make_targets() == set()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_on_a_page_is_one_the_program_knows(page: str) -> None:
+    """`motorid NAME --option` in shell blocks, against the commands and options as defined."""
+    known = typer.main.get_command(command_line)
+    for words in map(command_words, shell_lines(page)):
+        if not words or Path(words[0]).name != "motorid":
+            continue
+        command, rest = known, words[1:]
+        while rest and rest[0] in (below := getattr(command, "commands", {})):
+            command, rest = below[rest[0]], rest[1:]
+        options = {name for parameter in command.params for name in parameter.opts}
+        options |= {name for parameter in command.params for name in parameter.secondary_opts}
+        given = {word.split("=")[0] for word in rest if word.startswith("--")}
+
+        assert command is not known or given, f"{page}: {' '.join(words)} names no command"
+        assert given - options - {"--help"} == set(), f"{page}: {' '.join(words)}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_on_a_page_leads_somewhere(page: str) -> None:
+    """Relative links reach a file, and their anchor a heading of it."""
+    for link in LINK.findall(FENCE.sub("", read(page))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        target, _, anchor = link.partition("#")
+        reached = (ROOT / page).parent / target if target else ROOT / page
+        assert reached.exists(), f"{page}: {link}"
+        if anchor:
+            inside = os.path.relpath(reached.resolve(), ROOT.resolve())
+            assert anchor in anchors(inside), f"{page}: {link}"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != "CHANGELOG.md"])
+def test_every_path_on_a_page_exists(page: str) -> None:
+    """Paths in backticks that begin with a folder of the project."""
+    missing = [path for path in PATH.findall(read(page)) if not (ROOT / path).exists()]
+
+    assert missing == []
+
+
+def test_readme_shows_a_command_before_line_25() -> None:
+    """The first screen is a sentence and something to type."""
+    text = read("README.md")
+
+    first = text[: text.index("```sh")].count("\n") + 1
+
+    assert first < 25
+    assert {"demo", "test"} <= {
+        word for words in shell_lines("README.md") if words[:1] == ["make"] for word in words
+    }
+
+
+def test_makefile_lists_every_target_that_can_be_called() -> None:
+    """Every phony target but the internal one has its line in `make help`."""
+    phony = set(re.findall(r"^\.PHONY: (\S+)$", read("Makefile"), re.MULTILINE)) - {"FORCE"}
+    shown = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+
+    assert make_targets() == phony
+    assert set(re.findall(r"^  make ([a-z-]+) ", shown, re.MULTILINE)) == phony
+
+
+def test_decisions_are_numbered_without_a_gap() -> None:
+    """A decision is cited by its number, which is never given twice."""
+    numbers = [int(Path(page).name[:4]) for page in DECISIONS]
+
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert len(numbers) >= 4
+
+
+@pytest.mark.parametrize("page", DECISIONS)
+def test_decision_says_status_context_decision_and_consequences(page: str) -> None:
+    """The form of a record: 40 to 70 lines, its parts in order, good and bad consequences."""
+    text = read(page)
+    headings = re.findall(r"^##+ (.+)$", text, re.MULTILINE)
+    wanted = ["Context", "Decision", "Alternatives refused", "Consequences", "Positive", "Negative"]
+
+    assert [heading for heading in headings if heading in wanted] == wanted
+    assert re.search(
+        r"^Status: (proposed|accepted|superseded by \d{4}), \d{4}-\d\d-\d\d$", text, re.M
+    )
+    assert re.match(rf"# {Path(page).name[:4]} ", text)
+    assert 40 <= text.count("\n") <= 70
+
+
+def test_decisions_are_all_listed() -> None:
+    """The index names each record once, by a link."""
+    linked = LINK.findall(read("docs/README.md"))
+
+    assert [f"docs/{link}" for link in linked if link.startswith("adr/")] == DECISIONS
+
+
+def test_every_equation_of_the_source_has_a_place_in_the_code() -> None:
+    """Equations 1 to 16 of the paper, each with a file and a function in it."""
+    rows = re.findall(
+        r"^\| \((\d+)\)(?:-\((\d+)\))? \|.*\|(.*)\|$", read("docs/equations.md"), re.M
+    )
+    covered = [n for first, last, _ in rows for n in range(int(first), int(last or first) + 1)]
+
+    assert covered == list(range(1, 17))
+    for *_, place in rows:
+        cited = re.findall(r"`([\w/]+\.py)` `([\w.]+)`", place)
+        assert cited, place
+        for file, name in cited:
+            assert name in definitions(file), f"{file} has no {name}"
+
+
+def test_changelog_speaks_of_this_version() -> None:
+    """The version in pyproject.toml is the newest heading, dated or unreleased."""
+    number = tomllib.loads(read("pyproject.toml"))["project"]["version"]
+    newest = re.findall(r"^## (.+)$", read("CHANGELOG.md"), re.MULTILINE)[0]
+
+    assert re.fullmatch(rf"{re.escape(number)} \((unreleased|\d{{4}}-\d\d-\d\d)\)", newest)

@@ -1,0 +1,128 @@
+"""What is in git, and what of it goes into the wheel."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LARGEST_FILE_IN_BYTES = 3_000_000
+
+
+def files_in_git() -> list[str]:
+    """Files that git tracks, and those it would with the next `git add`."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    )
+    names = sorted(os.fsdecode(name) for name in listed.stdout.split(b"\0") if name)
+    return [name for name in names if (ROOT / name).is_file()]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """The wheel as the locked build backend makes it from the sources."""
+    directory = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", directory],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    )
+    (path,) = directory.glob("*.whl")
+    return zipfile.ZipFile(path)
+
+
+def test_no_file_in_git_is_large() -> None:
+    """A clone stays quick: 3 MB a file is the limit, campaigns included."""
+    sizes = {name: (ROOT / name).stat().st_size for name in files_in_git()}
+
+    assert sizes
+    assert {name: size for name, size in sizes.items() if size > LARGEST_FILE_IN_BYTES} == {}
+
+
+def test_no_file_in_git_names_a_place_on_the_machine_that_made_it() -> None:
+    """Neither this clone's folder, nor the folder around it, nor anyone's home, in any file."""
+    places = [str(ROOT) + "/", str(ROOT.parent) + "/", str(Path.home()) + "/"]
+    # One level below the root is a common name in containers, such as /data, and tells nothing.
+    patterns = [re.escape(place) for place in places if place.strip("/")]
+    anywhere = re.compile("|".join([*patterns, r"/(?:home|Users)/[a-z]\w*/"]).encode())
+
+    found = [
+        f"{name}: {match.group().decode()}"
+        for name in files_in_git()
+        if (match := anywhere.search((ROOT / name).read_bytes()))
+    ]
+
+    assert found == []
+
+
+def test_nothing_that_a_run_makes_is_in_git() -> None:
+    """Results, caches and environments are made again, not kept."""
+    made = re.compile(
+        r"(^|/)(__pycache__|\.venv[^/]*|out|dist|build|\.[a-z_]+_cache)/|\.pyc$|\.nc$"
+    )
+
+    assert [name for name in files_in_git() if made.search(name)] == []
+
+
+def test_wheel_holds_every_file_of_both_packages_and_no_other(wheel: zipfile.ZipFile) -> None:
+    """Templates and vendored scripts are needed at run time; tests and benchmarks are not."""
+    expected = {name for name in files_in_git() if name.startswith(("app/", "identification/"))}
+
+    held = {name for name in wheel.namelist() if ".dist-info/" not in name}
+
+    assert held == expected
+
+
+def test_wheel_carries_the_licence_and_the_command(wheel: zipfile.ZipFile) -> None:
+    """The licence text goes with every copy; `motorid` is what users type."""
+    names = wheel.namelist()
+    (entry_points,) = [name for name in names if name.endswith("entry_points.txt")]
+
+    assert [name for name in names if name.endswith("/licenses/LICENSE")]
+    assert b"motorid = app.cli:main" in wheel.read(entry_points)
+
+
+def test_version_is_written_once() -> None:
+    """pyproject.toml holds it; the code asks the installed metadata."""
+    written = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    number = written["project"]["version"]
+    spelled = [
+        str(path.relative_to(ROOT))
+        for package in ("app", "identification")
+        for path in (ROOT / package).rglob("*.py")
+        if f'"{number}"' in path.read_text(encoding="utf-8")
+    ]
+
+    assert version("motorid") == number
+    assert spelled == []
+
+
+def test_image_is_built_from_pinned_names_and_does_not_run_as_root() -> None:
+    """Each base has a version in its tag; the last USER is a number other than 0."""
+    lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
+    users = [line.split()[1] for line in lines if line.startswith("USER ")]
+
+    assert bases
+    assert [base for base in bases if not re.fullmatch(r"[a-z/]+:\d+\.\d+-[\w-]+", base)] == []
+    assert re.fullmatch(r"[1-9]\d*(:[1-9]\d*)?", users[-1])
+
+
+def test_ci_runs_the_tests_through_make() -> None:
+    """One way to run everything: what CI calls is what the README says."""
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+    assert script.rstrip().endswith("make test </dev/null")
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)

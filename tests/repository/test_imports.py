@@ -1,0 +1,140 @@
+"""The direction of imports: one way down, and no way round."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CONTRACTS = {
+    contract["id"]: contract
+    for contract in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "importlinter"
+    ]["contracts"]
+}
+
+
+def lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
+    """Run import-linter on the packages below a directory, without its cache."""
+    return subprocess.run(
+        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
+        cwd=directory,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": str(directory), "NO_COLOR": "1", "COLUMNS": "200"},
+    )
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    """A copy of the configuration and of all Python files, for a test to spoil."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for package in ("app", "identification", "bench"):
+        shutil.copytree(
+            ROOT / package,
+            tmp_path / package,
+            ignore=lambda folder, names: [
+                name for name in names if (Path(folder) / name).is_file() and name[-3:] != ".py"
+            ],
+        )
+    return tmp_path
+
+
+def test_every_module_of_the_library_stands_in_the_layers() -> None:
+    """A module that no layer names could import anything; the folder is the expected list."""
+    folder = ROOT / "identification"
+    modules = {
+        f"identification.{entry.stem}"
+        for entry in folder.iterdir()
+        if (entry.suffix == ".py" and entry.name != "__init__.py")
+        or (entry / "__init__.py").is_file()
+    }
+
+    layers = {name for layer in CONTRACTS["layers"]["layers"] for name in layer.split(" | ")}
+
+    assert layers == modules | {"app"}
+
+
+def test_decision_shows_the_layers_that_are_checked() -> None:
+    """The list in decision 0001 is the list in pyproject.toml, without the package's name."""
+    page = ROOT / "docs" / "adr" / "0001-layers-and-direction-of-imports.md"
+    lines = [line for line in page.read_text(encoding="utf-8").splitlines() if " > " in line]
+
+    shown = [name.strip() for name in " ".join(lines).split(">")]
+
+    assert shown == [name.removeprefix("identification.") for name in CONTRACTS["layers"]["layers"]]
+
+
+@pytest.mark.parametrize("role", ["endpoints", "service", "repository", "worker"])
+def test_every_role_that_a_contract_names_exists(role: str) -> None:
+    """A pattern that matches no file would hold whatever the service imports."""
+    named = {
+        module
+        for contract in CONTRACTS.values()
+        for module in contract.get("source_modules", []) + contract.get("forbidden_modules", [])
+    }
+
+    assert f"app.*.{role}" in named
+    assert list(ROOT.glob(f"app/*/{role}.py"))
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "contract"),
+    [
+        ("identification/errors.py", "import identification.pipeline", "layers"),
+        ("identification/model/declared.py", "import identification.effects", "layers"),
+        ("identification/quantities.py", "import fastapi", "library"),
+        ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
+        ("app/fits/service.py", "import fastapi", "services"),
+        ("bench/motors.py", "import identification.quantities", "bench"),
+    ],
+)
+def test_an_import_that_points_upwards_is_refused(
+    sources: Path, file: str, line: str, contract: str
+) -> None:
+    """Negative control: import-linter must break exactly the contract that the line offends."""
+    spoiled = sources / file
+    text = spoiled.read_text(encoding="utf-8")
+    start = "from __future__ import annotations\n"
+    assert start in text
+    spoiled.write_text(text.replace(start, f"{start}\n{line}\n", 1), encoding="utf-8")
+
+    finished = lint_imports(sources)
+
+    name = CONTRACTS[contract]["name"]
+    assert finished.returncode == 1, finished.stdout + finished.stderr
+    assert f"{name} BROKEN" in finished.stdout
+
+
+def test_no_import_points_upwards(sources: Path) -> None:
+    """All contracts hold on the sources as they are: as many kept as are written down."""
+    finished = lint_imports(sources)
+
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    assert f"Contracts: {len(CONTRACTS)} kept, 0 broken." in finished.stdout
+
+
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        ("identification", ("app", "fastapi", "sqlalchemy", "typer", "arviz", "matplotlib")),
+        ("app.cli", ("fastapi", "starlette", "uvicorn", "sqlalchemy")),
+    ],
+)
+def test_importing_a_door_does_not_load_what_is_behind_the_other(
+    module: str, absent: tuple[str, ...]
+) -> None:
+    """Decision 0004: `motorid fit` needs no web framework; a fresh interpreter tells."""
+    program = f"import sys, {module}; print(*[n for n in {absent!r} if n in sys.modules])"
+
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+
+    assert loaded == []
