@@ -28,7 +28,7 @@ from scipy import linalg, signal, stats
 from identification.fit.solve import Fit, solve
 from identification.model.weighting import Weighting
 
-__all__ = ["autoregression", "effective_shares", "with_noise_model"]
+__all__ = ["autoregression", "effective_shares", "noise_deviation", "with_noise_model"]
 
 Array = NDArray[np.float64]
 
@@ -133,6 +133,31 @@ def _student(series: Array) -> tuple[float | None, float]:
         likelihood = float(np.sum(stats.t.logpdf(series, freedom, scale=scale)))
         if likelihood > best:
             best, found = likelihood, (freedom, scale)
+    return found
+
+
+def noise_deviation(fit: Fit) -> Array:
+    """(2,) standard deviation of the noise of current and speed [A, rad/s].
+
+    Where the noise model holds, coloured noise included, it is that of the residuals.  Where it
+    does not (`with_noise_model` kept the ordinary fit although the residuals are correlated), the
+    residuals hold what the model lacks as well, and the noise is what cannot be foretold of them
+    from their own past.
+    """
+    residuals = fit.residuals()
+    found = np.zeros(2)
+    for channel in range(2):
+        kept = [
+            residual[:, channel][fit.weighting.records[k].weight[:, channel] > 0]
+            for k, residual in enumerate(residuals)
+        ]
+        kept = [series for series in kept if series.size > 1]
+        if not kept:
+            continue
+        if fit.weighting.whitening[channel].size == 1:
+            taps = autoregression(kept)
+            kept = [signal.lfilter(taps, [1.0], series)[taps.size - 1 :] for series in kept]
+        found[channel] = np.sqrt(np.mean(np.concatenate(kept) ** 2))
     return found
 
 

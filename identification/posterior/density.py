@@ -1,6 +1,7 @@
 """The posterior density of a fitted model, for many walkers at once.
 
-Sampled are the search coordinates of the parameters and the logarithms of the two noise
+Sampled are the search coordinates of the parameters, sheared where their posterior is a bent
+ridge, and the logarithms of the two noise
 deviations.  The initial state of each record is not: given the parameters its likelihood is normal
 (exactly so for a linear motor), so it is integrated out by following its conditional optimum,
 which moves with the parameters as the normal equations say.  A campaign of a hundred runs is
@@ -10,11 +11,13 @@ thereby sampled in as few dimensions as one of two.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.posterior.ridge import Ridge, ridge_of
 
 __all__ = ["Posterior"]
 
@@ -49,6 +52,11 @@ class Posterior:
         """(n_dim,) the optimum."""
         return np.append(self.fit.position, np.log(self.fit.weighting.deviation))
 
+    @cached_property
+    def ridge(self) -> Ridge:
+        """The shear between sampled and search coordinates."""
+        return ridge_of(self.fit)
+
     def covariance(self) -> Array:
         """(n_dim, n_dim) of the normal approximation at the optimum."""
         n = self.fit.position.size
@@ -62,14 +70,15 @@ class Posterior:
         """Physical values (..., n_dim) of points (..., n_dim)."""
         flat = points.reshape(-1, points.shape[-1]).T
         n = self.fit.position.size
-        values = np.concatenate([self.fit.coordinates.values(flat[:n]), np.exp(flat[n:])])
+        position = self.ridge.bent(flat[:n])
+        values = np.concatenate([self.fit.coordinates.values(position), np.exp(flat[n:])])
         return values.T.reshape(points.shape)
 
     def __call__(self, points: Array) -> Array:
         """Log posterior density of points (n_walker, n_dim), (n_walker,)."""
         fit = self.fit
         n = fit.position.size
-        position, log_deviation = points[:, :n].T, points[:, n:].T
+        position, log_deviation = self.ridge.bent(points[:, :n].T), points[:, n:].T
         prior = fit.coordinates.log_prior(position)
         # Out of bounds nothing is simulated: the walker's place is taken by the optimum.
         inside = np.isfinite(prior)

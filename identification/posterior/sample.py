@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 _FREEDOM: Final = 5.0
 _INFLATION: Final = 1.1
 _CHUNK: Final = 50
-_LEAST_STEPS: Final = 200
+_LEAST_STEPS: Final = 400
 _LENGTHS: Final = 50.0
 
 

@@ -19,6 +19,7 @@ from identification.diagnosis.simulation_error import pooled_errors
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
+from identification.fit.noise import noise_deviation
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
@@ -29,6 +30,9 @@ __all__ = ["Findings", "assemble"]
 Array = NDArray[np.float64]
 
 _CHANNELS = ("current", "speed")
+
+_COMPLETE = 1.1
+"""Noise ratio above which an error is called more than noise."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +77,7 @@ class Findings:
     @cached_property
     def noise(self) -> Array:
         """(2,) standard deviation of the noise of current and speed [A, rad/s]."""
-        residuals = np.concatenate([s.residual for s in self.simulated["after"]["training"]])
-        weights = np.concatenate([s.record.weight for s in self.simulated["after"]["training"]])
-        counts = np.maximum(weights.sum(axis=0), 1.0)
-        return np.asarray(np.sqrt(np.sum(weights * residuals**2, axis=0) / counts))
+        return noise_deviation(self.final)
 
 
 def assemble(findings: Findings) -> dict[str, object]:
@@ -114,6 +115,21 @@ def assemble(findings: Findings) -> dict[str, object]:
         },
         "warnings": _warnings(findings),
     }
+
+
+def _missing(findings: Findings) -> list[str]:
+    """What the final model leaves unexplained, as far as the errors show it."""
+    messages = []
+    for role, simulated in findings.simulated["after"].items():
+        errors = _errors(simulated, findings.noise) or {}
+        for channel, entry in errors.items():
+            ratio = entry["noise_ratio"]
+            if ratio is not None and ratio > _COMPLETE:
+                messages.append(
+                    f"the {channel} of the {role} runs is off by {ratio:.2f} times its noise: the "
+                    "model lacks something there"
+                )
+    return messages
 
 
 def _software() -> dict[str, str]:
@@ -160,10 +176,12 @@ def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, o
     }
 
 
-def _errors(simulated: Sequence[Simulated], noise: Array) -> dict[str, object] | None:
+def _errors(
+    simulated: Sequence[Simulated], noise: Array
+) -> dict[str, dict[str, float | None]] | None:
     if not simulated:
         return None
-    entries: dict[str, object] = {}
+    entries: dict[str, dict[str, float | None]] = {}
     for channel, name in enumerate(_CHANNELS):
         kept = [s.record.weight[:, channel] > 0 for s in simulated]
         if not any(mask.any() for mask in kept):
@@ -193,6 +211,7 @@ def _warnings(findings: Findings) -> list[str]:
     messages = [f"{warning.file}: {warning.message}" for run in runs for warning in run.warnings]
     messages += campaign.warnings
     messages += findings.warnings
+    messages += _missing(findings)
     known = identified(findings.final, findings.shares)
     unknown = [name for name, found in known.items() if not found]
     if unknown:

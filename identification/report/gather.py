@@ -52,6 +52,7 @@ def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -
             sample.chain,
             sample.log_density,
             acceptance=sample.convergence.acceptance,
+            attributes={name: str(value) for name, value in result["software"].items()},
         )
     write_text(directory / "report.html", render_report(report_data(result, findings)))
     write_result(directory / "result.json", result)
@@ -98,8 +99,8 @@ def _runs(findings: Findings) -> list[RunTraces]:
                     time=run.time,
                     voltage=run.voltage,
                     temperature=run.temperature,
-                    measured_current=run.current,
-                    measured_speed=run.speed,
+                    measured_current=_used(run, "current_A", run.current),
+                    measured_speed=_used(run, "speed_rad_s", run.speed),
                     after_current=a[:, 0],
                     after_speed=a[:, 1],
                     before_current=b[:, 0] if changed else None,
@@ -107,6 +108,12 @@ def _runs(findings: Findings) -> list[RunTraces]:
                 )
             )
     return traces
+
+
+def _used(run: Run, name: str, channel: Array) -> Array:
+    """A channel with NaN where its sensor was clipped."""
+    clipped = run.clipped.get(name)
+    return channel if clipped is None else np.where(clipped, np.nan, channel)
 
 
 def _by_run(simulated: list[Simulated], runs: tuple[Run, ...]) -> list[Array]:
