@@ -104,7 +104,7 @@ spelling: $(READY) ## codespell
 
 .PHONY: docstrings
 docstrings: $(READY) ## interrogate: each test says where its expected number comes from
-	$(BIN)/interrogate
+	$(BIN)/interrogate tests
 
 .PHONY: docs
 docs: $(READY) ## links, commands, decision records and generated pages agree with the code

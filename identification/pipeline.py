@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.search import Outcome, search
 from identification.errors import InputError
-from identification.feedback import feedback_metrics
+from identification.feedback import feedback_metrics, parse_controllers
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_shares, with_noise_model
@@ -78,34 +79,40 @@ def identify(
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
     _check(training)
+    parse_controllers(options.controllers)
     campaign = campaign_of(training, validation)
     declared = _declared(campaign, options)
-    tell("fit", 0.25)
-    final = with_noise_model(declared)
+    outcome: Outcome | None = None
+    if options.effects:
+        tell("effects", 0.15)
+        outcome = search(declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done))
+    tell("fit", 0.5)
+    final = with_noise_model(outcome.fit if outcome else declared)
     shares = effective_shares(final)
-    tell("posterior", 0.3)
+    tell("posterior", 0.55)
     posterior = Posterior(final, shares)
     chain: Sample | None = None
     if options.posterior:
         chain = sample(
-            posterior, options.seed, progress=lambda done: tell("posterior", 0.3 + 0.5 * done)
+            posterior, options.seed, progress=lambda done: tell("posterior", 0.55 + 0.3 * done)
         )
         draws = chain.draws()
     else:
         draws = normal_draws(posterior, options.seed)
-    tell("feedback", 0.8)
+    tell("feedback", 0.85)
     metrics = feedback_metrics(draws, options.temperatures, options.controllers)
     tell("report", 0.9)
     findings = Findings(
         campaign=campaign,
         options=options,
         declared=declared,
-        declared_draws=draws,
+        declared_draws=_declared_draws(declared, outcome, draws, options),
         final=final,
         shares=shares,
         draws=draws,
         sample=chain,
         feedback=metrics,
+        outcome=outcome,
     )
     result = assemble(findings)
     tell("done", 1.0)
@@ -126,8 +133,23 @@ def _check(training: Sequence[Run]) -> None:
 
 
 def _declared(campaign: Campaign, options: FitOptions) -> Fit:
-    """The declared model under the better of the two behaviours between samples."""
+    """The declared model.
+
+    Where the user does not say how the voltage behaves between samples and effects are searched,
+    it is declared held, as drives hold it, and the search tells where it is not.
+    """
     if options.hold != "auto":
         return fit_declared(campaign.training, options.hold)
+    if options.effects:
+        return fit_declared(campaign.training, "zoh")
     fits = [fit_declared(campaign.training, hold) for hold in ("zoh", "foh")]
     return min(fits, key=lambda fit: fit.cost)
+
+
+def _declared_draws(
+    declared: Fit, outcome: Outcome | None, draws: dict[str, Array], options: FitOptions
+) -> dict[str, Array]:
+    """Draws of the declared model's posterior; those of the final model where it is the same."""
+    if outcome is None or not outcome.effects:
+        return draws
+    return normal_draws(Posterior(declared, effective_shares(declared)), options.seed)

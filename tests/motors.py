@@ -157,7 +157,7 @@ def run_of(
 ) -> Run:
     """A run without noise."""
     clean = simulated(motor.vector, motor.interval, voltage, temperature, start, hold)
-    time = np.arange(voltage.size) * motor.interval
+    time = motor.interval * np.arange(voltage.size, dtype=np.float64)
     return Run(name, "0" * 64, time, voltage, clean[:, 0], clean[:, 1], temperature)
 
 
@@ -218,9 +218,7 @@ def campaign(
         hold: Behaviour of the voltage between samples.
         moving: Whether the runs begin in motion.
     """
-    clean = noiseless(
-        motor, seed=seed, runs=runs, rows=rows, kind=kind, hold=hold, moving=moving
-    )
+    clean = noiseless(motor, seed=seed, runs=runs, rows=rows, kind=kind, hold=hold, moving=moving)
     rng = np.random.default_rng(seed + 10_000)
     current = noise * float(np.std(np.concatenate([run.current for run in clean])))
     speed = noise * float(np.std(np.concatenate([run.speed for run in clean])))

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import casadi as ca
 
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractTerm, AbstractTorque, Expression, Signals, State, Values
+from identification.model.term import (
+    AbstractTerm,
+    AbstractTorque,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
 
 __all__ = ["Lag", "MagneticDrag"]
 

@@ -29,11 +29,11 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 
-__all__ = ["Gates", "Judged", "judged", "probabilities"]
+__all__ = ["LEAST_SIZE", "Gates", "Judged", "judged", "probabilities"]
 
 Array = NDArray[np.float64]
 
-_LEAST_SIZE: Final = 0.005
+LEAST_SIZE: Final = 0.005
 _LEAST_SHARE: Final = 0.25
 _LOCAL: Final = frozenset({"load_step", "inertia_change"})
 
@@ -69,10 +69,10 @@ class Gates:
                 f"within chance: it gains {self.gain:.1f} in log likelihood where the best of all "
                 f"prototypes gains {self.needed:.1f} by chance"
             )
-        if not self.training > _LEAST_SIZE:
+        if not self.training > LEAST_SIZE:
             return (
                 f"too small: the error falls by {100 * self.training:.2f} %, less than "
-                f"{100 * _LEAST_SIZE:.1f} %"
+                f"{100 * LEAST_SIZE:.1f} %"
             )
         if self.validation is None:
             return ""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.declared import replanned
-from identification.fit.solve import Fit, solve
+from identification.fit.solve import Fit, Patience, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
@@ -21,17 +21,18 @@ __all__ = ["refined", "refitted_with", "refitted_without"]
 Array = NDArray[np.float64]
 
 _MOST_PARTS: Final = 16
+_STEPS: Final = 20
 _TOLERATED: Final = 0.05
 
 
-def refitted_with(fit: Fit, term: AbstractTerm, start: Array, steps: int = 40) -> Fit:
+def refitted_with(fit: Fit, term: AbstractTerm, start: Array, hopeless: float = np.inf) -> Fit:
     """The fit of the model with `term` added, from where `fit` ended.
 
     Args:
         fit: Fit of the current model.
         term: What is added.
         start: (n_parameter,) physical values of the term's parameters.
-        steps: Most Gauss-Newton steps.
+        hopeless: Cost of a rival; the fit is given up where it is not going to come near it.
     """
     return _refitted(
         fit,
@@ -43,16 +44,16 @@ def refitted_with(fit: Fit, term: AbstractTerm, start: Array, steps: int = 40) -
                 strict=True,
             )
         ),
-        steps,
+        hopeless,
     )
 
 
-def refitted_without(fit: Fit, name: str, steps: int = 40) -> Fit:
+def refitted_without(fit: Fit, name: str) -> Fit:
     """The fit of the model without the term of that name, from where `fit` ended."""
-    return _refitted(fit, fit.simulator.model.without(name), {}, steps)
+    return _refitted(fit, fit.simulator.model.without(name), {}, np.inf)
 
 
-def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], steps: int) -> Fit:
+def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], hopeless: float) -> Fit:
     known = {p.name: p for p in fit.coordinates.parameters}
     parameters = [known.get(p.name, p) for p in model.parameters]
     here = dict(zip(fit.coordinates.names, fit.values, strict=True)) | added
@@ -64,7 +65,16 @@ def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], steps: int) 
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
     )
-    return replanned(solve(simulator, coordinates, coordinates.of(values), states, plain, steps))
+    return replanned(
+        solve(
+            simulator,
+            coordinates,
+            coordinates.of(values),
+            states,
+            plain,
+            Patience(_STEPS, hopeless),
+        )
+    )
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:

@@ -69,35 +69,60 @@ class NormalEquations:
         """
         return self._solved(damping, position, coordinates, self.gradient, self.state_gradients)
 
-    def bend(
-        self,
-        damping: float,
-        position: Array,
-        coordinates: Coordinates,
-        second: Sequence[Array],
-        weighting: Weighting,
-    ) -> tuple[Array, list[Array]]:
-        """What has to be added to a step so that it follows a curved valley to second order.
+    def slopes(self, k: int, directions: Array) -> Array:
+        """Derivative of what record `k` logs, (n_sample, 2, n_lane), along directions.
 
         Args:
-            damping: Damping of the step.
-            position: (n_parameter,) where the step starts.
+            k: Number of the record.
+            directions: (n_parameter + n_state, n_lane).
+        """
+        tangent = self.tangents[k]
+        rows, channels, size = tangent.shape
+        flat = tangent.reshape(rows * channels, size) @ directions
+        return np.asarray(flat.reshape(rows, channels, directions.shape[1]))
+
+    def bends(
+        self,
+        dampings: Array,
+        position: Array,
+        coordinates: Coordinates,
+        curves: Sequence[Array],
+        weighting: Weighting,
+    ) -> list[tuple[Array, list[Array]]]:
+        """What has to be added to steps so that they follow a curved valley to second order.
+
+        Args:
+            dampings: (n_lane,) damping of each step.
+            position: (n_parameter,) where the steps start.
             coordinates: Bounds.
-            second: For each record (n_sample, 2) second derivative of what is simulated along
-                the step.
+            curves: For each record (n_sample, 2, n_lane) second derivative of what is simulated
+                along each step.
             weighting: Noise model.
+
+        Returns:
+            For each lane (n_parameter,) and for each record (n_state,).
 
         Source:
             Geodesic acceleration by Transtrum and Sethna, arXiv preprint 1201.5885 (2012).
         """
         n = position.size
-        gradient, state_gradients = np.zeros(n), []
-        for k, curve in enumerate(second):
-            right = gradient_of(-0.5 * curve, self.tangents[k], weighting, k)
+        gradient, state_gradients = np.zeros((n, dampings.size)), []
+        for k, curve in enumerate(curves):
+            with np.errstate(invalid="ignore", over="ignore"):
+                right = -0.5 * gradient_of(curve, self.tangents[k], weighting, k)
             coupled = self.couplings[k].T @ np.linalg.solve(self.state_matrices[k], right[n:])
             gradient += right[:n] - coupled
             state_gradients.append(right[n:])
-        return self._solved(damping, position, coordinates, gradient, state_gradients)
+        found = []
+        for lane, damping in enumerate(dampings):
+            own = [each[:, lane] for each in state_gradients]
+            if np.isfinite(gradient[:, lane]).all():
+                found.append(
+                    self._solved(float(damping), position, coordinates, gradient[:, lane], own)
+                )
+            else:
+                found.append((np.zeros(n), [np.zeros_like(each) for each in own]))
+        return found
 
     def _solved(
         self,
@@ -212,13 +237,16 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
 
 
 def gradient_of(residual: Array, tangent: Array, weighting: Weighting, k: int) -> Array:
-    """J'Wr of one record, (n_direction,); arguments as in `products`."""
-    right = np.zeros(tangent.shape[2])
+    """J'WR of one record, (n_direction, ...), of residuals (n_sample, 2, ...).
+
+    The other arguments are those of `products`.
+    """
+    right = np.zeros((tangent.shape[2], *residual.shape[2:]))
     weights = weighting.sample_weights(k)
     for channel in range(2):
         scale = weights[:, channel] / weighting.deviation[channel] ** 2
-        target = weighting.whitened(residual[:, channel], channel) * scale
-        right += weighting.whitened(tangent[:, channel, :], channel).T @ target
+        white = weighting.whitened(residual[:, channel], channel)
+        right += weighting.whitened(tangent[:, channel, :], channel).T @ (white.T * scale).T
     return right
 
 

@@ -26,15 +26,29 @@ from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
-__all__ = ["Fit", "solve"]
+__all__ = ["Fit", "Patience", "solve"]
 
 Array = NDArray[np.float64]
 
 _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
-_MOST_STEPS: Final = 60
 _ENOUGH: Final = 1e-4
 _STRAIGHT: Final = 0.3
+_TRIED: Final = 3
+_OPTIMISM: Final = 5.0
 _PROBE: Final = 0.1
+
+
+@dataclass(frozen=True)
+class Patience:
+    """When a fit is given up.
+
+    Args:
+        steps: Steps after which to stop in any case.
+        hopeless: Cost of a rival; the fit stops where it is not going to come near it.
+    """
+
+    steps: int = 60
+    hopeless: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -85,7 +99,7 @@ def solve(
     position: Array,
     states: Sequence[Array] | None = None,
     weighting: Weighting | None = None,
-    most_steps: int = _MOST_STEPS,
+    patience: Patience | None = None,
 ) -> Fit:
     """Fit parameters and initial states to the records of `simulator`.
 
@@ -95,7 +109,7 @@ def solve(
         position: (n_parameter,) where to start, in search coordinates.
         states: Initial states to start from; taken from the first samples if absent.
         weighting: Noise model; white with unknown size if absent.
-        most_steps: Steps after which to stop in any case.
+        patience: When to give up.
 
     Returns:
         The optimum; `converged` is False where the step limit was reached.
@@ -108,7 +122,10 @@ def solve(
     cost = float(costs[0])
     converged = False
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
-    for _ in range(most_steps):
+    patience = patience or Patience()
+    for number in range(patience.steps):
+        if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
+            break
         trial = _ladder(equations, coordinates, at, x0)
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))
@@ -151,17 +168,16 @@ def _bent(
         coordinates.values(at[:, None] + _PROBE * steps),
         [start[:, None] + _PROBE * move for start, move in zip(x0, moves, strict=True)],
     )
+    curves = []
+    for k, logged in enumerate(probe):
+        slope = equations.slopes(k, np.concatenate([steps, moves[k]]))
+        change = logged - equations.logged[k][:, :, None]
+        curves.append(2 * (change - _PROBE * slope) / _PROBE**2)
+    finite = np.all([np.isfinite(curve).all(axis=(0, 1)) for curve in curves], axis=0)
+    bends = equations.bends(_LADDER, at, coordinates, curves, weighting)
     position, states = trial[0].copy(), [end.copy() for end in trial[1]]
-    for lane, damping in enumerate(_LADDER):
-        second = []
-        for k, logged in enumerate(probe):
-            direction = np.concatenate([steps[:, lane], moves[k][:, lane]])
-            slope = equations.tangents[k] @ direction
-            change = logged[:, :, lane] - equations.logged[k]
-            second.append(2 * (change - _PROBE * slope) / _PROBE**2)
-        if not all(np.isfinite(curve).all() for curve in second):
-            continue
-        bend, state_bends = equations.bend(damping, at, coordinates, second, weighting)
+    for lane in np.flatnonzero(finite):
+        bend, state_bends = bends[lane]
         position[:, lane] = np.clip(position[:, lane] + bend, coordinates.lower, coordinates.upper)
         for k, state_bend in enumerate(state_bends):
             states[k][:, lane] += state_bend

@@ -1,10 +1,12 @@
-"""From CasADi's list of scalar operations to the text of an LLVM loop.
+"""From CasADi's list of scalar operations to LLVM instructions on blocks of lanes.
 
 Each operation of the list belongs to one of three places, by what it depends on:
 
     constant   parameters only     computed for a block of lanes before the loop
     shared     inputs only         one scalar a step, spread over the lanes where it is used
     lane       the carry           computed for a block of lanes in every step
+
+`loop.py` puts the instructions into loops over time.
 """
 
 from __future__ import annotations
@@ -17,12 +19,14 @@ import casadi as ca
 
 from identification.errors import ComputationError
 
-__all__ = ["LANES", "lower"]
+__all__ = ["LANES", "VECTOR", "Translation"]
 
 LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
 
-_VECTOR = f"<{LANES} x double>"
+VECTOR: Final = f"<{LANES} x double>"
+"""Type of a block of lanes."""
+
 _MASK = f"<{LANES} x i1>"
 # Contraction to fused multiply-add and division by a reciprocal only where LLVM proves it exact:
 # NaN and infinity have to survive, they are how a diverging simulation is noticed.
@@ -49,18 +53,6 @@ _INTRINSIC_2 = {
 }
 
 
-def lower(step: ca.Function) -> str:
-    """LLVM module with one function ``scan`` that repeats `step` over time for a block of lanes.
-
-    Args:
-        step: SX function (carry, input, parameter) -> (carry, output).
-
-    Raises:
-        ComputationError: The step uses an operation that is not translated.
-    """
-    return _Lowering(step).text()
-
-
 class _Value:
     """An operand: its name in the text and where it is computed."""
 
@@ -71,22 +63,36 @@ class _Value:
         self.place = place  # "constant", "shared", "lane" or "literal"
 
 
-class _Lowering:
-    def __init__(self, step: ca.Function) -> None:
-        self._step = step
+class Translation:
+    """The instructions of one function of carry, input and parameter.
+
+    Args:
+        step: SX function (carry, input, parameter) -> (carry, output).
+        prefix: Start of the names of its registers.
+        pointer: Name of the pointer to the row of inputs.
+        given: Whether the parameters are registers ``%q0``, ``%q1``, ... that change from step to
+            step, instead of numbers to be loaded before the loop.
+
+    Raises:
+        ComputationError: The function uses an operation that is not translated.
+    """
+
+    def __init__(
+        self, step: ca.Function, prefix: str = "r", pointer: str = "%u", *, given: bool = False
+    ) -> None:
+        self.lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
+        self.declared: set[str] = set()
+        self._prefix, self._pointer, self._given = prefix, pointer, given
         self._count = 0
-        self._lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
-        self._declared: set[str] = set()
         self._spread: dict[str, str] = {}
         self._loaded: dict[tuple[int, int], _Value] = {}
         self._inverse: dict[str, _Value] = {}
+        self.carry, self.output = self._translated(step)
 
-    def text(self) -> str:
-        step = self._step
-        n_carry, n_output = step.size1_out(0), step.size1_out(1)
+    def _translated(self, step: ca.Function) -> tuple[list[str], list[str]]:
+        """Names of the vectors that hold the next carry and the output."""
         work: dict[int, _Value] = {}
-        carried: list[_Value] = [_literal(0.0)] * n_carry
-        outputs: list[_Value] = [_literal(0.0)] * n_output
+        results = [[_literal(0.0)] * step.size1_out(k) for k in range(2)]
         for k in range(step.n_instructions()):
             operation = step.instruction_id(k)
             target = step.instruction_output(k)
@@ -96,40 +102,42 @@ class _Lowering:
                 work[target[0]] = self._input(*step.instruction_input(k))
             elif operation == ca.OP_OUTPUT:
                 which, row = target
-                value = work[step.instruction_input(k)[0]]
-                (carried if which == 0 else outputs)[row] = value
+                results[which][row] = work[step.instruction_input(k)[0]]
             else:
                 operands = [work[j] for j in step.instruction_input(k)]
                 work[target[0]] = self._operation(operation, operands)
-        return self._assemble(carried, outputs)
+        carry, output = ([self._as_vector(value) for value in values] for values in results)
+        return carry, output
 
     # -- operands -----------------------------------------------------------------------------
 
     def _new(self) -> str:
         self._count += 1
-        return f"%r{self._count}"
+        return f"%{self._prefix}{self._count}"
 
     def _emit(self, place: str, expression: str) -> _Value:
         name = self._new()
-        self._lines[place].append(f"  {name} = {expression}")
+        self.lines[place].append(f"  {name} = {expression}")
         return _Value(name, place)
 
     def _input(self, which: int, row: int) -> _Value:
         if which == 0:
             return _Value(f"%carry{row}", "lane")
+        if which == 2 and self._given:
+            return _Value(f"%q{row}", "lane")
         key = (which, row)
         if key not in self._loaded:
             self._loaded[key] = self._load_input(row) if which == 1 else self._load_parameter(row)
         return self._loaded[key]
 
     def _load_input(self, row: int) -> _Value:
-        address = self._emit("shared", f"getelementptr double, ptr %u, i64 {row}")
+        address = self._emit("shared", f"getelementptr double, ptr {self._pointer}, i64 {row}")
         return self._emit("shared", f"load double, ptr {address.name}, align 8")
 
     def _load_parameter(self, row: int) -> _Value:
         offset = self._emit("constant", f"mul i64 %stride, {row}")
         address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
-        return self._emit("constant", f"load {_VECTOR}, ptr {address.name}, align 8")
+        return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
 
     def _as_vector(self, value: _Value) -> str:
         if value.place == "literal":
@@ -137,11 +145,11 @@ class _Lowering:
         if value.place != "shared":
             return value.name
         if value.name not in self._spread:
-            lines = self._lines["shared"]
+            lines = self.lines["shared"]
             single, spread = self._new(), self._new()
-            lines.append(f"  {single} = insertelement {_VECTOR} poison, double {value.name}, i64 0")
+            lines.append(f"  {single} = insertelement {VECTOR} poison, double {value.name}, i64 0")
             lines.append(
-                f"  {spread} = shufflevector {_VECTOR} {single}, {_VECTOR} poison, "
+                f"  {spread} = shufflevector {VECTOR} {single}, {VECTOR} poison, "
                 f"<{LANES} x i32> zeroinitializer"
             )
             self._spread[value.name] = spread
@@ -156,7 +164,7 @@ class _Lowering:
             names = [operand.name for operand in operands]
         else:
             place = "constant" if places == {"constant"} else "lane"
-            kind, mask = _VECTOR, _MASK
+            kind, mask = VECTOR, _MASK
             names = [self._as_vector(operand) for operand in operands]
 
         def emit(expression: str) -> _Value:
@@ -237,71 +245,10 @@ class _Lowering:
 
     def _call(self, intrinsic: str, kind: str, names: list[str]) -> str:
         suffix = "f64" if kind == "double" else f"v{LANES}f64"
-        self._declared.add(
+        self.declared.add(
             f"declare {kind} @llvm.{intrinsic}.{suffix}({', '.join([kind] * len(names))})"
         )
         return f"call {kind} @llvm.{intrinsic}.{suffix}({', '.join(f'{kind} {n}' for n in names)})"
-
-    # -- the function -------------------------------------------------------------------------
-
-    def _assemble(self, carried: list[_Value], outputs: list[_Value]) -> str:
-        n_input = self._step.size1_in(1)
-        n_output = len(outputs)
-        next_names = [self._as_vector(value) for value in carried]
-        stores: list[str] = []
-        for row, value in enumerate(outputs):
-            offset, address = self._new(), self._new()
-            stores += [
-                f"  {offset} = mul i64 %stride, {row}",
-                f"  {address} = getelementptr double, ptr %y, i64 {offset}",
-                f"  store {_VECTOR} {self._as_vector(value)}, ptr {address}, align 8",
-            ]
-        starts, ends, phis = [], [], []
-        for row, name in enumerate(next_names):
-            starts += [
-                f"  %co{row} = mul i64 %stride, {row}",
-                f"  %ca{row} = getelementptr double, ptr %carry, i64 %co{row}",
-                f"  %cs{row} = load {_VECTOR}, ptr %ca{row}, align 8",
-            ]
-            phis.append(f"  %carry{row} = phi {_VECTOR} [ %cs{row}, %entry ], [ {name}, %loop ]")
-            ends += [
-                f"  %cf{row} = phi {_VECTOR} [ %cs{row}, %entry ], [ {name}, %loop ]",
-            ]
-        finish = [
-            f"  store {_VECTOR} %cf{row}, ptr %ca{row}, align 8" for row in range(len(next_names))
-        ]
-        return "\n".join(
-            [
-                *sorted(self._declared),
-                "define void @scan(i64 %n, i64 %stride, ptr noalias %inputs, ptr noalias %p, "
-                "ptr noalias %carry, ptr noalias %outputs) {",
-                "entry:",
-                *starts,
-                *self._lines["constant"],
-                f"  %row = mul i64 %stride, {n_output}",
-                "  %empty = icmp sle i64 %n, 0",
-                "  br i1 %empty, label %done, label %loop",
-                "loop:",
-                "  %k = phi i64 [ 0, %entry ], [ %k1, %loop ]",
-                "  %u = phi ptr [ %inputs, %entry ], [ %u1, %loop ]",
-                "  %y = phi ptr [ %outputs, %entry ], [ %y1, %loop ]",
-                *phis,
-                *self._lines["shared"],
-                *self._lines["lane"],
-                *stores,
-                "  %k1 = add i64 %k, 1",
-                f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
-                "  %y1 = getelementptr double, ptr %y, i64 %row",
-                "  %more = icmp slt i64 %k1, %n",
-                "  br i1 %more, label %loop, label %done",
-                "done:",
-                *ends,
-                *finish,
-                "  ret void",
-                "}",
-                "",
-            ]
-        )
 
 
 def _literal(x: float) -> _Value:

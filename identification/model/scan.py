@@ -35,7 +35,8 @@ import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.lowering import LANES, lower
+from identification.model.loop import lower
+from identification.model.lowering import LANES
 
 __all__ = ["LANES", "Scan", "scan_of"]
 
@@ -58,9 +59,12 @@ class Scan:
     Args:
         step: CasADi SX function with inputs carry (n_carry,), input (n_input,), parameter
             (n_parameter,) and outputs carry (n_carry,), output (n_output,).
+        prepare: Where given, an SX function (nothing, input, parameter) -> (nothing, prepared)
+            of what changes slowly from row to row; `step` takes what it prepared, interpolated,
+            in place of the parameters, and has no output.
     """
 
-    def __init__(self, step: ca.Function) -> None:
+    def __init__(self, step: ca.Function, prepare: ca.Function | None = None) -> None:
         self.n_carry, self.n_input, self.n_parameter = (step.size1_in(k) for k in range(3))
         self.n_output = step.size1_out(1)
         if step.size1_out(0) != self.n_carry:
@@ -68,7 +72,18 @@ class Scan:
                 f"the step takes a carry of {self.n_carry} and returns one of "
                 f"{step.size1_out(0)}; expected equal lengths"
             )
-        self._engine, self._kernel = _compile(lower(step))
+        if prepare is not None:
+            self._check_prepared(prepare)
+            self.n_parameter = prepare.size1_in(2)
+        self._engine, self._kernel = _compile(lower(step, prepare))
+
+    def _check_prepared(self, prepare: ca.Function) -> None:
+        found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
+        if found != (self.n_input, self.n_parameter, 0):
+            raise ValueError(
+                f"inputs, prepared numbers and outputs are {found}; the step takes "
+                f"{(self.n_input, self.n_parameter)} and must have no output"
+            )
 
     def __call__(
         self,
@@ -131,12 +146,13 @@ class Scan:
             )
 
 
-def scan_of(step: ca.Function) -> Scan:
-    """The compiled loop of a step function; the same function is compiled only once."""
-    key = hashlib.sha256(step.serialize().encode()).hexdigest()
+def scan_of(step: ca.Function, prepare: ca.Function | None = None) -> Scan:
+    """The compiled loop of a step function; the same functions are compiled only once."""
+    parts = [f.serialize() for f in (step, prepare) if f is not None]
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     found = _cache.get(key)
     if found is None:
-        found = _cache[key] = Scan(step)
+        found = _cache[key] = Scan(step, prepare)
         while len(_cache) > _CACHE_SIZE:
             _cache.pop(next(iter(_cache)))
     return found

@@ -21,8 +21,14 @@ from numpy.typing import NDArray
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.memory import memory_size, memory_start
+from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Scan, scan_of
-from identification.model.step import Plan, advance, plan_for, step_function
+from identification.model.step import (
+    Plan,
+    advance,
+    plan_for,
+    step_function,
+)
 from identification.model.weighting import Weighting
 
 __all__ = ["Simulator", "initial_states", "rate_of"]
@@ -182,62 +188,51 @@ class Simulator:
             states: For each record (n_state,) or (n_state, n_lane).
             weighting: Noise model; its deviations are not applied.
         """
-        scan = self._misfit_scan(tuple(tuple(taps) for taps in weighting.whitening))
+        loop, rows = self._compared(weighting)
         starts = self._carries(states, values.shape[1])
         own = starts[0].shape[0]
-        sums = np.zeros((scan.n_carry - own, values.shape[1]))
-        finals, _ = scan(
-            self._compared(weighting), values, [np.concatenate([x, sums]) for x in starts]
-        )
+        sums = np.zeros((loop.scan.n_carry - own, values.shape[1]))
+        finals, _ = loop.scan(rows, values, [np.concatenate([x, sums]) for x in starts])
         return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
 
-    def _compared(self, weighting: Weighting) -> list[Array]:
-        """Inputs, measured channels and weights of each record side by side.
+    def _compared(self, weighting: Weighting) -> tuple[MisfitLoop, list[Array]]:
+        """The loop for a noise model, and what it reads of each record.
 
-        They are the same from call to call while only deviations change, and copying them costs
-        as much as simulating a block of lanes; so the last ones are kept.
+        Both are the same from call to call while only deviations change, and copying the rows
+        costs as much as simulating a block of lanes; so the last ones are kept.
         """
-        key = (weighting.records, weighting.robust)
+        key = (weighting.records, weighting.robust, weighting.whitening)
         kept = self._kept.get("compared")
         if kept is None or any(a is not b for a, b in zip(kept[0], key, strict=True)):
+            weights = [weighting.sample_weights(k) for k in range(len(self.records))]
+            loop = misfit_loop(
+                self.model,
+                self.plan,
+                tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
+                weighted=any(np.any(weight != 1.0) for weight in weights),
+                interpolated=self._interpolates,
+            )
             rows = [
-                np.column_stack([rows, record.measured, weighting.sample_weights(k)])
-                for k, (rows, record) in enumerate(zip(self.inputs, self.records, strict=True))
+                loop.rows(inputs, record.measured, weight)
+                for inputs, record, weight in zip(self.inputs, self.records, weights, strict=True)
             ]
-            kept = self._kept["compared"] = (key, rows)
+            kept = self._kept["compared"] = (key, (loop, rows))
         return kept[1]
 
     @cached_property
-    def _kept(self) -> dict[str, tuple[tuple[object, object], list[Array]]]:
+    def _kept(self) -> dict[str, tuple[tuple[object, ...], tuple[MisfitLoop, list[Array]]]]:
         return {}
-
-    def _misfit_scan(self, whitening: tuple[tuple[float, ...], ...]) -> Scan:
-        key = ("misfit", whitening)
-        if key not in self._scans:
-            _, u, p = _symbols(self.model)
-            x = ca.SX.sym("x", self.n_state + memory_size(self.model))
-            measured, weight = ca.SX.sym("y", 2), ca.SX.sym("w", 2)
-            sums = ca.SX.sym("s", 2)
-            following, logged = step_function(self.model, self.plan)(x, u, p)
-            carried, ends, total = [x, sums], [], []
-            for channel, taps in enumerate(whitening):
-                past = ca.SX.sym("e", len(taps) - 1)
-                now = ca.vertcat(measured[channel] - logged[channel], past)
-                white = ca.dot(ca.DM(list(taps)), now)
-                total.append(sums[channel] + weight[channel] * white * white)
-                carried.append(past)
-                ends += [now[lag] for lag in range(len(taps) - 1)]
-            step = ca.Function(
-                "misfit",
-                [ca.vertcat(*carried), ca.vertcat(u, measured, weight), p],
-                [ca.vertcat(following, *total, *ends), ca.SX(0, 1)],
-            )
-            self._scans[key] = scan_of(step)
-        return self._scans[key]
 
     @cached_property
-    def _scans(self) -> dict[object, Scan]:
-        return {}
+    def _interpolates(self) -> bool:
+        """Whether the transition may move along straight lines between every few rows.
+
+        It may for the declared model, where samples are even in time and the temperature is as
+        smooth as it should be after `smooth_temperature`.
+        """
+        if self.model.terms or self.plan.parts != 1:
+            return False
+        return all(is_slow(record) for record in self.records)
 
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
         """All states over time, for each record (n_sample, n_state, n_lane)."""

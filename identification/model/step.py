@@ -33,7 +33,7 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.memory import memory_size, remembered
 from identification.model.term import Expression
 
-__all__ = ["Plan", "plan_for", "step_function"]
+__all__ = ["Plan", "advance", "plan_for", "step_function", "transition_functions"]
 
 TOLERANCE: Final = 1e-8
 """Largest truncated term of the Taylor series, relative to the change over the interval.
@@ -212,6 +212,19 @@ def _by_characteristic(
     rule costs two multiplications a term.  The scalars do not depend on the state of a linear
     motor, so they are computed while the processor waits for the state of the step before.
     """
+    z, _, phi1, phi2 = _pairs(jacobian, interval, plan)
+    moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
+    return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
+
+
+_Pair = tuple[Expression, Expression]
+"""Scalars a, b of a + b Z."""
+
+
+def _pairs(
+    jacobian: Expression, interval: Expression, plan: Plan
+) -> tuple[Expression, _Pair, _Pair, _Pair]:
+    """Z, which is h A over the doublings of the plan, and phi0, phi1, phi2 of h A by Z."""
     z = jacobian * (interval / 2.0**plan.squarings)
     trace, determinant = z[0, 0] + z[1, 1], z[0, 0] * z[1, 1] - z[0, 1] * z[1, 0]
 
@@ -227,18 +240,50 @@ def _by_characteristic(
         phi2 = (1 / math.factorial(k) - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
     phi1 = (1 - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
     phi0 = (1 - phi1[1] * determinant, phi1[0] + phi1[1] * trace)
-    for k in range(plan.squarings):
+    for _ in range(plan.squarings):
         square = product(phi1, phi1)
         phi2 = ((square[0] + 2 * phi2[0]) * 0.25, (square[1] + 2 * phi2[1]) * 0.25)
         doubled = product((phi0[0] + 1, phi0[1]), phi1)
         phi1 = (0.5 * doubled[0], 0.5 * doubled[1])
-        if k < plan.squarings - 1:
-            phi0 = product(phi0, phi0)
-    moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
-    return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
+        phi0 = product(phi0, phi0)
+    return z, phi0, phi1, phi2
 
 
-_Pair = tuple[Expression, Expression]
+def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca.Function]:
+    """The step of the declared model in two halves, for an interpolated loop.
+
+    The first function (nothing, inputs, parameter) -> (nothing, transition) is what depends on
+    the temperature, and so changes slowly; the second (state, inputs, transition) ->
+    (state at the next sample, logged now) is what is left for each sample:
+
+        x(t + h) = phi0(hA) x + h phi1(hA) g v + h phi2(hA) g (v(t + h) - v),    g = df/dv.
+    """
+    x, u, p = (
+        ca.SX.sym("x", 2),
+        ca.SX.sym("u", len(INPUTS)),
+        ca.SX.sym("p", len(model.parameters)),
+    )
+    now, _ = _inputs_within(model, u, 0, 1)
+    rates = model.rates(x, u, p)
+    column = INPUTS.index("voltage")
+    linear = ca.Function(
+        "linear", [x, u, p], [ca.jacobian(rates, x), ca.jacobian(rates, u)[:, column]]
+    )
+    jacobian, gain = linear(ca.DM.zeros(2), now, p)
+    z, phi0, phi1, phi2 = _pairs(jacobian, u[0], plan)
+    one, pushed = ca.SX.eye(2), ca.mtimes(z, gain)
+    parts = [ca.vec(phi0[0] * one + phi0[1] * z), u[0] * (phi1[0] * gain + phi1[1] * pushed)]
+    if model.held == "foh":
+        parts.append(u[0] * (phi2[0] * gain + phi2[1] * pushed))
+    prepared = ca.vertcat(*parts)
+    prepare = ca.Function("prepare", [ca.SX(0, 1), u, p], [ca.SX(0, 1), prepared])
+
+    q = ca.SX.sym("q", prepared.numel())
+    voltage = u[column]
+    following = ca.mtimes(ca.reshape(q[:4], 2, 2), x) + q[4:6] * voltage
+    if model.held == "foh":
+        following = following + q[6:8] * (u[INPUTS.index("voltage_next")] - voltage)
+    return prepare, ca.Function("step", [x, u, q], [following, x])
 
 
 def _by_squaring(

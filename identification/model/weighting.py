@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ class Weighting:
         # The discretisation is exact to 1e-8 of the signal; errors are not resolved below that.
         return Weighting(tuple(records), spread, (one, one), None, 1e-8 * spread)
 
-    @property
+    @cached_property
     def counts(self) -> Array:
         """(2,) number of samples that count in each channel."""
         return np.asarray(np.sum([record.weight.sum(axis=0) for record in self.records], axis=0))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.simulation_error import pooled_errors
+from identification.effects.search import Outcome
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
@@ -23,7 +24,9 @@ from identification.fit.noise import noise_deviation
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
+from identification.quantities import DECLARED_PARAMETERS
 from identification.report.result import parameter_entry
+from identification.report.story import effect_entries, searched_entries
 
 __all__ = ["Findings", "assemble"]
 
@@ -49,6 +52,7 @@ class Findings:
         draws: Draws of the final model's posterior, physical, by name.
         sample: The chain, None where none was asked for.
         feedback: The feedback list of the result.
+        outcome: What the search for effects found, None where none was made.
         warnings: What the stages noticed.
     """
 
@@ -61,6 +65,7 @@ class Findings:
     draws: dict[str, Array]
     sample: Sample | None
     feedback: list[dict[str, object]]
+    outcome: Outcome | None = None
     warnings: tuple[str, ...] = field(default=())
 
     @cached_property
@@ -91,8 +96,15 @@ def assemble(findings: Findings) -> dict[str, object]:
         "runs": _runs(findings.campaign),
         "declared": {"parameters": _parameters(declared, findings.declared_draws, findings.shares)},
         "parameters": _parameters(final, findings.draws, findings.shares),
-        "effects": [],
-        "diagnosis": {"residual": {}, "trace": {}, "searched": [], "remaining": {}},
+        "effects": effect_entries(
+            findings.outcome, final, findings.draws, identified(final, findings.shares)
+        ),
+        "diagnosis": {
+            "residual": {},
+            "trace": {},
+            "searched": searched_entries(findings.outcome),
+            "remaining": {},
+        },
         "errors": {
             stage: {role: _errors(simulated, findings.noise) for role, simulated in by_role.items()}
             for stage, by_role in findings.simulated.items()
@@ -172,7 +184,9 @@ def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, o
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
         )
-        for parameter in fit.coordinates.parameters
+        | {"estimate": _number(value)}
+        for parameter, value in zip(fit.coordinates.parameters, fit.values, strict=True)
+        if parameter.name in DECLARED_PARAMETERS
     }
 
 

@@ -25,6 +25,7 @@ from identification.report.data import (
 from identification.report.html import render_report
 from identification.report.netcdf import write_posterior
 from identification.report.result import write_result
+from identification.report.story import story_of
 
 __all__ = ["report_data", "write_outputs"]
 
@@ -78,6 +79,7 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
             Equation(f"{left} = {right}")
             for left, right in printed_equations(findings.final.simulator.model).items()
         ),
+        story=story_of(findings.outcome, result),
         reasons=_reasons(findings),
     )
 

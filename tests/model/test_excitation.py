@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 def run_at(temperature: Array | None, rows: int = 2000, **others: object) -> Run:
     """A run of two seconds with the given temperature."""
-    time = 0.001 * np.arange(rows)
+    time = 0.001 * np.arange(rows, dtype=np.float64)
     waves = np.sin(20 * time)
     run = Run("run.csv", "0" * 64, time, 10 * waves, waves, 100 * waves, temperature)
     return replace(run, **others)  # type: ignore[arg-type]

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from identification.errors import ComputationError
-from identification.model.lowering import LANES, lower
+from identification.model.loop import lower
+from identification.model.lowering import LANES
 from identification.model.scan import Scan, scan_of
 
 Array = NDArray[np.float64]

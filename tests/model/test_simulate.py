@@ -125,9 +125,7 @@ def test_the_misfit_is_the_weighted_sum_of_whitened_residuals(
     records, sizes = uneven_weights(records_of(campaign(SERVO, seed=2, runs=2, rows=150)), seed=3)
     simulator = Simulator.fitting(MotorModel(), records, SERVO.vector)
     taps = (np.array(whitening[0]), np.array(whitening[1]))
-    weighting = replace(
-        Weighting.white(records), whitening=taps, robust=sizes if robust else None
-    )
+    weighting = replace(Weighting.white(records), whitening=taps, robust=sizes if robust else None)
     values = SERVO.vector[:, None] * np.linspace(0.9, 1.1, 5)
     states = [initial_states(simulator.model, record) for record in records]
 

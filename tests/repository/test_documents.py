@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import typer
+
 from app.cli import app as command_line
 
 ROOT = Path(__file__).parents[2]

@@ -64,9 +64,9 @@ def by_radau(
 def driven(motor: Motor, rows: int, seed: int, warming: float) -> Run:
     """A run with nothing but inputs: steps of voltage while the motor warms from 60 degC on."""
     voltage = drive(motor, "steps", rows, np.random.default_rng(seed))
-    temperature = 60.0 + warming * np.arange(rows) * motor.interval
+    temperature = 60.0 + warming * motor.interval * np.arange(rows, dtype=np.float64)
     nothing = np.zeros(rows)
-    time = np.arange(rows) * motor.interval
+    time = motor.interval * np.arange(rows, dtype=np.float64)
     return Run("run.csv", "0" * 64, time, voltage, nothing, nothing, temperature)
 
 

@@ -84,11 +84,11 @@ def test_a_motor_is_found_from_nothing_but_its_runs(bench: Bench) -> None:
 def test_the_noise_is_estimated_with_the_motor(bench: Bench) -> None:
     """The noise was made `bench.noise` of each channel; 4500 samples tell it to 1.1 percent."""
     motor = motor_named(bench.motor)
-    clean = noiseless(
-        motor, seed=11, kind=bench.kind, hold=bench.hold, moving=bench.moving
-    )
-    channels = [np.concatenate([run.current for run in clean]),
-                np.concatenate([run.speed for run in clean])]
+    clean = noiseless(motor, seed=11, kind=bench.kind, hold=bench.hold, moving=bench.moving)
+    channels = [
+        np.concatenate([run.current for run in clean]),
+        np.concatenate([run.speed for run in clean]),
+    ]
 
     fit, _ = fitted(bench, seed=11)
 

@@ -1,0 +1,1 @@
+"""Two doors to the library: the command line and the HTTP service."""

@@ -1,0 +1,126 @@
+"""The gate: no route answers without a key unless it is named here.
+
+The gate stands in front of the router and not in the routes, so that a route that someone adds, or
+forgets, is closed.  It also stands before any byte of a body is read.
+
+A call shows its key as ``Authorization: Bearer KEY``.  The web page shows it once and then carries
+a cookie; since a browser sends cookies on its own, whatever changes something must come from the
+page's own site, which the browser says in headers that no page can forge.
+"""
+
+from __future__ import annotations
+
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import urlsplit
+
+from anyio import to_thread
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.datastructures import Headers
+from starlette.responses import RedirectResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from app.access.service import DEFAULT_WORKSPACE, AccessService, Caller
+from app.errors import BadKey, CrossSite, Unavailable
+from app.paths import HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
+from app.problems import problem_of
+
+__all__ = ["COOKIE", "PUBLIC_PATHS", "Gate"]
+
+COOKIE = "motorid_session"
+PUBLIC_PATHS = frozenset({LOGIN_PATH, *HEALTH_PATHS})
+"""Paths that answer without a key: health, metrics, and the page that asks for one."""
+
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+
+class Gate:
+    """Lets through who shows a valid key, and tells the layers below who calls.
+
+    Args:
+        app: The layer below.
+        access: Keys and sessions.
+        no_auth: Let everyone through, into the default workspace.
+    """
+
+    def __init__(self, app: ASGIApp, access: AccessService, *, no_auth: bool) -> None:
+        self.app = app
+        self.access = access
+        self.no_auth = no_auth
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            # There are no web sockets; closing before accepting answers 403.
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        headers = Headers(scope=scope)
+        try:
+            _refuse_other_sites(scope["method"], headers)
+            path = scope["path"]
+            if path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX):
+                scope.setdefault("state", {})["caller"] = await self._caller(headers)
+        except BadKey as error:
+            if _is_page(scope, headers):
+                await RedirectResponse(LOGIN_PATH, status_code=303)(scope, receive, send)
+                return
+            await problem_of(error)(scope, receive, send)
+            return
+        except CrossSite as error:
+            await problem_of(error)(scope, receive, send)
+            return
+        except (OperationalError, PoolTimeout):
+            problem = problem_of(Unavailable("the database does not answer; try again"))
+            await problem(scope, receive, send)
+            return
+        await self.app(scope, receive, send)
+
+    async def _caller(self, headers: Headers) -> Caller:
+        if self.no_auth:
+            return Caller(DEFAULT_WORKSPACE)
+        authorization = headers.get("authorization")
+        if authorization is not None:
+            scheme, _, secret = authorization.partition(" ")
+            if scheme.lower() != "bearer" or not secret.strip():
+                raise BadKey("expected the header `Authorization: Bearer KEY`")
+            return await to_thread.run_sync(self.access.caller_of_key, secret.strip())
+        token = _cookie(headers)
+        if token is None:
+            raise BadKey("no key was given; expected the header `Authorization: Bearer KEY`")
+        return await to_thread.run_sync(self.access.caller_of_session, token)
+
+
+def _cookie(headers: Headers) -> str | None:
+    try:
+        jar = SimpleCookie(headers.get("cookie", ""))
+    except CookieError:
+        return None
+    return jar[COOKIE].value if COOKIE in jar else None
+
+
+def _refuse_other_sites(method: str, headers: Headers) -> None:
+    """Refuse what a page of another site sends, however it is authorised.
+
+    Browsers say where a request comes from; other programs send neither header and cannot be
+    talked into a request by a page.
+    """
+    if method in _SAFE_METHODS:
+        return
+    site = headers.get("sec-fetch-site")
+    origin = headers.get("origin")
+    foreign = site is not None and site not in ("same-origin", "none")
+    if origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower():
+        foreign = True
+    if foreign:
+        raise CrossSite("a page of another site sent this request; use the page of this service")
+
+
+def _is_page(scope: Scope, headers: Headers) -> bool:
+    return (
+        scope["method"] == "GET"
+        and not scope["path"].startswith("/api/")
+        and "text/html" in headers.get("accept", "")
+    )

@@ -1,0 +1,75 @@
+"""Keys and sessions in the database."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import delete, select, update
+from sqlalchemy.orm import Session
+
+from app.tables import KeyRow, SessionRow
+
+__all__ = [
+    "add_key",
+    "add_session",
+    "all_keys",
+    "key_by_digest",
+    "key_by_session",
+    "remove_expired_sessions",
+    "remove_session",
+    "revoke",
+]
+
+
+def add_key(session: Session, key: KeyRow) -> None:
+    """Keep a key."""
+    session.add(key)
+
+
+def all_keys(session: Session) -> Sequence[KeyRow]:
+    """Every key, oldest first."""
+    return session.scalars(select(KeyRow).order_by(KeyRow.created_at, KeyRow.id)).all()
+
+
+def key_by_digest(session: Session, digest: str) -> KeyRow | None:
+    """The key with this hash, unless it was revoked."""
+    query = select(KeyRow).where(KeyRow.digest == digest, KeyRow.revoked_at.is_(None))
+    return session.scalars(query).one_or_none()
+
+
+def revoke(session: Session, key_id: str, now: float) -> bool:
+    """Revoke a key; False where there is none that was not revoked before."""
+    changed = session.execute(
+        update(KeyRow)
+        .where(KeyRow.id == key_id, KeyRow.revoked_at.is_(None))
+        .values(revoked_at=now)
+        .returning(KeyRow.id)
+    )
+    return changed.scalar_one_or_none() is not None
+
+
+def add_session(session: Session, row: SessionRow) -> None:
+    """Keep a session of a browser."""
+    session.add(row)
+
+
+def key_by_session(session: Session, digest: str, now: float) -> KeyRow | None:
+    """The key behind a session, unless the session ended or the key was revoked."""
+    query = (
+        select(KeyRow)
+        .join(SessionRow, SessionRow.key_id == KeyRow.id)
+        .where(
+            SessionRow.digest == digest, SessionRow.expires_at > now, KeyRow.revoked_at.is_(None)
+        )
+    )
+    return session.scalars(query).one_or_none()
+
+
+def remove_session(session: Session, digest: str) -> None:
+    """End a session."""
+    session.execute(delete(SessionRow).where(SessionRow.digest == digest))
+
+
+def remove_expired_sessions(session: Session, now: float) -> None:
+    """Forget the sessions that have ended."""
+    session.execute(delete(SessionRow).where(SessionRow.expires_at <= now))

@@ -1,0 +1,172 @@
+"""Arguments of the command line: options that take several words, mappings and values by name.
+
+--validation a.csv b.csv            the same as --validation a.csv --validation b.csv
+--temperature -40 25 125
+--controller P:1 PI:2,0.5
+--set Ra25=0.59 Kt25=0.071
+--map 'current_A=CH2 * 2.5 + 0.1 in mA'
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import typer.core
+
+from identification.errors import OptionError
+
+__all__ = ["SeveralWords", "mapping_of", "values_by_name"]
+
+_MAP = re.compile(
+    r"(?P<channel>\w+)\s*=\s*(?P<column>.*?)"
+    r"(?:\s+\*\s+(?P<scale>\S+))?(?:\s+\+\s+(?P<offset>\S+))?(?:\s+in\s+(?P<unit>\S+))?\s*",
+    re.DOTALL,
+)
+_MAP_FORM = "CHANNEL=HEADER, CHANNEL=HEADER * SCALE + OFFSET in UNIT with any part left out"
+
+
+def _is_number(word: str) -> bool:
+    return re.fullmatch(r"-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", word) is not None
+
+
+def _is_word(word: str) -> bool:
+    return not word.startswith("-")
+
+
+class SeveralWords(typer.core.TyperCommand):
+    """A command of which some options take all the words that can belong to them.
+
+    Click takes a fixed number of words for an option.  Here words that follow become options of
+    their own before click sees them; everything else is click's.
+    """
+
+    several: ClassVar[dict[str, Callable[[str], bool]]] = {
+        "--validation": _is_word,
+        "--temperature": _is_number,
+        "--controller": lambda word: re.match(r"(?i)[a-z]{1,3}:", word) is not None,
+        "--set": lambda word: re.match(r"\w+=", word) is not None,
+    }
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Spread the words, then parse as click does."""
+        return super().parse_args(ctx, list(self.spread(args)))
+
+    @classmethod
+    def spread(cls, words: Sequence[str]) -> Iterable[str]:
+        """Words with each value behind its own ``--option=``.
+
+        Args:
+            words: What stands behind the command's name.
+        """
+        place = 0
+        while place < len(words):
+            word = words[place]
+            place += 1
+            belongs = cls.several.get(word)
+            if belongs is None or place == len(words):
+                yield word
+                if word == "--":
+                    yield from words[place:]
+                    return
+                continue
+            # The first value is taken as it is: if it is wrong, the message says why.
+            yield f"{word}={words[place]}"
+            place += 1
+            while place < len(words) and belongs(words[place]):
+                yield f"{word}={words[place]}"
+                place += 1
+
+
+def values_by_name(settings: Sequence[str]) -> dict[str, float]:
+    """Values of ``NAME=VALUE`` words.
+
+    Args:
+        settings: Such as ``Ra25=0.59``.
+
+    Raises:
+        OptionError: A word has another form, a name is unknown or given twice, or a value is no
+            finite number.
+    """
+    from identification.quantities import DECLARED_PARAMETERS
+
+    values: dict[str, float] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals or name not in DECLARED_PARAMETERS:
+            raise OptionError(
+                f"--set {setting!r}: expected NAME=VALUE with a name of "
+                f"{', '.join(DECLARED_PARAMETERS)}",
+                value=setting,
+            )
+        if name in values:
+            raise OptionError(f"--set {name} is given twice; keep one", value=setting)
+        try:
+            values[name] = float(text)
+        except ValueError:
+            values[name] = math.nan
+        if not math.isfinite(values[name]):
+            raise OptionError(
+                f"--set {name}: {text!r} is not a number; expected one in "
+                f"{DECLARED_PARAMETERS[name].unit}",
+                value=setting,
+            )
+    return values
+
+
+def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] | None:
+    """The mapping of columns to channels from a file and from words, which win over the file.
+
+    Args:
+        file: JSON file of a mapping, or None.
+        settings: Words such as ``current_A=CH2 * 2.5 in mA``; an empty header leaves an optional
+            channel out.
+
+    Returns:
+        A mapping for `read_run`, or None where nothing was said.
+
+    Raises:
+        OptionError: A word has another form.
+        MappingError: What the file or a word says is not accepted.
+    """
+    if file is None and not settings:
+        return None
+    from identification.ingest import read_mapping
+
+    mapping: dict[str, object] = {}
+    if file is not None:
+        read_mapping(file)
+        mapping = json.loads(file.read_text(encoding="utf-8-sig"))
+    for setting in settings:
+        channel, entry = _map_entry(setting)
+        mapping[channel] = entry
+    read_mapping(mapping)
+    return mapping
+
+
+def _map_entry(setting: str) -> tuple[str, dict[str, object] | None]:
+    match = _MAP.fullmatch(setting)
+    if match is None:
+        raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
+    if not match["column"]:
+        return match["channel"], None
+    entry: dict[str, object] = {"column": match["column"]}
+    for key in ("scale", "offset"):
+        if match[key] is not None:
+            entry[key] = _map_number(setting, match[key])
+    if match["unit"] is not None:
+        entry["unit"] = match["unit"]
+    return match["channel"], entry
+
+
+def _map_number(setting: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            f"--map {setting!r}: {text!r} is not a number; expected {_MAP_FORM}", value=setting
+        ) from None

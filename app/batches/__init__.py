@@ -1,0 +1,1 @@
+"""Batches: many motors at once, each a fit of its own."""

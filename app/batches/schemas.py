@@ -1,0 +1,166 @@
+"""Batches as callers see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.batches.service import Batch
+from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
+from app.fits.service import FitRequest
+from app.runs.schemas import moment
+
+__all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchSummary"]
+
+_MOST_MOTORS = 1000
+
+
+class BatchItem(BaseModel):
+    """One motor of a batch."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    motor: Motor | None = Field(default=None, description="Which motor it is.")
+    training: list[RunId] = Field(
+        min_length=1, max_length=200, description="Runs to fit, in the order of recording."
+    )
+    validation: list[RunId] = Field(
+        default=[], max_length=200, description="Runs to check the model on."
+    )
+    options: FitOptionsIn | None = Field(
+        default=None, description="In place of those of the batch."
+    )
+
+
+class BatchCreate(BaseModel):
+    """A batch to be made."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        json_schema_extra={
+            "examples": [
+                {
+                    "name": "November refit",
+                    "options": {"posterior": False},
+                    "motors": [
+                        {"motor": "motor 17", "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"]},
+                        {"motor": "motor 18", "training": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"]},
+                    ],
+                }
+            ]
+        },
+    )
+
+    motors: list[BatchItem] = Field(min_length=1, max_length=_MOST_MOTORS)
+    options: FitOptionsIn = Field(
+        default_factory=FitOptionsIn, description="For each motor that has none of its own."
+    )
+    name: Motor | None = Field(default=None, description="What lists show.")
+
+    def requests(self) -> list[FitRequest]:
+        """What the caller asks for, motor by motor."""
+        return [
+            FitCreate(
+                training=item.training,
+                validation=item.validation,
+                options=item.options or self.options,
+                motor=item.motor,
+            ).request()
+            for item in self.motors
+        ]
+
+
+class BatchFit(BaseModel):
+    """One motor of a batch and how its fit is doing."""
+
+    fit: str = Field(description="Id of the fit; GET /api/v1/fits/{id} has its result.")
+    motor: str | None
+    status: Status
+    progress: Progress
+    error: FitError | None = None
+
+
+class BatchSummary(BaseModel):
+    """A batch without its fits."""
+
+    id: str
+    name: str | None
+    status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"] = Field(
+        description="`partial`: all have ended, and some but not all succeeded."
+    )
+    counts: dict[Status, int] = Field(description="Number of fits in each state.")
+    created_at: str = Field(description="UTC, ISO 8601.")
+
+    @classmethod
+    def of(cls, batch: Batch) -> BatchSummary:
+        """A batch as it is stored."""
+        return cls.model_validate(_fields(batch))
+
+
+class BatchOut(BatchSummary):
+    """A batch with its fits."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                    "name": "November refit",
+                    "status": "running",
+                    "counts": {"queued": 1, "running": 1},
+                    "created_at": "2026-11-21T12:00:00.000000Z",
+                    "fits": [
+                        {
+                            "fit": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
+                            "motor": "motor 17",
+                            "status": "running",
+                            "progress": {"stage": "fit", "fraction": 0.1},
+                            "error": None,
+                        }
+                    ],
+                }
+            ]
+        }
+    )
+
+    fits: list[BatchFit]
+
+    @classmethod
+    def of(cls, batch: Batch) -> BatchOut:
+        """A batch as it is stored."""
+        listed = [
+            {
+                "fit": fit.id,
+                "motor": fit.motor,
+                "status": fit.status,
+                "progress": {"stage": fit.stage, "fraction": fit.fraction},
+                "error": fit.error,
+            }
+            for fit in batch.fits
+        ]
+        return cls.model_validate(_fields(batch) | {"fits": listed})
+
+
+class BatchList(BaseModel):
+    """A page of batches, newest first, without their fits."""
+
+    items: list[BatchSummary]
+    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+
+    @classmethod
+    def of(cls, batches: Sequence[Batch], following: str | None) -> BatchList:
+        """A page as it is stored."""
+        return cls(items=[BatchSummary.of(batch) for batch in batches], next=following)
+
+
+def _fields(batch: Batch) -> dict[str, Any]:
+    return {
+        "id": batch.row.id,
+        "name": batch.row.name,
+        "status": batch.status,
+        "counts": dict(batch.counts),
+        "created_at": moment(batch.row.created_at),
+    }

@@ -1,0 +1,338 @@
+"""The command line: what may be typed, and what a shell gets back.
+
+    motorid fit run1.csv run2.csv --validation run3.csv --out out/motor
+    motorid feedback --result out/motor/result.json --temperature 25 125 --controller PI:2,0.5
+
+Here stand the words of the commands; the work is done in `app.commands` and `app.serving`, which
+are imported when a command needs them.  So ``motorid --help`` answers at once
+and ``motorid fit`` never loads the web framework.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import typer.core
+
+from app.arguments import SeveralWords
+from app.exits import Stopped, failed
+
+__all__ = ["app", "main"]
+
+
+class _Commands(typer.core.TyperGroup):
+    """The group of all commands, which leaves an interruption to `main`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; click would turn Ctrl-C and a closed pipe into statuses of its own."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise Stopped(error) from error
+
+
+app = typer.Typer(
+    cls=_Commands,
+    help="Identify a brushed DC motor from measured runs, and predict its closed speed loop hot "
+    "and cold.",
+    epilog="Exit status: 0 done, 1 the calculation failed, 2 the input is at fault, 130 "
+    "interrupted. A failure is one line on standard error.",
+    add_completion=False,
+    no_args_is_help=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+keys = typer.Typer(help="API keys of the HTTP service.", rich_markup_mode=None)
+app.add_typer(keys, name="keys")
+
+Runs = Annotated[
+    list[Path], typer.Argument(metavar="RUN...", help="Run files, as they were recorded.")
+]
+MappingFile = Annotated[
+    Path | None,
+    typer.Option("--mapping", metavar="FILE", help="JSON file: which column is which channel."),
+]
+MapWords = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map",
+        metavar="CHANNEL=HEADER",
+        help="The same for one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA'; may be "
+        "repeated.",
+    ),
+]
+Temperatures = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--temperature",
+        metavar="DEGC...",
+        help="Temperatures of the speed loop.  [default: 25 125]",
+    ),
+]
+Controllers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--controller",
+        metavar="C...",
+        help="Controllers: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Seed of the sampler; the same seed, the same result.")]
+NoPosterior = Annotated[
+    bool,
+    typer.Option("--no-posterior", help="Intervals from the fit's covariance; no posterior.nc."),
+]
+NoEffects = Annotated[
+    bool, typer.Option("--no-effects", help="Stop at the declared model; look for no effect.")
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="A summary for scripts on standard output, as JSON.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+DataDir = Annotated[
+    Path | None, typer.Option(help="Directory of the service's database, runs and results.")
+]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"motorid {version('motorid')}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _without_command(
+    ctx: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
+
+
+@app.command(cls=SeveralWords)
+def fit(
+    runs: Runs,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")],
+    validation: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="RUN...", help="Runs to check the model on; they are never fitted."),
+    ] = None,
+    seed: Seed = 0,
+    no_posterior: NoPosterior = False,
+    no_effects: NoEffects = False,
+    hold: Annotated[
+        str, typer.Option(help="Voltage between samples: auto (the data decide), zoh or foh.")
+    ] = "auto",
+    temperature: Temperatures = None,
+    controller: Controllers = None,
+    mapping: MappingFile = None,
+    map: MapWords = None,  # noqa: A002  the option's name
+    json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify a motor: write DIR/result.json, DIR/report.html and DIR/posterior.nc.
+
+    Give the runs in the order in which they were recorded.  Words that follow --validation up to
+    the next option are validation runs, so training runs go before it, or after another option.
+    """
+    from app import commands
+
+    commands.fit(
+        runs,
+        validation or [],
+        out,
+        commands.fit_options(seed, no_posterior, no_effects, hold, temperature, controller),
+        mapping=commands.mapping_of(mapping, map or []),
+        show=commands.Show(as_json=json, quiet=quiet),
+    )
+
+
+@app.command(cls=SeveralWords)
+def predict(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result.json.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The run to simulate.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="CSV file to write.")],
+    declared: Annotated[
+        bool, typer.Option("--declared", help="The declared model (before), not the final one.")
+    ] = False,
+    mapping: MappingFile = None,
+    map: MapWords = None,  # noqa: A002  the option's name
+) -> None:
+    """Simulate a run from its voltage and temperature, as its sensors would log it.
+
+    Writes time_s,current_A,speed_rad_s, a row for each sample.  Current and speed of the run serve
+    for the state at its start only.
+    """
+    from app import commands
+
+    commands.predict(result, run, out, declared, commands.mapping_of(mapping, map or []))
+
+
+@app.command(cls=SeveralWords)
+def feedback(
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="JSON file to write the list to.")
+    ] = None,
+    result: Annotated[
+        Path | None,
+        typer.Option(metavar="RESULT", help="A result.json; its posterior.nc is used if there."),
+    ] = None,
+    set: Annotated[  # noqa: A002  the option's name
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE...", help="Parameters of one motor instead of a result."),
+    ] = None,
+    temperature: Temperatures = None,
+    controller: Controllers = None,
+    json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Metrics of the closed speed loop: rise, settling, overshoot, margins, hot and cold."""
+    from app import commands
+
+    commands.feedback(
+        commands.motor_of(result, set or []),
+        temperature or [25.0, 125.0],
+        controller or ["P:1"],
+        out,
+        show=commands.Show(as_json=json, quiet=quiet),
+    )
+
+
+@app.command(cls=SeveralWords)
+def batch(
+    manifest: Annotated[
+        Path, typer.Argument(metavar="MANIFEST", help="CSV with motor,training,validation.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")],
+    seed: Seed = 0,
+    no_posterior: NoPosterior = False,
+    no_effects: NoEffects = False,
+    json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fit many motors, one after the other: DIR/MOTOR/ for each, DIR/results.csv for all.
+
+    Paths in the manifest are relative to it; several are separated by semicolons.  A motor whose
+    result is there is not fitted again, and one that fails does not stop the others.
+    """
+    from app import batch as batches
+    from app import commands
+
+    batches.run_batch(
+        manifest,
+        out,
+        commands.fit_options(seed, no_posterior, no_effects, "auto", None, None),
+        show=commands.Show(as_json=json, quiet=quiet),
+    )
+
+
+@app.command()
+def demo(
+    campaign: Annotated[str, typer.Argument(help="A folder in data/.")] = "paper_motor",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the results go.  [default: out/NAME]")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the campaigns are.  [default: data/]")
+    ] = None,
+    seed: Seed = 0,
+    no_posterior: NoPosterior = False,
+    json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify a motor from the runs of a campaign in data/."""
+    from app import commands
+
+    training, validation = commands.campaign_runs(campaign, data)
+    commands.fit(
+        training,
+        validation,
+        out or Path("out") / campaign,
+        commands.fit_options(seed, no_posterior, False, "auto", None, None),
+        show=commands.Show(as_json=json, quiet=quiet),
+    )
+
+
+@app.command()
+def serve(
+    host: Annotated[str | None, typer.Option(help="Address.  [default: 127.0.0.1]")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port; 0 takes a free one.  [default: 8000]")
+    ] = None,
+    data_dir: DataDir = None,
+    no_auth: Annotated[
+        bool, typer.Option("--no-auth", help="Answer without a key; on a loopback address only.")
+    ] = False,
+) -> None:
+    """The HTTP service.  Settings not given here come from MOTORID_ variables."""
+    from app import serving
+
+    serving.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
+
+
+@keys.command("create")
+def create_key(
+    name: Annotated[str, typer.Argument(help="What the list shows, such as the bench's name.")],
+    workspace: Annotated[
+        str, typer.Option(help="What the key opens: runs and fits of this workspace alone.")
+    ] = "default",
+    data_dir: DataDir = None,
+) -> None:
+    """Make a key.  It is printed once and cannot be shown again."""
+    from app import serving
+
+    serving.create_key(name, workspace, data_dir)
+
+
+@keys.command("list")
+def list_keys(data_dir: DataDir = None) -> None:
+    """All keys with their names and workspaces; never the keys themselves."""
+    from app import serving
+
+    serving.list_keys(data_dir)
+
+
+@keys.command("revoke")
+def revoke_key(
+    key: Annotated[str, typer.Argument(help="Id of the key, as the list shows it.")],
+    data_dir: DataDir = None,
+) -> None:
+    """Have a key open nothing any more."""
+    from app import serving
+
+    serving.revoke_key(key, data_dir)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        words: What stands behind ``motorid``; that of the process where not given.
+
+    Returns:
+        The exit status.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or file of another encoding gets question marks, not a failure after the work.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        status = app(args=words, prog_name="motorid", standalone_mode=False)
+        sys.stdout.flush()
+    except Stopped as stopped:
+        return failed(stopped.reason)
+    except SystemExit as left:
+        return left.code if isinstance(left.code, int) else 1
+    except BaseException as error:  # noqa: BLE001  the last line: no traceback at a user
+        return failed(error)
+    return status if isinstance(status, int) else 0

@@ -1,0 +1,285 @@
+"""What the commands do: files in, library called, files and tables out.
+
+Everything that can be wrong with the words is found before the first long computation: options,
+then runs, then whether the directory can be written.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app import console
+from app.arguments import mapping_of, values_by_name
+from app.outputs import writable_directory, writable_file
+from identification.errors import InputError, OptionError, UnreadableFile
+from identification.feedback import feedback_metrics, parse_controllers
+from identification.options import FitOptions
+
+__all__ = [
+    "Show",
+    "campaign_runs",
+    "feedback",
+    "fit",
+    "fit_options",
+    "identify_into",
+    "mapping_of",
+    "motor_of",
+    "predict",
+    "read_result",
+]
+
+Array = NDArray[np.float64]
+
+_MOST_DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Show:
+    """What goes to standard output.
+
+    Args:
+        as_json: A JSON document for scripts, and nothing else.
+        quiet: Nothing at all; a JSON document is still printed if asked for.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+
+
+def fit_options(
+    seed: int,
+    no_posterior: bool,
+    no_effects: bool,
+    hold: str,
+    temperature: Sequence[float] | None,
+    controller: Sequence[str] | None,
+) -> FitOptions:
+    """Options of a fit from the words of the command line, all checked.
+
+    Raises:
+        OptionError: A value is not accepted.
+    """
+    options = FitOptions(
+        seed=seed,
+        posterior=not no_posterior,
+        effects=not no_effects,
+        hold=cast(Literal["auto", "zoh", "foh"], hold),
+        temperatures=tuple(temperature or (25.0, 125.0)),
+        controllers=tuple(controller or ("P:1",)),
+    )
+    parse_controllers(options.controllers)
+    return options
+
+
+def fit(
+    training: Sequence[Path],
+    validation: Sequence[Path],
+    out: Path,
+    options: FitOptions,
+    *,
+    mapping: Mapping[str, object] | None = None,
+    show: Show,
+) -> None:
+    """Fit a motor, write its results and show them.
+
+    Raises:
+        InputError: A run, an option or the directory is at fault.
+        ComputationError: The calculation did not succeed.
+    """
+    with console.progress_bar(show.quiet) as progress:
+        result = identify_into(out, training, validation, options, mapping, progress)
+    if show.as_json:
+        console.print_json(console.fit_summary(result, out))
+    elif not show.quiet:
+        console.print_fit(result, out)
+
+
+def identify_into(
+    out: Path,
+    training: Sequence[Path],
+    validation: Sequence[Path],
+    options: FitOptions,
+    mapping: Mapping[str, object] | None,
+    progress: console.Progress,
+) -> dict[str, Any]:
+    """Read runs, identify the motor and write its files.
+
+    Args:
+        out: Directory of the files; it is made if it is not there.
+        training: Run files to fit.
+        validation: Run files to check on.
+        options: What the user chose.
+        mapping: Which column is which channel.
+        progress: Told the stage and the share of the job that is done.
+
+    Returns:
+        The content of result.json.
+    """
+    # Here and below: what reads, fits and draws takes seconds to load, and not all need it.
+    from identification.ingest import read_run
+
+    files = [*training, *validation]
+    runs = []
+    for number, file in enumerate(files):
+        progress("read", 0.05 * number / len(files))
+        runs.append(read_run(file, mapping=mapping))
+    with writable_directory(out):
+        from identification.pipeline import identify
+
+        identification = identify(
+            runs[: len(training)],
+            runs[len(training) :],
+            options,
+            lambda stage, done: progress(stage, 0.05 + 0.9 * done),
+        )
+        progress("write", 0.95)
+        identification.write(out)
+    progress("done", 1.0)
+    return identification.result
+
+
+def predict(
+    result: Path,
+    run: Path,
+    out: Path,
+    declared: bool,
+    mapping: Mapping[str, object] | None,
+) -> None:
+    """Simulate a run by a result and write the table.
+
+    Raises:
+        InputError: The result, the run or the file to write is at fault.
+    """
+    from identification.ingest import read_run
+
+    content = read_result(result)
+    measured = read_run(run, mapping=mapping)
+    with writable_file(out):
+        from identification.predict import predict as simulate
+        from identification.report.atomic import write_text
+
+        prediction = simulate(content, measured, declared)
+        table = io.StringIO()
+        writer = csv.writer(table, lineterminator="\n")
+        writer.writerow(["time_s", "current_A", "speed_rad_s"])
+        columns = (prediction.time, prediction.current, prediction.speed)
+        writer.writerows(zip(*(map(_cell, column.tolist()) for column in columns), strict=True))
+        write_text(out, table.getvalue())
+
+
+def feedback(
+    draws: Mapping[str, Array],
+    temperatures: Sequence[float],
+    controllers: Sequence[str],
+    out: Path | None,
+    *,
+    show: Show,
+) -> None:
+    """Compute the feedback list, write it and show it.
+
+    Raises:
+        InputError: A parameter, temperature, controller or the file to write is at fault.
+    """
+    entries = feedback_metrics(draws, temperatures, controllers)
+    if out is not None:
+        from identification.report.atomic import write_text
+
+        with writable_file(out):
+            write_text(out, json.dumps(entries, indent=2, allow_nan=False) + "\n")
+    if show.as_json:
+        console.print_json(entries)
+    elif not show.quiet:
+        console.print_feedback(entries)
+
+
+def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array]:
+    """Draws of the declared parameters, from a result or from the words of ``--set``.
+
+    Raises:
+        OptionError: Both were given or neither, or a word is not accepted.
+        InputError: The result is at fault.
+    """
+    if (result is None) == (not settings):
+        raise OptionError(
+            "expected either --result DIR/result.json or --set NAME=VALUE for each parameter"
+        )
+    if result is None:
+        return {name: np.array([value]) for name, value in values_by_name(settings).items()}
+    from app.draws import draws_of
+
+    draws, remark = draws_of(read_result(result), result, _MOST_DRAWS)
+    if remark:
+        console.remark(remark)
+    return draws
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """Content of a result.json.
+
+    Raises:
+        InputError: The file cannot be read or is no result of ``motorid fit``.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise UnreadableFile(
+            f"cannot be opened ({error.strerror}); expected a result.json of 'motorid fit'",
+            file=str(path),
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is not text; expected a result.json", file=str(path)) from error
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            "is not JSON; expected a result.json of 'motorid fit'",
+            file=str(path),
+            row=getattr(error, "lineno", None),
+        ) from error
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if version != 1 or not isinstance(content.get("parameters"), dict):
+        raise InputError(
+            f"has the schema_version {version!r}; expected a result.json of schema_version 1 as "
+            "'motorid fit' writes it",
+            file=str(path),
+        )
+    return cast(dict[str, Any], content)
+
+
+def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:
+    """Training and validation runs of a campaign of data/.
+
+    Args:
+        name: Folder of the campaign.
+        data: Where the campaigns are; the data/ of the checkout, or of the working directory,
+            where not given.
+
+    Raises:
+        OptionError: There is no such campaign.
+    """
+    places = [data] if data else [Path("data"), Path(__file__).parents[1] / "data"]
+    for place in places:
+        training = sorted((place / name).glob("training_*.csv"))
+        if training:
+            return training, sorted((place / name).glob("validation_*.csv"))
+    known = sorted({found.parent.name for p in places for found in p.glob("*/training_1.csv")})
+    hint = (
+        f"expected one of {', '.join(known)}"
+        if known
+        else "no campaign was found; run it in a checkout of the project, or say --data DIR"
+    )
+    raise OptionError(f"campaign {name!r} is not in data/: {hint}", value=name)
+
+
+def _cell(value: float) -> float | str:
+    """A number in the shortest text that reads back as it; nothing between two segments."""
+    return value if value == value else ""  # noqa: PLR0124  only NaN differs from itself

@@ -1,0 +1,231 @@
+"""What the command line shows: a progress bar on a terminal, tables, and JSON for scripts.
+
+Results go to standard output; the bar and remarks to standard error, so that a pipe carries
+results alone.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+from rich.table import Table
+
+from identification.report.numbers import UNKNOWN, interval_text, unit_text
+
+__all__ = [
+    "Progress",
+    "fit_summary",
+    "print_feedback",
+    "print_fit",
+    "print_json",
+    "print_rows",
+    "progress_bar",
+    "remark",
+]
+
+Progress = Callable[[str, float], None]
+"""Told the name of the stage and the share of the job that is done."""
+
+_STAGES = {
+    "read": "reading runs",
+    "fit": "fitting",
+    "effects": "looking for effects",
+    "posterior": "sampling the posterior",
+    "feedback": "closing the loop",
+    "report": "drawing the report",
+    "write": "writing",
+    "done": "done",
+}
+_METRICS = {
+    "rise_time_s": "rise time, 10-90 % [s]",
+    "settling_time_s": "settling time, 2 % [s]",
+    "steady_state": "final value [rad/s]",
+    "overshoot_percent": "overshoot [%]",
+    "peak": "peak [rad/s]",
+    "peak_time_s": "peak time [s]",
+    "bandwidth_rad_s": "bandwidth [rad/s]",
+    "phase_margin_deg": "phase margin [deg]",
+    "gain_margin_db": "gain margin [dB]",
+}
+_PIPE_WIDTH = 200
+# The report comes last: its path is what a reader goes on with.
+_FILES = {"result": "result.json", "posterior": "posterior.nc", "report": "report.html"}
+
+
+@contextmanager
+def progress_bar(quiet: bool) -> Iterator[Progress]:
+    """A bar on standard error while the block runs; nothing where that is no terminal.
+
+    Args:
+        quiet: Whether to show nothing in any case.
+
+    Yields:
+        What to tell the stage and the share to.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda stage, share: None
+        return
+    columns = (
+        TextColumn("{task.description:<22}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda stage, share: bar.update(
+            task, description=_STAGES.get(stage, stage), completed=share
+        )
+
+
+def remark(text: str) -> None:
+    """Say something on standard error that is no error."""
+    print(f"motorid: {text}", file=sys.stderr)  # noqa: T201
+
+
+def print_json(content: object) -> None:
+    """Print a JSON document."""
+    print(json.dumps(content, indent=2, allow_nan=False))  # noqa: T201
+
+
+def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    """What a script wants to know after a fit.
+
+    Args:
+        result: Content of result.json.
+        out: Directory of the files.
+
+    Returns:
+        Paths of the files (None where there is none) and the parts of the result that are short.
+    """
+    files = {
+        name: str(out / file) if (out / file).exists() else None for name, file in _FILES.items()
+    }
+    kept = ("parameters", "effects", "errors", "noise", "feedback", "sampler", "warnings")
+    return {"schema_version": 1, "files": files} | {name: result.get(name) for name in kept}
+
+
+def print_fit(result: Mapping[str, Any], out: Path) -> None:
+    """Print warnings, parameters, errors and the loop's metrics, and where the files are.
+
+    Args:
+        result: Content of result.json.
+        out: Directory of the files.
+    """
+    from identification.report.summary import summary_sentences
+
+    console = _console()
+    for warning in result.get("warnings") or ():
+        console.print(f"Warning: {warning}", style="yellow")
+    for sentence in summary_sentences(result):
+        console.print(sentence)
+    console.print(_parameters(result))
+    for effect in result.get("effects") or ():
+        console.print(_effect(effect))
+    console.print(_errors(result))
+    print_feedback(result["feedback"])
+    for file in _FILES.values():
+        if (out / file).exists():
+            # A path is never wrapped: it is there to be copied.
+            print(out / file)  # noqa: T201
+
+
+def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
+    """Print one table for each controller, a column for each temperature.
+
+    Args:
+        entries: The feedback list of a result.
+    """
+    console = _console()
+    for controller in dict.fromkeys(str(entry["controller"]) for entry in entries):
+        shown = [entry for entry in entries if entry["controller"] == controller]
+        table = _table(f"Speed loop, {controller}", "metric")
+        for entry in shown:
+            table.add_column(f"{entry['temperature_degC']:g} °C", justify="right")
+        table.add_row("stability", *(entry["statement"].partition(";")[0] for entry in shown))
+        for name, label in _METRICS.items():
+            table.add_row(label, *(_quantity(entry[name]) for entry in shown))
+        console.print(table)
+
+
+def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print a table of numbers and words.
+
+    Args:
+        columns: Keys to show, in order.
+        rows: What stands under them.
+    """
+    table = _table("", *columns)
+    for row in rows:
+        table.add_row(
+            *(f"{row[k]:.5g}" if isinstance(row[k], float) else str(row[k] or "") for k in columns)
+        )
+    _console().print(table)
+
+
+def _console() -> Console:
+    """Standard output; a pipe has no width at which lines would have to be broken."""
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    return Console(file=sys.stdout, width=width, markup=False, highlight=False, emoji=False)
+
+
+def _table(title: str, *left: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for name in left:
+        table.add_column(name)
+    return table
+
+
+def _parameters(result: Mapping[str, Any]) -> Table:
+    table = _table("Parameters", "name", "unit")
+    for name in ("median", "90 % interval"):
+        table.add_column(name, justify="right")
+    table.add_column("determined by the data")
+    entries: dict[str, Mapping[str, Any]] = dict(result["parameters"])
+    for effect in result.get("effects") or ():
+        entries |= effect["parameters"]
+    for name, entry in entries.items():
+        text = interval_text(entry["median"], entry["q05"], entry["q95"])
+        table.add_row(
+            name,
+            unit_text(entry["unit"]),
+            text.median + text.power,
+            f"{text.low} .. {text.high}{text.power}",
+            "yes" if entry["identified"] else "NO",
+        )
+    return table
+
+
+def _effect(effect: Mapping[str, Any]) -> str:
+    return f"{effect['name']} ({effect['equation']}), probability {effect['probability']:.3g}"
+
+
+def _errors(result: Mapping[str, Any]) -> Table:
+    from identification.report.tables import error_rows
+
+    table = _table("Simulation error", "runs", "channel", "unit")
+    has_effects = bool(result.get("effects"))
+    for stage in ("before", "after") if has_effects else ("",):
+        for name in ("RMSE", "NRMSE", "over noise"):
+            table.add_column(f"{name} {stage}".strip(), justify="right")
+    for row in error_rows(result):
+        before = row.before if has_effects else ()
+        table.add_row(row.role, row.channel, row.unit, *before, *row.after)
+    return table
+
+
+def _quantity(entry: Mapping[str, Any]) -> str:
+    if entry["median"] is None:
+        return "infinite" if entry.get("infinite_fraction", 0) > 0.5 else UNKNOWN
+    text = interval_text(entry["median"], entry["q05"], entry["q95"])
+    if text.low == text.median == text.high:
+        return f"{text.median}{text.power}"
+    return f"{text.median} ({text.low} .. {text.high}){text.power}"

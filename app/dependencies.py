@@ -1,0 +1,40 @@
+"""What endpoints ask for by the type of a parameter."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from app.access.service import Caller
+from app.errors import BadKey, WrongMediaType
+from app.services import Services
+
+__all__ = ["CallerDep", "JsonBody", "ServicesDep"]
+
+
+def _services(request: Request) -> Services:
+    services: Services = request.app.state.services
+    return services
+
+
+def _caller(request: Request) -> Caller:
+    caller = getattr(request.state, "caller", None)
+    if not isinstance(caller, Caller):
+        # The gate lets nobody through without one; a route that is public by mistake ends here.
+        raise BadKey("no key was given; expected the header `Authorization: Bearer KEY`")
+    return caller
+
+
+def _json_body(request: Request) -> None:
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/json":
+        raise WrongMediaType("expected a body of the type application/json")
+
+
+ServicesDep = Annotated[Services, Depends(_services)]
+"""The parts of the service."""
+CallerDep = Annotated[Caller, Depends(_caller)]
+"""Who calls."""
+JsonBody = Depends(_json_body)
+"""Refuses bodies of other types."""

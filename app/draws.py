@@ -1,0 +1,85 @@
+"""Posterior draws of a result that was written earlier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+from identification.quantities import DECLARED_PARAMETERS
+
+__all__ = ["draws_of"]
+
+Array = NDArray[np.float64]
+
+_SEED: Final = 0
+_LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
+
+
+def draws_of(result: Mapping[str, Any], path: Path, most: int) -> tuple[dict[str, Array], str]:
+    """Draws of the declared parameters of the final model.
+
+    The posterior.nc beside the result is used if it is there.  Without, draws are made from the
+    medians and standard deviations in the result; how the parameters vary together is then lost,
+    and the remark says so.
+
+    Args:
+        result: Content of the result.
+        path: Where the result was read from.
+        most: Number of draws; at most so many of a chain, evenly spread.
+
+    Returns:
+        (n_draw,) for each declared parameter, and a remark for the user, empty where there is none.
+
+    Raises:
+        InputError: The posterior cannot be read, or the result lacks a parameter.
+    """
+    posterior = path.with_name("posterior.nc")
+    if posterior.exists():
+        return _chain(posterior, most), ""
+    return _normal(result, path, most), (
+        f"no posterior.nc beside {path.name}: the draws are independent ones from its medians and "
+        "standard deviations, so the spread of the metrics is a rough one"
+    )
+
+
+def _chain(path: Path, most: int) -> dict[str, Array]:
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            group = file.groups["posterior"]
+            draws = {name: np.asarray(group[name][...]).T.ravel() for name in DECLARED_PARAMETERS}
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(
+            f"is no posterior of 'motorid fit' ({error}); run the fit again or remove it",
+            file=str(path),
+        ) from error
+    count = draws["J"].size
+    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
+    return {name: values[kept].astype(np.float64) for name, values in draws.items()}
+
+
+def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Array]:
+    rng = np.random.default_rng(_SEED)
+    draws = {}
+    for name in DECLARED_PARAMETERS:
+        entry = result["parameters"].get(name) or {}
+        centre, spread = entry.get("median"), entry.get("sd")
+        if not isinstance(centre, int | float) or not isinstance(spread, int | float):
+            raise InputError(
+                f"holds no median and sd of {name}; say --set {name}=VALUE and so on instead",
+                file=str(path),
+            )
+        steps = rng.standard_normal(count) * spread
+        if name in _LOGARITHMIC:
+            draws[name] = centre * np.exp(steps / centre)
+        elif name in ("b", "L"):
+            draws[name] = np.abs(centre + steps)
+        else:
+            draws[name] = centre + steps
+    return draws

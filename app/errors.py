@@ -1,0 +1,180 @@
+"""What the service refuses on its own account, as one tree.
+
+    ServiceError
+    ├── NotFound               no such run, fit, batch or page, or not in this workspace
+    │   └── NotReady           the fit has no such output, not yet or not at all
+    ├── RequestRefused         the request itself is at fault
+    │   ├── BadRequest         it cannot be understood
+    │   ├── BadKey             no key, or one that is not valid
+    │   ├── CrossSite          a page of another site sent it
+    │   ├── BodyTooLarge       more bytes than the limit
+    │   ├── BodyTooSlow        no byte came for too long
+    │   ├── WrongMediaType     another kind of body than the call takes
+    │   ├── FieldRefused       a field has a value that is not accepted
+    │   ├── KeyReused          an Idempotency-Key came with another request than before
+    │   └── RunRefused         an upload could not be read as a run: file, row, column
+    ├── RunInUse               a run of a fit that has not ended cannot be deleted
+    └── Unavailable            not now: the service stops or its storage does not answer
+        └── StorageFull        no space is left
+
+The words for the caller stand here, the HTTP statuses in `app.problems`.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+__all__ = [
+    "BadKey",
+    "BadRequest",
+    "BodyTooLarge",
+    "BodyTooSlow",
+    "CrossSite",
+    "FieldRefused",
+    "KeyReused",
+    "NotFound",
+    "NotReady",
+    "RequestRefused",
+    "RunInUse",
+    "RunRefused",
+    "ServiceError",
+    "StorageFull",
+    "Unavailable",
+    "WrongMediaType",
+]
+
+
+class ServiceError(Exception):
+    """Base of what the service refuses; `code` is a stable word for scripts.
+
+    Args:
+        message: What was wrong, what was expected, what to do next.
+    """
+
+    code: ClassVar[str] = "service"
+
+    def __init__(self, message: str) -> None:
+        self.message = message
+        super().__init__(message)
+
+
+class NotFound(ServiceError):
+    """There is no such thing in the caller's workspace."""
+
+    code: ClassVar[str] = "not_found"
+
+
+class NotReady(NotFound):
+    """The fit has no such output."""
+
+    code: ClassVar[str] = "not_ready"
+
+
+class RequestRefused(ServiceError):
+    """The request is at fault."""
+
+    code: ClassVar[str] = "request"
+
+
+class BadRequest(RequestRefused):
+    """The request cannot be understood."""
+
+    code: ClassVar[str] = "bad_request"
+
+
+class BadKey(RequestRefused):
+    """No key was given, or one that is not valid."""
+
+    code: ClassVar[str] = "unauthorized"
+
+
+class CrossSite(RequestRefused):
+    """A page of another site sent the request."""
+
+    code: ClassVar[str] = "cross_site"
+
+
+class BodyTooLarge(RequestRefused):
+    """The body has more bytes than the limit."""
+
+    code: ClassVar[str] = "too_large"
+
+
+class BodyTooSlow(RequestRefused):
+    """The body stopped coming."""
+
+    code: ClassVar[str] = "too_slow"
+
+
+class WrongMediaType(RequestRefused):
+    """The body is of another kind than the call takes."""
+
+    code: ClassVar[str] = "media_type"
+
+
+class FieldRefused(RequestRefused):
+    """A field of the request has a value that is not accepted.
+
+    Args:
+        message: What was wrong, what was expected, what to do next.
+        field: Name of the field.
+    """
+
+    code: ClassVar[str] = "field"
+
+    def __init__(self, message: str, field: str) -> None:
+        self.field = field
+        super().__init__(message)
+
+
+class KeyReused(RequestRefused):
+    """An Idempotency-Key came back with another request."""
+
+    code: ClassVar[str] = "idempotency_key_reused"
+
+
+class RunRefused(RequestRefused):
+    """An upload could not be read as a run.
+
+    Args:
+        message: What was wrong, what was expected, what to do next.
+        reason: Stable word of the reader, such as ``missing_column``.
+        file: Name of the file as the caller gave it.
+        row: Line of that file, counted from 1.
+        column: Name of the column as it stands in the file.
+    """
+
+    code: ClassVar[str] = "run_file"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        reason: str,
+        file: str | None = None,
+        row: int | None = None,
+        column: str | None = None,
+    ) -> None:
+        self.reason = reason
+        self.file = file
+        self.row = row
+        self.column = column
+        super().__init__(message)
+
+
+class RunInUse(ServiceError):
+    """A run cannot be deleted while a fit needs it."""
+
+    code: ClassVar[str] = "run_in_use"
+
+
+class Unavailable(ServiceError):
+    """The service cannot answer now and may be able to later."""
+
+    code: ClassVar[str] = "unavailable"
+
+
+class StorageFull(Unavailable):
+    """No space is left for what was sent."""
+
+    code: ClassVar[str] = "storage_full"

@@ -1,0 +1,1 @@
+"""Fits: accepted, queued, computed in processes of their own, watched and cancelled."""

@@ -1,0 +1,173 @@
+"""Calls about fits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from anyio import to_thread
+from fastapi import APIRouter, Header, Query, Response
+from fastapi.responses import FileResponse, StreamingResponse
+
+from app.dependencies import CallerDep, JsonBody, ServicesDep
+from app.errors import NotFound
+from app.fits.events import has_heard_the_end, last_version, stream
+from app.fits.schemas import FitCreate, FitList, FitOut, Status
+from app.headers import REPORT_POLICY
+from app.problems import responses
+from app.tables import FitRow
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/fits", tags=["fits"])
+
+_EVENTS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "Events until the fit ends.",
+        "content": {
+            "text/event-stream": {
+                "schema": {"type": "string"},
+                "example": "event: progress\nid: 7\n"
+                'data: {"id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi", "status": "running", '
+                '"progress": {"stage": "posterior", "fraction": 0.42}, "attempt": 1, '
+                '"error": null}\n\n',
+            }
+        },
+    },
+    204: {"description": "The listener has heard the end already."},
+}
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Begin a fit",
+    dependencies=[JsonBody],
+    responses=responses(400, 403, 404, 413, 415, 422),
+)
+def create_fit(
+    body: FitCreate,
+    response: Response,
+    services: ServicesDep,
+    caller: CallerDep,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            description="A word of your own, such as a UUID: the same word with the same request "
+            "is the same fit, so that a request can be sent again when its answer was lost."
+        ),
+    ] = None,
+) -> FitOut:
+    """Accept a fit and compute it in the background.
+
+    `Location` says where its status, its progress and in the end its result are.
+    """
+    fit = services.fits.create(caller, body.request(), idempotency_key)
+    response.headers["Location"] = f"/api/v1/fits/{fit.row.id}"
+    return FitOut.of(fit)
+
+
+@router.get("", summary="List fits", responses=responses(422))
+def list_fits(
+    services: ServicesDep,
+    caller: CallerDep,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Most fits of a page.")] = 100,
+    after: Annotated[
+        str | None, Query(max_length=200, description="`next` of the page before.")
+    ] = None,
+    status: Annotated[Status | None, Query(description="Only fits in this state.")] = None,
+    motor: Annotated[
+        str | None, Query(max_length=200, description="Only fits of this motor.")
+    ] = None,
+) -> FitList:
+    """Fits, newest first, without their results."""
+    fits = services.fits.page(caller, after=after, limit=limit, status=status, motor=motor)
+    return FitList.of(*fits)
+
+
+@router.get("/{fit_id}", summary="Show a fit", responses=responses(404))
+def show_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut:
+    """Status and progress, and the result once the fit succeeded."""
+    return FitOut.of(services.fits.get(caller, fit_id))
+
+
+@router.get(
+    "/{fit_id}/events",
+    summary="Follow a fit",
+    response_class=StreamingResponse,
+    responses=_EVENTS | responses(404),
+)
+async def follow_fit(
+    fit_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    last_event_id: Annotated[str | None, Header(description="Sent by browsers.")] = None,
+) -> Response:
+    """Server-sent events: each tells status and progress; the stream closes when the fit ends."""
+    version = last_version(last_event_id)
+    row = await to_thread.run_sync(services.fits.row, caller, fit_id)
+    if version and has_heard_the_end(row, version):
+        return Response(status_code=204)
+
+    def read() -> FitRow | None:
+        try:
+            return services.fits.row(caller, fit_id)
+        except NotFound:
+            return None
+
+    events = stream(
+        read,
+        version,
+        keep_alive_s=services.settings.keep_alive_s,
+        is_stopping=services.stopping.is_set,
+    )
+    return StreamingResponse(
+        events, media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
+    )
+
+
+@router.delete(
+    "/{fit_id}",
+    summary="Cancel or remove a fit",
+    response_model=FitOut,
+    responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
+)
+def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut | Response:
+    """Cancel a fit that has not ended; remove one that has, with its report and posterior."""
+    fit = services.fits.delete(caller, fit_id)
+    return Response(status_code=204) if fit is None else FitOut.of(fit)
+
+
+@router.get(
+    "/{fit_id}/report",
+    summary="Fetch the report",
+    response_class=FileResponse,
+    responses={
+        200: {"description": "One self-contained page.", "content": {"text/html": {}}},
+        **responses(404),
+    },
+)
+def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> FileResponse:
+    """The HTML report of a fit that succeeded."""
+    return FileResponse(
+        services.fits.report(caller, fit_id),
+        media_type="text/html; charset=utf-8",
+        headers={"Content-Security-Policy": REPORT_POLICY},
+    )
+
+
+@router.get(
+    "/{fit_id}/posterior",
+    summary="Fetch the posterior",
+    response_class=FileResponse,
+    responses={
+        200: {"description": "Draws as NetCDF.", "content": {"application/x-netcdf": {}}},
+        **responses(404),
+    },
+)
+def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> FileResponse:
+    """The posterior of a fit that succeeded and sampled one, as NetCDF that ArviZ reads."""
+    return FileResponse(
+        services.fits.posterior(caller, fit_id),
+        media_type="application/x-netcdf",
+        filename=f"{fit_id}.nc",
+    )

@@ -1,0 +1,277 @@
+"""Fits in the database.
+
+Callers' queries stay within one workspace.  What the supervisor writes about a fit that runs
+carries the number of the attempt, and changes nothing where that attempt is no longer the current
+one: a process that was only slow, and not dead, cannot overwrite what came after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from sqlalchemy import and_, delete, func, or_, select, tuple_, update
+from sqlalchemy.orm import Session
+
+from app.tables import FitRow, FitRunRow, RunRow
+
+__all__ = [
+    "ENDED",
+    "add",
+    "all_ids",
+    "by_key",
+    "cancel",
+    "claim",
+    "counts",
+    "expired",
+    "finish",
+    "get",
+    "held",
+    "next_queued",
+    "of_batch",
+    "oldest_queued",
+    "page",
+    "put_back",
+    "remove",
+    "renew",
+    "run_ids",
+    "runs_of",
+]
+
+ENDED = ("succeeded", "failed", "cancelled")
+"""States that a fit does not leave."""
+
+Role = Literal["training", "validation"]
+
+
+def add(session: Session, row: FitRow, training: Sequence[str], validation: Sequence[str]) -> None:
+    """Keep a fit and which runs it takes."""
+    session.add(row)
+    session.flush()
+    for role, ids in (("training", training), ("validation", validation)):
+        session.add_all(
+            FitRunRow(fit_id=row.id, role=role, position=position, run_id=run_id)
+            for position, run_id in enumerate(ids)
+        )
+
+
+def get(session: Session, workspace: str, fit_id: str) -> FitRow | None:
+    """A fit, or None."""
+    query = select(FitRow).where(FitRow.workspace == workspace, FitRow.id == fit_id)
+    return session.scalars(query).one_or_none()
+
+
+def by_key(session: Session, workspace: str, idempotency_key: str) -> FitRow | None:
+    """The fit that was asked for under an Idempotency-Key, or None."""
+    query = select(FitRow).where(
+        FitRow.workspace == workspace, FitRow.idempotency_key == idempotency_key
+    )
+    return session.scalars(query).one_or_none()
+
+
+def page(
+    session: Session,
+    workspace: str,
+    *,
+    after: tuple[float, str] | None,
+    limit: int,
+    status: str | None = None,
+    motor: str | None = None,
+) -> Sequence[FitRow]:
+    """Fits, newest first.
+
+    Args:
+        session: Session of the database.
+        workspace: Workspace of the caller.
+        after: Time of creation and id of the last fit of the page before.
+        limit: Most fits of a page.
+        status: Only fits in this state.
+        motor: Only fits of this motor.
+    """
+    query = select(FitRow).where(FitRow.workspace == workspace)
+    if status is not None:
+        query = query.where(FitRow.status == status)
+    if motor is not None:
+        query = query.where(FitRow.motor == motor)
+    if after is not None:
+        query = query.where(tuple_(FitRow.created_at, FitRow.id) < tuple_(*after))
+    return session.scalars(
+        query.order_by(FitRow.created_at.desc(), FitRow.id.desc()).limit(limit)
+    ).all()
+
+
+def of_batch(session: Session, batch_id: str) -> Sequence[FitRow]:
+    """The fits of a batch in its order."""
+    query = select(FitRow).where(FitRow.batch_id == batch_id).order_by(FitRow.position)
+    return session.scalars(query).all()
+
+
+def run_ids(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list[str]]]:
+    """Ids of the runs of some fits, in order, by fit and role."""
+    query = (
+        select(FitRunRow)
+        .where(FitRunRow.fit_id.in_(fit_ids))
+        .order_by(FitRunRow.fit_id, FitRunRow.role, FitRunRow.position)
+    )
+    found: dict[str, dict[str, list[str]]] = {
+        fit_id: {"training": [], "validation": []} for fit_id in fit_ids
+    }
+    for row in session.scalars(query):
+        found[row.fit_id][row.role].append(row.run_id)
+    return found
+
+
+def runs_of(session: Session, fit_id: str, role: Role) -> Sequence[RunRow]:
+    """The runs of a fit in one role, in order."""
+    query = (
+        select(RunRow)
+        .join(FitRunRow, FitRunRow.run_id == RunRow.id)
+        .where(FitRunRow.fit_id == fit_id, FitRunRow.role == role)
+        .order_by(FitRunRow.position)
+    )
+    return session.scalars(query).all()
+
+
+def cancel(session: Session, fit_id: str, now: float) -> bool:
+    """End a fit that has not ended; False where it has."""
+    return _changed(
+        session,
+        and_(FitRow.id == fit_id, FitRow.status.not_in(ENDED)),
+        status="cancelled",
+        ended_at=now,
+        owner=None,
+        lease_until=None,
+    )
+
+
+def remove(session: Session, fit_id: str) -> None:
+    """Forget a fit."""
+    session.execute(delete(FitRow).where(FitRow.id == fit_id))
+
+
+def next_queued(session: Session) -> FitRow | None:
+    """The fit that waits longest, or None."""
+    query = (
+        select(FitRow)
+        .where(FitRow.status == "queued")
+        .order_by(FitRow.created_at, FitRow.position, FitRow.id)
+        .limit(1)
+    )
+    return session.scalars(query).one_or_none()
+
+
+def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: float) -> bool:
+    """Begin the next attempt at a fit that waits; False where another was faster."""
+    return _changed(
+        session,
+        and_(FitRow.id == row.id, FitRow.attempt == row.attempt, FitRow.status == "queued"),
+        status="running",
+        stage="starting",
+        fraction=0.0,
+        attempt=row.attempt + 1,
+        owner=owner,
+        lease_until=lease_until,
+        started_at=func.coalesce(FitRow.started_at, now),
+    )
+
+
+def held(session: Session, owner: str) -> set[tuple[str, int]]:
+    """Fits and attempts that run under an owner."""
+    query = select(FitRow.id, FitRow.attempt).where(
+        FitRow.status == "running", FitRow.owner == owner
+    )
+    return {(fit_id, attempt) for fit_id, attempt in session.execute(query)}
+
+
+def renew(
+    session: Session, fit_id: str, attempt: int, *, lease_until: float, progress: dict[str, Any]
+) -> bool:
+    """Write lease and progress of an attempt; False where it is no longer the current one."""
+    step = 1 if progress else 0
+    condition = _current(fit_id, attempt)
+    return _changed(session, condition, step=step, lease_until=lease_until, **progress)
+
+
+def finish(
+    session: Session,
+    fit_id: str,
+    attempt: int,
+    *,
+    status: str,
+    now: float,
+    error: dict[str, Any] | None = None,
+) -> bool:
+    """End a fit with what an attempt came to; False where that is no longer the current one."""
+    values: dict[str, Any] = {"stage": "done", "fraction": 1.0} if status == "succeeded" else {}
+    return _changed(
+        session,
+        _current(fit_id, attempt),
+        status=status,
+        error=error,
+        ended_at=now,
+        owner=None,
+        lease_until=None,
+        **values,
+    )
+
+
+def put_back(session: Session, fit_id: str, attempt: int, *, failures: int) -> bool:
+    """Let a fit wait again after an attempt without a result."""
+    return _changed(
+        session,
+        _current(fit_id, attempt),
+        status="queued",
+        stage="queued",
+        fraction=0.0,
+        failures=failures,
+        owner=None,
+        lease_until=None,
+    )
+
+
+def expired(session: Session, *, node: str, owner: str, now: float) -> Sequence[FitRow]:
+    """Fits that run under an owner who is gone.
+
+    Args:
+        session: Session of the database.
+        node: Name of this machine: it has one server, so that every other owner of it is gone.
+        owner: This server.
+        now: The time, past which a lease must reach [s since 1970].
+    """
+    query = select(FitRow).where(
+        FitRow.status == "running",
+        FitRow.owner != owner,
+        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{node}/", autoescape=True)),
+    )
+    return session.scalars(query).all()
+
+
+def counts(session: Session) -> dict[str, int]:
+    """How many fits there are in each state, of all workspaces."""
+    query = select(FitRow.status, func.count()).group_by(FitRow.status)
+    return {status: number for status, number in session.execute(query)}
+
+
+def oldest_queued(session: Session) -> float | None:
+    """When the fit was made that waits longest, or None."""
+    return session.scalars(
+        select(func.min(FitRow.created_at)).where(FitRow.status == "queued")
+    ).one_or_none()
+
+
+def all_ids(session: Session) -> set[str]:
+    """Ids of all fits of all workspaces."""
+    return set(session.scalars(select(FitRow.id)))
+
+
+def _current(fit_id: str, attempt: int) -> Any:
+    return and_(FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == "running")
+
+
+def _changed(session: Session, condition: Any, *, step: int = 1, **values: Any) -> bool:
+    """Change the one row that meets a condition; False where there is none."""
+    statement = update(FitRow).where(condition).values(version=FitRow.version + step, **values)
+    result = session.execute(
+        statement.returning(FitRow.id), execution_options={"synchronize_session": False}
+    )
+    return result.scalar_one_or_none() is not None

@@ -1,0 +1,243 @@
+"""Fits as callers see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from app.fits.service import Fit, FitRequest
+from app.runs.schemas import moment
+from app.tables import FitRow
+from identification.options import FitOptions
+
+__all__ = [
+    "FitCreate",
+    "FitError",
+    "FitEvent",
+    "FitList",
+    "FitOptionsIn",
+    "FitOut",
+    "FitSummary",
+    "Motor",
+    "Progress",
+    "RunId",
+    "Status",
+]
+
+Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+RunId = Annotated[
+    str, StringConstraints(max_length=60), Field(examples=["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"])
+]
+Motor = Annotated[str, StringConstraints(max_length=200)]
+
+_DEFAULT = FitOptions()
+_FIT: dict[str, Any] = {
+    "id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
+    "status": "running",
+    "progress": {"stage": "posterior", "fraction": 0.42},
+    "motor": "bench 4, motor 17",
+    "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
+    "validation": [],
+    "options": {
+        "seed": 0,
+        "posterior": True,
+        "effects": True,
+        "hold": "auto",
+        "temperatures": [25.0, 125.0],
+        "controllers": ["P:1"],
+    },
+    "attempt": 1,
+    "error": None,
+    "batch": None,
+    "links": {"self": "/api/v1/fits/fit_k5x2qv7wr3m4hd6ytnobczs5fi"},
+    "created_at": "2026-11-21T12:00:00.000000Z",
+    "started_at": "2026-11-21T12:00:00.120000Z",
+    "ended_at": None,
+}
+
+
+class FitOptionsIn(BaseModel):
+    """What a caller may choose about a fit."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    seed: int = Field(default=_DEFAULT.seed, ge=0, lt=2**32, description="Seed of the sampler.")
+    posterior: bool = Field(
+        default=_DEFAULT.posterior,
+        description="Whether to sample; without, intervals come from the fit's covariance.",
+    )
+    effects: bool = Field(
+        default=_DEFAULT.effects,
+        description="Whether to look for effects beyond the declared model.",
+    )
+    hold: Literal["auto", "zoh", "foh"] = Field(
+        default=_DEFAULT.hold, description="Voltage between samples; `auto` lets the data decide."
+    )
+    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default=list(_DEFAULT.temperatures),
+        min_length=1,
+        max_length=20,
+        description="Temperatures of the feedback metrics [degC].",
+    )
+    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+        default=list(_DEFAULT.controllers),
+        min_length=1,
+        max_length=20,
+        description="Controllers of the feedback metrics: `P:kp`, `PI:kp,ki`, `PID:kp,ki,kd`.",
+        examples=[["P:1", "PI:2,0.5"]],
+    )
+
+
+class FitCreate(BaseModel):
+    """A fit to be made."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        json_schema_extra={
+            "examples": [
+                {
+                    "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
+                    "validation": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"],
+                    "options": {"seed": 1, "controllers": ["P:1"]},
+                    "motor": "bench 4, motor 17",
+                }
+            ]
+        },
+    )
+
+    training: list[RunId] = Field(
+        min_length=1, max_length=200, description="Runs to fit, in the order of recording."
+    )
+    validation: list[RunId] = Field(
+        default=[], max_length=200, description="Runs to check the model on; they are never fitted."
+    )
+    options: FitOptionsIn = Field(default_factory=FitOptionsIn)
+    motor: Motor | None = Field(default=None, description="Which motor it is.")
+
+    def request(self) -> FitRequest:
+        """What the caller asks for."""
+        return FitRequest(
+            self.training, self.validation, self.options.model_dump(mode="json"), self.motor
+        )
+
+
+class Progress(BaseModel):
+    """How far a fit is."""
+
+    stage: str
+    fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
+
+
+class FitError(BaseModel):
+    """Why a fit failed."""
+
+    code: str = Field(description="A stable word for scripts.")
+    detail: str
+    file: str | None = None
+    row: int | None = None
+    column: str | None = None
+
+
+class FitSummary(BaseModel):
+    """A fit without its result."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_FIT]})
+
+    id: str
+    status: Status
+    progress: Progress
+    motor: str | None
+    training: list[str]
+    validation: list[str]
+    options: dict[str, Any]
+    attempt: int = Field(description="How often it was begun.")
+    error: FitError | None = Field(default=None, description="Why it failed.")
+    batch: str | None = Field(description="Batch that it belongs to.")
+    links: dict[str, str]
+    created_at: str = Field(description="UTC, ISO 8601.")
+    started_at: str | None
+    ended_at: str | None
+
+    @classmethod
+    def of(cls, fit: Fit) -> FitSummary:
+        """A fit as it is stored."""
+        return cls.model_validate(_fields(fit))
+
+
+class FitOut(FitSummary):
+    """A fit, with its result once it succeeded."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_FIT | {"result": None}]})
+
+    result: dict[str, Any] | None = Field(
+        description="Content of result.json once the fit succeeded, else null."
+    )
+
+    @classmethod
+    def of(cls, fit: Fit) -> FitOut:
+        """A fit as it is stored."""
+        return cls.model_validate(_fields(fit) | {"result": fit.result})
+
+
+class FitList(BaseModel):
+    """A page of fits, newest first, without their results."""
+
+    items: list[FitSummary]
+    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+
+    @classmethod
+    def of(cls, fits: Sequence[Fit], following: str | None) -> FitList:
+        """A page as it is stored."""
+        return cls(items=[FitSummary.of(fit) for fit in fits], next=following)
+
+
+class FitEvent(BaseModel):
+    """What an event tells."""
+
+    id: str
+    status: Status
+    progress: Progress
+    attempt: int
+    error: FitError | None
+
+    @classmethod
+    def of(cls, row: FitRow) -> FitEvent:
+        """The state of a fit."""
+        return cls.model_validate(
+            {
+                "id": row.id,
+                "status": row.status,
+                "progress": {"stage": row.stage, "fraction": row.fraction},
+                "attempt": row.attempt,
+                "error": row.error,
+            }
+        )
+
+
+def _fields(fit: Fit) -> dict[str, Any]:
+    row = fit.row
+    own = f"/api/v1/fits/{row.id}"
+    links = {"self": own, "events": f"{own}/events"}
+    if row.status == "succeeded":
+        links["report"] = f"{own}/report"
+        if fit.has_posterior:
+            links["posterior"] = f"{own}/posterior"
+    return {
+        "id": row.id,
+        "status": row.status,
+        "progress": {"stage": row.stage, "fraction": row.fraction},
+        "motor": row.motor,
+        "training": list(fit.training),
+        "validation": list(fit.validation),
+        "options": row.options,
+        "attempt": row.attempt,
+        "error": row.error,
+        "batch": row.batch_id,
+        "links": links,
+        "created_at": moment(row.created_at),
+        "started_at": None if row.started_at is None else moment(row.started_at),
+        "ended_at": None if row.ended_at is None else moment(row.ended_at),
+    }

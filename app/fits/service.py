@@ -1,0 +1,326 @@
+"""What can be done with fits."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from app.access.service import Caller
+from app.database import Database
+from app.errors import FieldRefused, KeyReused, NotFound, NotReady, Unavailable
+from app.fits import repository
+from app.fits.supervisor import Supervisor
+from app.identifiers import is_id, new_id
+from app.paging import cursor_of, position_of
+from app.runs import repository as runs
+from app.runs.service import checked_label
+from app.storage import Storage
+from app.tables import FitRow
+from identification.options import FitOptions
+
+__all__ = [
+    "Fit",
+    "FitRequest",
+    "FitService",
+    "check_runs",
+    "checked_key",
+    "new_row",
+    "request_hash",
+]
+
+_KEY = re.compile(r"[\x21-\x7e]{1,255}")
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """What a caller asks for.
+
+    Args:
+        training: Ids of the runs to fit, in the order in which they were recorded.
+        validation: Ids of the runs to check the model on.
+        options: Fields of `identification.options.FitOptions`.
+        motor: Which motor it is.
+    """
+
+    training: Sequence[str]
+    validation: Sequence[str]
+    options: Mapping[str, Any]
+    motor: str | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit with what belongs to it.
+
+    Args:
+        row: The fit.
+        training: Ids of its training runs, in order.
+        validation: Ids of its validation runs.
+        has_posterior: Whether there is a posterior to fetch.
+        result: Content of result.json once it succeeded, where it was asked for.
+    """
+
+    row: FitRow
+    training: Sequence[str]
+    validation: Sequence[str]
+    has_posterior: bool = False
+    result: dict[str, Any] | None = None
+
+
+class FitService:
+    """Fits of all workspaces; each call is made for one caller."""
+
+    def __init__(self, database: Database, storage: Storage, supervisor: Supervisor) -> None:
+        self._database = database
+        self._storage = storage
+        self._supervisor = supervisor
+
+    def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> Fit:
+        """Accept a fit; it is computed when its turn comes.
+
+        Args:
+            caller: For whom.
+            request: What to fit.
+            idempotency_key: A word of the caller: the same word with the same request is the same
+                fit, however often it is sent.
+
+        Raises:
+            NotFound: A run is not in the caller's workspace.
+            FieldRefused: Runs or key are not accepted.
+            OptionError: An option is not accepted.
+            KeyReused: The key came before with another request.
+        """
+        key = checked_key(idempotency_key)
+        row = new_row(caller, request)
+        row.idempotency_key = key
+        try:
+            with self._database.writing() as session:
+                known = key and repository.by_key(session, caller.workspace, key)
+                if not known:
+                    check_runs(session, caller, request)
+                    repository.add(session, row, request.training, request.validation)
+        except IntegrityError:
+            # The same key came twice at the same time, and the other was first.
+            with self._database.reading() as session:
+                known = key and repository.by_key(session, caller.workspace, key)
+            if not known:
+                raise
+        if known:
+            if known.request_sha256 != row.request_sha256:
+                raise KeyReused(
+                    "this Idempotency-Key came before with another request; take a new key"
+                )
+            return self.get(caller, known.id)
+        self._supervisor.wake()
+        return Fit(row, request.training, request.validation)
+
+    def page(
+        self,
+        caller: Caller,
+        *,
+        after: str | None,
+        limit: int,
+        status: str | None,
+        motor: str | None,
+    ) -> tuple[list[Fit], str | None]:
+        """Fits, newest first, and where the next page begins, if there is one.
+
+        Raises:
+            FieldRefused: `after` is no position that was given before.
+        """
+        with self._database.reading() as session:
+            rows = repository.page(
+                session,
+                caller.workspace,
+                after=position_of(after),
+                limit=limit + 1,
+                status=status,
+                motor=motor,
+            )
+            ids = repository.run_ids(session, [row.id for row in rows[:limit]])
+        return [self._fit(row, ids[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
+
+    def get(self, caller: Caller, fit_id: str) -> Fit:
+        """One fit, with its result once it succeeded.
+
+        Raises:
+            NotFound: There is no such fit in the caller's workspace.
+        """
+        row = self.row(caller, fit_id)
+        with self._database.reading() as session:
+            ids = repository.run_ids(session, [row.id])[row.id]
+        result = None
+        if row.status == "succeeded":
+            text = self._output(row, "result.json").read_text(encoding="utf-8")
+            result = json.loads(text)
+        return self._fit(row, ids, result)
+
+    def row(self, caller: Caller, fit_id: str) -> FitRow:
+        """State and progress of a fit.
+
+        Raises:
+            NotFound: There is no such fit in the caller's workspace.
+        """
+        with self._database.reading() as session:
+            row = (
+                repository.get(session, caller.workspace, fit_id) if is_id("fit", fit_id) else None
+            )
+        if row is None:
+            raise _missing()
+        return row
+
+    def delete(self, caller: Caller, fit_id: str) -> Fit | None:
+        """Cancel a fit that has not ended, or remove one that has.
+
+        Returns:
+            The fit where it was cancelled, None where it was removed.
+
+        Raises:
+            NotFound: There is no such fit in the caller's workspace.
+        """
+        if not is_id("fit", fit_id):
+            raise _missing()
+        with self._database.writing() as session:
+            row = repository.get(session, caller.workspace, fit_id)
+            if row is None:
+                raise _missing()
+            is_cancelled = repository.cancel(session, fit_id, time.time())
+            if not is_cancelled:
+                repository.remove(session, fit_id)
+        if is_cancelled:
+            self._supervisor.wake()
+            return self.get(caller, fit_id)
+        self._storage.remove_fit(fit_id)
+        return None
+
+    def report(self, caller: Caller, fit_id: str) -> Path:
+        """Where the report of a fit lies.
+
+        Raises:
+            NotFound: There is no such fit in the caller's workspace.
+            NotReady: It has not succeeded.
+        """
+        return self._output(self._succeeded(caller, fit_id), "report.html")
+
+    def posterior(self, caller: Caller, fit_id: str) -> Path:
+        """Where the posterior of a fit lies.
+
+        Raises:
+            NotFound: There is no such fit in the caller's workspace.
+            NotReady: It has not succeeded, or was made without a posterior.
+        """
+        row = self._succeeded(caller, fit_id)
+        if not self._path(row, "posterior.nc").is_file():
+            raise NotReady(f"{fit_id} was made without a posterior; fit with `posterior` true")
+        return self._output(row, "posterior.nc")
+
+    def _succeeded(self, caller: Caller, fit_id: str) -> FitRow:
+        row = self.row(caller, fit_id)
+        if row.status != "succeeded":
+            raise NotReady(f"{fit_id} is {row.status}; only a fit that succeeded has outputs")
+        return row
+
+    def _fit(
+        self, row: FitRow, ids: Mapping[str, Sequence[str]], result: dict[str, Any] | None = None
+    ) -> Fit:
+        has = row.status == "succeeded" and self._path(row, "posterior.nc").is_file()
+        return Fit(row, ids["training"], ids["validation"], has, result)
+
+    def _path(self, row: FitRow, name: str) -> Path:
+        return self._storage.attempt(row.id, row.attempt) / name
+
+    def _output(self, row: FitRow, name: str) -> Path:
+        path = self._path(row, name)
+        if not path.is_file():
+            raise Unavailable(f"the {name} of {row.id} is not in the data directory")
+        return path
+
+
+def new_row(caller: Caller, request: FitRequest) -> FitRow:
+    """A fit that waits, not yet kept.
+
+    Raises:
+        FieldRefused: The runs or the motor are not accepted.
+        OptionError: An option is not accepted.
+    """
+    ids = [*request.training, *request.validation]
+    if len(set(ids)) < len(ids):
+        raise FieldRefused("a run is named twice; it can be in one role once", "training")
+    values: dict[str, Any] = {
+        n: tuple(v) if isinstance(v, list) else v for n, v in request.options.items()
+    }
+    _check_controllers(FitOptions(**values).controllers)
+    return FitRow(
+        id=new_id("fit"),
+        workspace=caller.workspace,
+        motor=checked_label("motor", request.motor),
+        options=dict(request.options),
+        status="queued",
+        stage="queued",
+        fraction=0.0,
+        version=1,
+        attempt=0,
+        failures=0,
+        owner=None,
+        lease_until=None,
+        error=None,
+        created_at=time.time(),
+        started_at=None,
+        ended_at=None,
+        idempotency_key=None,
+        request_sha256=request_hash(request),
+        batch_id=None,
+        position=0,
+    )
+
+
+def _check_controllers(controllers: Sequence[str]) -> None:
+    # Imported with the first fit: it brings scipy, for which every start would have to wait.
+    from identification.feedback.controller import parse_controllers
+
+    parse_controllers(controllers)
+
+
+def check_runs(session: Session, caller: Caller, request: FitRequest) -> None:
+    """Refuse runs that are not there; those that are stay until the session ends.
+
+    Raises:
+        NotFound: A run is not in the caller's workspace.
+    """
+    ids = [*request.training, *request.validation]
+    known = runs.several(session, caller.workspace, [i for i in ids if is_id("run", i)])
+    for run_id in ids:
+        if run_id not in known:
+            raise NotFound(f"there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
+
+
+def checked_key(key: str | None) -> str | None:
+    """An Idempotency-Key as it may be kept.
+
+    Raises:
+        FieldRefused: It is empty, too long or has other than visible ASCII characters.
+    """
+    if key is not None and not _KEY.fullmatch(key):
+        raise FieldRefused(
+            "Idempotency-Key: expected 1 to 255 visible ASCII characters", "Idempotency-Key"
+        )
+    return key
+
+
+def request_hash(*requests: FitRequest) -> str:
+    """Hash by which the same request is known again, whatever the order of its fields."""
+    content = [[list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _missing() -> NotFound:
+    return NotFound("there is no such fit; GET /api/v1/fits lists them")

@@ -1,0 +1,347 @@
+"""The supervisor: takes fits that wait, has them computed, and writes down what became of them.
+
+    queued --claim--> running --done--> succeeded
+       ^                 |---- failed by its own words ----> failed
+       +---- crashed ----+---- crashed too often ----------> failed
+                         +---- cancelled by a caller ------> cancelled
+
+It runs in one thread of the server and looks around several times a second.  Every write carries
+the attempt it speaks of, so whatever is killed, and whenever, the worst is that work is done again:
+a fit is computed at least once, and ends exactly once.
+
+A crash of the computing process counts against the fit; an end of the server does not, unless it
+happens so often that the fit itself must be suspected.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.orm import Session
+
+from app.database import Database
+from app.fits import repository
+from app.fits.engine import AbstractEngine, AbstractRunning
+from app.fits.job import Job, RunFile
+from app.metrics import Metrics
+from app.settings import Settings
+from app.storage import Storage
+from app.tables import FitRow
+
+__all__ = ["Supervisor"]
+
+_BUSY_S = 0.1
+_IDLE_S = 1.0
+_LOOK_S = 0.5
+_MOST_INTERRUPTIONS = 50
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Attempt:
+    """An attempt that runs here."""
+
+    running: AbstractRunning
+    began: float
+    failures: int
+    told: dict[str, Any] = field(default_factory=dict)
+    news: dict[str, Any] = field(default_factory=dict)
+    renewed: float = 0.0
+
+    @property
+    def job(self) -> Job:
+        return self.running.job
+
+
+class Supervisor:
+    """Keeps as many fits running as the settings say.
+
+    Args:
+        database: Where the fits are.
+        storage: Where their files are.
+        engine: What computes.
+        settings: Number of workers, leases, limits.
+        metrics: Where the ends of fits are counted.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        storage: Storage,
+        engine: AbstractEngine,
+        settings: Settings,
+        metrics: Metrics,
+    ) -> None:
+        self._database = database
+        self._storage = storage
+        self._engine = engine
+        self._settings = settings
+        self._metrics = metrics
+        self._node = storage.node
+        self._owner = f"{self._node}/{secrets.token_hex(8)}"
+        self._attempts: dict[str, _Attempt] = {}
+        self._looked = 0.0
+        self._wake = threading.Event()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
+
+    def start(self) -> None:
+        """Begin; fits of a server that is gone are taken up."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End: what runs is stopped and waits for the next start."""
+        self._stop.set()
+        self._wake.set()
+        self._thread.join()
+
+    def wake(self) -> None:
+        """Look around now: something was queued or cancelled."""
+        self._looked = 0.0
+        self._wake.set()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._turn()
+            except (OperationalError, PoolTimeout):
+                # What was done is in the tables or will be tried again; only time helps.
+                _log.exception("the database does not answer")
+                self._stop.wait(_IDLE_S)
+            self._wake.wait(_BUSY_S if self._attempts else _IDLE_S)
+            self._wake.clear()
+        self._release()
+
+    def _turn(self) -> None:
+        for attempt in list(self._attempts.values()):
+            self._attend(attempt)
+        if time.monotonic() - self._looked >= _LOOK_S:
+            self._looked = time.monotonic()
+            self._drop_lost()
+            self._take_over()
+        while len(self._attempts) < self._settings.workers and self._begin():
+            pass
+
+    def _attend(self, attempt: _Attempt) -> None:
+        """Hear what an attempt has to tell, and end it if it is over."""
+        # Asked first: what was told before the end is then all there.
+        end = attempt.running.exit()
+        for message in attempt.running.messages():
+            attempt.news |= message.get("progress", {})
+            attempt.told |= message
+        if end is not None:
+            self._conclude(attempt, end)
+        elif time.monotonic() - attempt.began > self._settings.fit_wall_s:
+            attempt.running.kill()
+            limit = f"{self._settings.fit_wall_s:g} s"
+            self._fail(attempt, {"code": "time", "detail": f"the fit took more than {limit}"})
+        else:
+            self._renew(attempt)
+
+    def _renew(self, attempt: _Attempt) -> None:
+        elapsed = time.monotonic() - attempt.renewed
+        wait = _LOOK_S if attempt.news else self._settings.heartbeat_s
+        if elapsed < wait:
+            return
+        job = attempt.job
+        with self._database.writing() as session:
+            is_ours = repository.renew(
+                session,
+                job.fit_id,
+                job.attempt,
+                lease_until=time.time() + self._settings.lease_s,
+                progress=attempt.news,
+            )
+        attempt.renewed = time.monotonic()
+        attempt.news = {}
+        if not is_ours:
+            self._drop(attempt)
+
+    def _conclude(self, attempt: _Attempt, end: str) -> None:
+        told = attempt.told
+        if told.get("done") and (Path(attempt.job.directory) / "result.json").is_file():
+            self._succeed(attempt)
+        elif "failed" in told:
+            self._fail(attempt, told["failed"])
+        else:
+            self._crash(attempt, end)
+
+    def _succeed(self, attempt: _Attempt) -> None:
+        job = attempt.job
+        seconds = time.monotonic() - attempt.began
+        with self._database.writing() as session:
+            is_ours = repository.finish(
+                session, job.fit_id, job.attempt, status="succeeded", now=time.time()
+            )
+        if is_ours:
+            self._storage.keep_attempt(job.fit_id, job.attempt)
+            self._metrics.fit_seconds.observe(seconds)
+            self._close(attempt, "succeeded", seconds=round(seconds, 3))
+        else:
+            self._drop(attempt)
+
+    def _fail(self, attempt: _Attempt, error: dict[str, Any]) -> None:
+        job = attempt.job
+        with self._database.writing() as session:
+            is_ours = repository.finish(
+                session, job.fit_id, job.attempt, status="failed", now=time.time(), error=error
+            )
+        if is_ours:
+            self._storage.remove_fit(job.fit_id)
+            self._close(attempt, "failed", reason=error["detail"])
+        else:
+            self._drop(attempt)
+
+    def _crash(self, attempt: _Attempt, end: str) -> None:
+        job = attempt.job
+        failures = attempt.failures + 1
+        self._metrics.fit_attempts_failed.inc()
+        _log.warning(
+            "an attempt ended without a result",
+            extra={
+                "fit": job.fit_id,
+                "attempt": job.attempt,
+                "end": end,
+                "printed": attempt.running.log_tail(),
+            },
+        )
+        if failures >= self._settings.max_attempts:
+            times = "once" if failures == 1 else f"{failures} times"
+            detail = f"the computation ended without a result {times}, at last with {end}"
+            self._fail(attempt, {"code": "crashed", "detail": detail})
+            return
+        with self._database.writing() as session:
+            repository.put_back(session, job.fit_id, job.attempt, failures=failures)
+        self._drop(attempt)
+
+    def _close(self, attempt: _Attempt, status: str, **details: object) -> None:
+        attempt.running.kill()
+        del self._attempts[attempt.job.fit_id]
+        self._metrics.fits_ended.labels(status).inc()
+        _log.info(
+            f"fit {status}",
+            extra={"fit": attempt.job.fit_id, "attempt": attempt.job.attempt} | details,
+        )
+
+    def _drop(self, attempt: _Attempt) -> None:
+        """Let an attempt go that counts no longer, and what it left."""
+        attempt.running.kill()
+        self._storage.remove_attempt(attempt.job.fit_id, attempt.job.attempt)
+        self._attempts.pop(attempt.job.fit_id, None)
+
+    def _drop_lost(self) -> None:
+        """End what was cancelled, or taken over by another server."""
+        if not self._attempts:
+            return
+        with self._database.reading() as session:
+            held = repository.held(session, self._owner)
+        for attempt in list(self._attempts.values()):
+            if (attempt.job.fit_id, attempt.job.attempt) not in held:
+                self._drop(attempt)
+                _log.info("fit given up", extra={"fit": attempt.job.fit_id})
+
+    def _take_over(self) -> None:
+        """Let fits wait again whose server is gone."""
+        now = time.time()
+        with self._database.reading() as session:
+            rows = repository.expired(session, node=self._node, owner=self._owner, now=now)
+        for row in rows:
+            with self._database.writing() as session:
+                if row.attempt - row.failures > _MOST_INTERRUPTIONS:
+                    repository.finish(
+                        session,
+                        row.id,
+                        row.attempt,
+                        status="failed",
+                        now=now,
+                        error={
+                            "code": "interrupted",
+                            "detail": f"the service ended {_MOST_INTERRUPTIONS} times during it",
+                        },
+                    )
+                else:
+                    repository.put_back(session, row.id, row.attempt, failures=row.failures)
+            _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
+
+    def _begin(self) -> bool:
+        """Begin the fit that waits longest; False where none waits or none can be begun."""
+        # Read first: most looks find nothing, and a write would keep other writers waiting.
+        with self._database.reading() as session:
+            if repository.next_queued(session) is None:
+                return False
+        now = time.time()
+        with self._database.writing() as session:
+            row = repository.next_queued(session)
+            if row is None:
+                return False
+            job = self._job(session, row)
+            if not repository.claim(session, row, self._owner, now, now + self._settings.lease_s):
+                return True
+        self._start(row, job)
+        return True
+
+    def _job(self, session: Session, row: FitRow) -> Job:
+        """The next attempt at a fit."""
+        attempt = row.attempt + 1
+
+        def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
+            return tuple(
+                RunFile(str(self._storage.run(run.id)), run.file, run.mapping)
+                for run in repository.runs_of(session, row.id, role)
+            )
+
+        return Job(
+            fit_id=row.id,
+            attempt=attempt,
+            directory=str(self._storage.attempt(row.id, attempt)),
+            training=files("training"),
+            validation=files("validation"),
+            options=row.options,
+            pipeline=self._settings.pipeline,
+        )
+
+    def _start(self, row: FitRow, job: Job) -> None:
+        try:
+            Path(job.directory).mkdir(parents=True, exist_ok=True)
+            running = self._engine.start(job)
+        except OSError as error:
+            # No space, no process to be had: the fit waits, and so does this thread.
+            _log.exception("a fit could not be started", extra={"fit": row.id})
+            with self._database.writing() as session:
+                repository.put_back(session, job.fit_id, job.attempt, failures=row.failures)
+            self._stop.wait(_IDLE_S if error.errno else 0.0)
+            return
+        self._attempts[row.id] = _Attempt(
+            running, began=time.monotonic(), failures=row.failures, renewed=time.monotonic()
+        )
+        _log.info("fit begun", extra={"fit": row.id, "attempt": job.attempt})
+
+    def _release(self) -> None:
+        """End what runs here, without counting it against the fits."""
+        for attempt in list(self._attempts.values()):
+            attempt.running.kill()
+            try:
+                with self._database.writing() as session:
+                    repository.put_back(
+                        session,
+                        attempt.job.fit_id,
+                        attempt.job.attempt,
+                        failures=attempt.failures,
+                    )
+            except (OperationalError, PoolTimeout):
+                # The next server finds the lease of one that is gone.
+                _log.exception("a fit could not be given back")
+            self._drop(attempt)

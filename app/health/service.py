@@ -1,0 +1,55 @@
+"""Whether the service can do its work."""
+
+from __future__ import annotations
+
+import time
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.database import Database
+from app.fits import repository as fits
+from app.fits.supervisor import Supervisor
+from app.metrics import Metrics
+from app.storage import Storage
+
+__all__ = ["HealthService"]
+
+_STATES = ("queued", "running", "succeeded", "failed", "cancelled")
+
+
+class HealthService:
+    """Looks at what the service needs."""
+
+    def __init__(
+        self, database: Database, storage: Storage, supervisor: Supervisor, metrics: Metrics
+    ) -> None:
+        self._database = database
+        self._storage = storage
+        self._supervisor = supervisor
+        self._metrics = metrics
+
+    def checks(self) -> dict[str, bool]:
+        """What is needed, and whether it is there."""
+        return {
+            "database": self._answers(),
+            "storage": self._storage.is_writable(),
+            "supervisor": self._supervisor.is_alive,
+        }
+
+    def metrics(self) -> bytes:
+        """The metrics in Prometheus' text format; those of the queue as they are now."""
+        with self._database.reading() as session:
+            counts = fits.counts(session)
+            oldest = fits.oldest_queued(session)
+        for status in _STATES:
+            self._metrics.fits.labels(status).set(counts.get(status, 0))
+        age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
+        self._metrics.oldest_queued_seconds.set(age)
+        return self._metrics.text()
+
+    def _answers(self) -> bool:
+        try:
+            self._database.ping()
+        except SQLAlchemyError:
+            return False
+        return True

@@ -1,0 +1,63 @@
+"""The log: one JSON object a line on standard error, with the request's id, without secrets.
+
+    {"time": "2026-11-21T12:00:00.123Z", "level": "info", "logger": "app.fits.supervisor",
+     "message": "fit succeeded", "request_id": "4be1...", "fit": "fit_5xk2...", "attempt": 1}
+
+What a caller sends stays out of it but for the path: no headers, no query, no bodies.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import time
+from contextvars import ContextVar
+from typing import Any
+
+__all__ = ["configure_logging", "request_id"]
+
+request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
+"""Id of the request that is being answered."""
+
+_STANDARD = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "color_message"}
+
+
+class _JsonFormatter(logging.Formatter):
+    """A record as one line of JSON; what was given as `extra` becomes fields."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        entry: dict[str, Any] = {
+            "time": f"{moment}.{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if (current := request_id.get()) is not None:
+            entry["request_id"] = current
+        entry |= {name: value for name, value in vars(record).items() if name not in _STANDARD}
+        if record.exc_info:
+            entry["exception"] = self.formatException(record.exc_info)
+        return json.dumps(entry, default=str)
+
+
+def configure_logging(level: str) -> None:
+    """Send the log of the service and of its server to standard error.
+
+    Args:
+        level: Least severe messages that are logged.
+    """
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_JsonFormatter())
+    root = logging.getLogger()
+    root.handlers = [handler]
+    root.setLevel(level.upper())
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
+        logger = logging.getLogger(name)
+        logger.handlers = []
+        logger.propagate = True
+    # `app.requests` logs each request once, with its id.
+    logging.getLogger("uvicorn.access").disabled = True
+    for name in ("alembic", "multipart", "python_multipart", "asyncio"):
+        logging.getLogger(name).setLevel(logging.WARNING)

@@ -1,0 +1,129 @@
+"""The application: `create_app(settings)`; nothing happens when this file is imported.
+
+uvicorn --factory app.main:create_app         settings from the environment
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from anyio import to_thread
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from starlette.staticfiles import StaticFiles
+
+from app.access.gate import Gate
+from app.batches.endpoints import router as batches
+from app.fits.endpoints import router as fits
+from app.health.endpoints import router as health
+from app.middleware import HostCheck, RequestLog, SizeCheck
+from app.pages.endpoints import STATIC_FILES
+from app.pages.endpoints import router as pages
+from app.paths import API_PREFIX, STATIC_PREFIX
+from app.problems import add_problem_handlers
+from app.runs.endpoints import router as runs
+from app.services import Services
+from app.settings import Settings, load_settings
+
+__all__ = ["create_app"]
+
+_FORM_BYTES = 1 << 20
+_DESCRIPTION = """
+Identifies brushed DC motors from measured runs.
+
+1. `POST /api/v1/runs` each run file; the answer has its id.
+2. `POST /api/v1/fits` the ids; the answer is 202 and says where the fit is.
+3. `GET /api/v1/fits/{id}` until `status` is `succeeded`, or listen to its events.
+4. The result is in the fit; its report and posterior have addresses of their own.
+
+Errors are RFC 9457 `application/problem+json`; `code` is a stable word for scripts, and `file`,
+`row` and `column` say where in a run file something was wrong.
+"""
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The service as an ASGI application.
+
+    Args:
+        settings: What the operator set; read from the environment where not given.
+
+    Raises:
+        OptionError: A setting is not accepted.
+    """
+    settings = settings or load_settings()
+    services = Services.build(settings)
+    application = FastAPI(
+        title="motorid",
+        version=version("motorid"),
+        summary="Identification of brushed DC motors",
+        description=_DESCRIPTION,
+        openapi_url=f"{API_PREFIX}/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        lifespan=_lifespan,
+    )
+    application.state.services = services
+    application.include_router(
+        runs, prefix=API_PREFIX, max_body_size=settings.max_upload_bytes + _FORM_BYTES
+    )
+    for router in (fits, batches, health):
+        application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
+    application.include_router(health, include_in_schema=False)
+    application.include_router(pages, max_body_size=settings.max_body_bytes)
+    application.mount(STATIC_PREFIX.rstrip("/"), StaticFiles(directory=STATIC_FILES))
+    add_problem_handlers(application)
+    # The last one added is the first to see a request.
+    application.add_middleware(
+        SizeCheck,
+        limit=settings.max_body_bytes,
+        limits={f"{API_PREFIX}/runs": settings.max_upload_bytes + _FORM_BYTES},
+    )
+    application.add_middleware(Gate, access=services.access, no_auth=settings.no_auth)
+    application.add_middleware(HostCheck, hosts=settings.hosts)
+    application.add_middleware(RequestLog, metrics=services.metrics)
+    application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]
+    return application
+
+
+@asynccontextmanager
+async def _lifespan(application: FastAPI) -> AsyncIterator[None]:
+    services: Services = application.state.services
+    await to_thread.run_sync(services.start)
+    try:
+        yield
+    finally:
+        await to_thread.run_sync(services.stop)
+
+
+def _openapi(application: FastAPI) -> dict[str, Any]:
+    """The description of the interface, with the key that each call but health carries."""
+    if application.openapi_schema is None:
+        schema = get_openapi(
+            title=application.title,
+            version=application.version,
+            summary=application.summary,
+            description=application.description,
+            routes=application.routes,
+        )
+        schema["components"]["securitySchemes"] = {
+            "key": {
+                "type": "http",
+                "scheme": "bearer",
+                "description": "A key from `motorid keys create`; not asked for where the service "
+                "runs with `--no-auth`.",
+            }
+        }
+        # The framework describes its own form of refusal, which no call answers with.
+        for name in ("HTTPValidationError", "ValidationError"):
+            schema["components"]["schemas"].pop(name, None)
+        for path in schema["paths"].values():
+            for call in path.values():
+                if "HTTPValidationError" in str(call["responses"].get("422")):
+                    del call["responses"]["422"]
+                call["security"] = [] if call["tags"] == ["health"] else [{"key": []}]
+        application.openapi_schema = schema
+    return application.openapi_schema

@@ -1,0 +1,71 @@
+"""What is measured while the service runs, for Prometheus.
+
+Names of routes and statuses are labels, ids and file names are not: their number has no bound.
+"""
+
+from __future__ import annotations
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+
+__all__ = ["MEDIA_TYPE", "Metrics"]
+
+MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+_FIT_BUCKETS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600, 7200)
+
+
+class Metrics:
+    """Counters and histograms of one service."""
+
+    def __init__(self) -> None:
+        self.registry = CollectorRegistry()
+        self.requests = Counter(
+            "motorid_http_requests",
+            "Requests answered.",
+            ["method", "route", "status"],
+            registry=self.registry,
+        )
+        self.request_seconds = Histogram(
+            "motorid_http_request_seconds",
+            "Time to the end of an answer.",
+            ["method", "route"],
+            registry=self.registry,
+        )
+        self.uploaded_bytes = Counter(
+            "motorid_uploaded_bytes", "Bytes of run files received.", registry=self.registry
+        )
+        self.uploads = Counter(
+            "motorid_uploads",
+            "Run files received, by what became of them.",
+            ["outcome"],
+            registry=self.registry,
+        )
+        self.fits = Gauge(
+            "motorid_fits", "Fits that there are, by status.", ["status"], registry=self.registry
+        )
+        self.oldest_queued_seconds = Gauge(
+            "motorid_oldest_queued_fit_seconds",
+            "Age of the fit that waits longest.",
+            registry=self.registry,
+        )
+        self.fits_ended = Counter(
+            "motorid_fits_ended",
+            "Fits that ended here, by status.",
+            ["status"],
+            registry=self.registry,
+        )
+        self.fit_attempts_failed = Counter(
+            "motorid_fit_attempts_failed",
+            "Attempts that ended without a result.",
+            registry=self.registry,
+        )
+        self.fit_seconds = Histogram(
+            "motorid_fit_seconds",
+            "Computing time of fits that succeeded.",
+            buckets=_FIT_BUCKETS_S,
+            registry=self.registry,
+        )
+
+    def text(self) -> bytes:
+        """All of them in Prometheus' text format."""
+        return generate_latest(self.registry)

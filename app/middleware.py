@@ -1,0 +1,164 @@
+"""What happens to every request before and after its endpoint: id, log, metrics, headers, host.
+
+    request -> RequestLog -> HostCheck -> Gate (app.access.gate) -> SizeCheck -> endpoint
+
+These are plain ASGI layers: they see each message as it passes, so that a stream of events or a
+large file goes through without being held.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import secrets
+import time
+from collections.abc import Mapping
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.errors import BadRequest, BodyTooLarge
+from app.headers import SECURITY_HEADERS, STATIC_CACHE
+from app.logging import request_id
+from app.metrics import Metrics
+from app.paths import API_PREFIX, HEALTH_PATHS, STATIC_PREFIX
+from app.problems import problem_of
+
+__all__ = ["HostCheck", "RequestLog", "SizeCheck"]
+
+_GIVEN_ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
+_log = logging.getLogger("app.requests")
+
+
+class RequestLog:
+    """Gives each request an id, logs and measures it, and adds the security headers.
+
+    Args:
+        app: The layer below.
+        metrics: Where requests are counted.
+    """
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self.app = app
+        self.metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on and its answer back."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        current = given if _GIVEN_ID.fullmatch(given) else secrets.token_hex(8)
+        request_id.set(current)
+        status = 500
+        began = time.perf_counter()
+
+        async def answer(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                headers = MutableHeaders(scope=message)
+                headers["X-Request-ID"] = current
+                if scope["path"].startswith(STATIC_PREFIX):
+                    headers["Cache-Control"] = STATIC_CACHE
+                for name, value in SECURITY_HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        try:
+            await self.app(scope, receive, answer)
+        finally:
+            self._record(scope, status, time.perf_counter() - began)
+
+    def _record(self, scope: Scope, status: int, seconds: float) -> None:
+        route = _template(scope)
+        method = scope["method"] if scope["method"] in _METHODS else "other"
+        self.metrics.requests.labels(method, route, str(status)).inc()
+        self.metrics.request_seconds.labels(method, route).observe(seconds)
+        _log.log(
+            logging.DEBUG if route in HEALTH_PATHS else logging.INFO,
+            "request",
+            extra={
+                "method": method,
+                "path": scope["path"][:200],
+                "status": status,
+                "milliseconds": round(1000 * seconds, 1),
+                "workspace": getattr(scope.get("state", {}).get("caller"), "workspace", None),
+            },
+        )
+
+
+_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+
+
+def _template(scope: Scope) -> str:
+    """The route's path with its parameters' names, so that ids do not become labels."""
+    path = getattr(scope.get("route"), "path", None)
+    if not isinstance(path, str):
+        return "none"
+    # Routes know their path within their router only.
+    is_call = scope["path"].startswith(f"{API_PREFIX}/") and not path.startswith(API_PREFIX)
+    return API_PREFIX + path if is_call else path
+
+
+class HostCheck:
+    """Refuses requests for another name than the service has.
+
+    Without it a page of another site could let its own name point at this machine and read, in the
+    browser of someone at the bench, what a service without keys answers.
+
+    Args:
+        app: The layer below.
+        hosts: Names without port; ``*`` allows any.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: tuple[str, ...]) -> None:
+        self.app = app
+        self.hosts = frozenset(host.lower() for host in hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on if its host is one of ours."""
+        if scope["type"] == "http" and "*" not in self.hosts:
+            host = Headers(scope=scope).get("host", "")
+            if _without_port(host) not in self.hosts:
+                problem = problem_of(
+                    BadRequest("the Host header names another service; see MOTORID_ALLOWED_HOSTS")
+                )
+                await problem(scope, receive, send)
+                return
+        await self.app(scope, receive, send)
+
+
+class SizeCheck:
+    """Refuses a body that announces more bytes than are taken, before any of them is read.
+
+    Bodies that announce nothing are counted by the framework as they come.
+
+    Args:
+        app: The layer below.
+        limit: Most bytes of a body [bytes].
+        limits: Other limits, by path.
+    """
+
+    def __init__(self, app: ASGIApp, limit: int, limits: Mapping[str, int]) -> None:
+        self.app = app
+        self.limit = limit
+        self.limits = limits
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on if it is small enough."""
+        if scope["type"] == "http":
+            announced = Headers(scope=scope).get("content-length", "")
+            limit = self.limits.get(scope["path"], self.limit)
+            if announced.isascii() and announced.isdigit() and int(announced) > limit:
+                error = BodyTooLarge(f"the body has {announced} bytes; at most {limit} are taken")
+                await problem_of(error)(scope, receive, send)
+                return
+        await self.app(scope, receive, send)
+
+
+def _without_port(host: str) -> str:
+    name, colon, port = host.lower().rpartition(":")
+    # The colons of an IPv6 address stand in brackets.
+    has_port = colon and port.isdigit() and (":" not in name or name.endswith("]"))
+    return name if has_port else host.lower()

@@ -1,0 +1,120 @@
+"""The pages, rendered here from the same services as the calls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Form, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from app.access.gate import COOKIE
+from app.dependencies import CallerDep, ServicesDep
+from app.errors import BadKey, NotFound
+from app.fits.schemas import FitOut, FitSummary
+from app.pages.views import fit_view, outcome_view, run_view
+from app.paths import API_PREFIX, LOGIN_PATH
+from app.runs.schemas import RunOut
+
+__all__ = ["STATIC_FILES", "router"]
+
+STATIC_FILES = Path(__file__).parent / "static"
+"""Styles and scripts of the pages."""
+
+router = APIRouter(include_in_schema=False)
+
+_MOST_ROWS = 200
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def _page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
+    text = _TEMPLATES.get_template(f"{template}.html.j2").render(**{"caller": None, **values})
+    return HTMLResponse(text, status_code=status)
+
+
+@router.get("/")
+def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Runs and fits, and what can be done with them."""
+    runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=None)
+    fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
+    files = {run.id: run.file for run in runs}
+    return _page(
+        "home",
+        caller=caller,
+        runs=[run_view(RunOut.of(run)) for run in runs],
+        more_runs=more is not None,
+        motors=sorted({run.motor for run in runs if run.motor}),
+        fits=[fit_view(FitSummary.of(fit), files) for fit in fits],
+    )
+
+
+@router.get("/fits/{fit_id}")
+def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """One fit: its progress, then its result."""
+    fit = FitOut.of(services.fits.get(caller, fit_id))
+    files = {}
+    for run_id in (*fit.training, *fit.validation):
+        try:
+            files[run_id] = services.runs.get(caller, run_id).file
+        except NotFound:
+            files[run_id] = "a run that was deleted"
+    return _page(
+        "fit",
+        caller=caller,
+        fit=fit_view(fit, files),
+        outcome=None if fit.result is None else outcome_view(fit.result),
+    )
+
+
+@router.get("/docs")
+def docs(caller: CallerDep) -> HTMLResponse:
+    """The interface, to read and to try."""
+    return _page("docs", description=f"{API_PREFIX}/openapi.json")
+
+
+@router.get(LOGIN_PATH)
+def login(services: ServicesDep) -> Response:
+    """The page that asks for a key."""
+    if services.settings.no_auth:
+        return RedirectResponse("/", status_code=303)
+    return _page("login", problem=None)
+
+
+@router.post(LOGIN_PATH)
+def sign_in(
+    request: Request, services: ServicesDep, key: Annotated[str, Form(max_length=200)]
+) -> Response:
+    """Take a key and give a cookie for it."""
+    lifetime_s = services.settings.session_s
+    try:
+        token = services.access.open_session(key.strip(), lifetime_s)
+    except BadKey as error:
+        return _page("login", status=401, problem=f"{error.message[0].upper()}{error.message[1:]}.")
+    answer = RedirectResponse("/", status_code=303)
+    answer.set_cookie(
+        COOKIE,
+        token,
+        max_age=int(lifetime_s),
+        httponly=True,
+        samesite="strict",
+        secure=request.url.scheme == "https",
+    )
+    return answer
+
+
+@router.post("/logout")
+def sign_out(request: Request, services: ServicesDep, caller: CallerDep) -> Response:
+    """End the session of this browser."""
+    token = request.cookies.get(COOKIE)
+    if token is not None:
+        services.access.close_session(token)
+    answer = RedirectResponse(LOGIN_PATH, status_code=303)
+    answer.delete_cookie(COOKIE, httponly=True, samesite="strict")
+    return answer

@@ -1,0 +1,171 @@
+// The first page: uploads runs, chooses which to fit, starts fits and watches them.
+
+import { call, hasEnded, showProgress, wireEnds } from "/static/calls.js";
+
+const WATCH_MS = 1000;
+
+const upload = document.getElementById("upload");
+const drop = document.getElementById("drop");
+const files = document.getElementById("files");
+const received = document.getElementById("received");
+const fit = document.getElementById("fit");
+
+function told(kind, name, text) {
+  const line = document.createElement("li");
+  line.className = kind;
+  const file = document.createElement("strong");
+  file.textContent = name;
+  line.append(file, ` ${text}`);
+  return line;
+}
+
+async function send(file) {
+  const line = told("busy", file.name, "is being read …");
+  received.append(line);
+  const form = new FormData();
+  for (const name of ["motor", "mapping"]) {
+    const text = upload.elements[name].value.trim();
+    if (text) form.append(name, text);
+  }
+  form.append("file", file);
+  try {
+    const { content, isNew } = await call("POST", "/runs", form);
+    const text = isNew ? `stored, ${content.rows} samples` : "was stored before";
+    line.replaceWith(told("good", file.name, text));
+    return isNew;
+  } catch (error) {
+    const place = error.message.startsWith(file.name) ? "" : file.name;
+    line.replaceWith(told("bad", place, error.message));
+    return false;
+  }
+}
+
+async function sendAll(list) {
+  received.replaceChildren();
+  let stored = 0;
+  // One after the other, in the order of their names: the order of the list is the order of recording.
+  for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
+    if (await send(file)) stored += 1;
+  }
+  upload.reset();
+  const isAllWell = received.querySelector(".bad") === null;
+  if (stored && isAllWell) {
+    location.reload();
+  } else if (stored) {
+    const line = told("busy", "", "");
+    const link = document.createElement("a");
+    link.href = "/";
+    link.textContent = "Show the runs that were stored";
+    line.replaceChildren(link);
+    received.append(line);
+  }
+}
+
+files.addEventListener("change", () => sendAll(files.files));
+for (const name of ["dragenter", "dragover"]) {
+  drop.addEventListener(name, (event) => {
+    event.preventDefault();
+    drop.classList.add("over");
+  });
+}
+for (const name of ["dragleave", "drop"]) {
+  drop.addEventListener(name, () => drop.classList.remove("over"));
+}
+drop.addEventListener("drop", (event) => {
+  event.preventDefault();
+  sendAll(event.dataTransfer.files);
+});
+
+function chosen(role) {
+  // The newest run stands first; runs are fitted in the order in which they came.
+  const rows = [...document.querySelectorAll("#runs tr")].reverse();
+  return rows.filter((row) => row.querySelector("select").value === role);
+}
+
+function showChoice() {
+  const training = chosen("training");
+  const validation = chosen("validation");
+  fit.querySelector("button[type=submit]").disabled = training.length === 0;
+  const motors = new Set([...training, ...validation].map((row) => row.dataset.motor));
+  let text = `${training.length} for training, ${validation.length} for validation.`;
+  if (training.length === 0) text = "Choose at least one run for training.";
+  else if (motors.size > 1) text += " These runs are of different motors.";
+  document.getElementById("chosen").textContent = text;
+}
+
+function list(text) {
+  return text.split(/[\s;]+|,\s+/).filter((part) => part !== "");
+}
+
+function request() {
+  const ids = (role) => chosen(role).map((row) => row.dataset.run);
+  const field = fit.elements;
+  const motor = chosen("training")[0].dataset.motor;
+  return {
+    training: ids("training"),
+    validation: ids("validation"),
+    motor: motor || null,
+    options: {
+      posterior: field.posterior.checked,
+      effects: field.effects.checked,
+      hold: field.hold.value,
+      temperatures: list(field.temperatures.value.replaceAll(",", " ")).map(Number),
+      controllers: list(field.controllers.value),
+      seed: Number(field.seed.value),
+    },
+  };
+}
+
+if (fit) {
+  fit.addEventListener("change", showChoice);
+  fit.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const problem = document.getElementById("fit-problem");
+    problem.hidden = true;
+    try {
+      const { content } = await call("POST", "/fits", request());
+      location.assign(`/fits/${content.id}`);
+    } catch (error) {
+      problem.textContent = error.message;
+      problem.hidden = false;
+    }
+  });
+  for (const button of document.querySelectorAll("[data-delete]")) {
+    button.addEventListener("click", async () => {
+      if (!confirm("Delete this run?")) return;
+      try {
+        await call("DELETE", `/runs/${button.dataset.delete}`);
+        location.reload();
+      } catch (error) {
+        alert(error.message);
+      }
+    });
+  }
+  const filter = document.getElementById("show-motor");
+  filter?.addEventListener("change", () => {
+    for (const row of document.querySelectorAll("#runs tr")) {
+      row.hidden = filter.value !== "" && row.dataset.motor !== filter.value;
+      if (row.hidden) row.querySelector("select").value = "";
+    }
+    showChoice();
+  });
+}
+
+async function watch() {
+  const rows = [...document.querySelectorAll("[data-fit]")].filter((row) => !hasEnded(row.dataset.status));
+  if (rows.length === 0) return;
+  const { content } = await call("GET", "/fits?limit=100");
+  const fits = new Map(content.items.map((item) => [item.id, item]));
+  for (const row of rows) {
+    const now = fits.get(row.dataset.fit);
+    if (!now || hasEnded(now.status)) {
+      // Choices that were made meanwhile are kept until nothing runs any more.
+      if (chosen("training").length + chosen("validation").length === 0) location.reload();
+    }
+    if (now) showProgress(row, now);
+  }
+  setTimeout(watch, WATCH_MS);
+}
+
+wireEnds("/");
+watch();

@@ -1,0 +1,137 @@
+"""What the pages show: the same as the calls answer, with numbers and times as one reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from app.fits.schemas import FitSummary
+from app.runs.schemas import RunOut
+
+__all__ = ["fit_view", "outcome_view", "run_view"]
+
+_CHANNELS = {
+    "voltage_V": "V",
+    "current_A": "A",
+    "speed_rad_s": "rad/s",
+    "temperature_degC": "°C",
+}
+_NONE = "–"
+
+
+def run_view(run: RunOut) -> dict[str, Any]:
+    """A run for the table."""
+    return {
+        "id": run.id,
+        "file": run.file,
+        "motor": run.motor,
+        "rows": f"{run.rows:,}".replace(",", "\u202f"),
+        "rate": f"{run.sample_rate_hz:.4g} Hz",
+        "length": _duration(run.duration_s),
+        "ranges": {name: _range(run, name) for name in _CHANNELS},
+        "warnings": [warning.message for warning in run.warnings],
+        "created_at": run.created_at,
+        "received": _when(run.created_at),
+    }
+
+
+def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
+    """A fit for the table and for its page.
+
+    Args:
+        fit: The fit.
+        files: Names of files by the ids of runs, as far as they are known.
+    """
+    took = ""
+    if fit.started_at and fit.ended_at:
+        seconds = _time(fit.ended_at) - _time(fit.started_at)
+        took = _duration(seconds.total_seconds())
+    return {
+        **fit.model_dump(exclude={"training", "validation"}),
+        "training": [files.get(run, run) for run in fit.training],
+        "validation": [files.get(run, run) for run in fit.validation],
+        "begun": _when(fit.created_at),
+        "percent": f"{100 * fit.progress.fraction:.0f} %",
+        "took": took,
+        "options": {name: _option(value) for name, value in fit.options.items()},
+    }
+
+
+def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The main things of a result, for the page of a fit; the report tells the rest."""
+    return {
+        "warnings": [_text(warning) for warning in result.get("warnings", [])],
+        "effects": [
+            {
+                "name": str(effect["name"]).replace("_", " "),
+                "equation": effect["equation"],
+                "drivers": ", ".join(effect["drivers"]) or _NONE,
+                "probability": _number(effect["probability"]),
+            }
+            for effect in result.get("effects", [])
+        ],
+        "parameters": [
+            {
+                "name": name,
+                "median": _number(entry["median"], digits),
+                "interval": f"{_number(entry['q05'], digits)} … {_number(entry['q95'], digits)}",
+                "unit": entry["unit"],
+                "identified": entry["identified"],
+            }
+            for name, entry in result.get("parameters", {}).items()
+            for digits in [_digits(entry["median"], entry["sd"])]
+        ],
+    }
+
+
+def _range(run: RunOut, name: str) -> str:
+    channel = run.channels.get(name)
+    if channel is None:
+        return _NONE
+    text = f"{channel.min:.3g} … {channel.max:.3g} {_CHANNELS[name]}"
+    return text.replace("-", "\u2212")
+
+
+def _number(value: float | None, digits: int = 4) -> str:
+    return _NONE if value is None else f"{value:#.{digits}g}".rstrip(".").replace("-", "\u2212")
+
+
+def _digits(value: float | None, sd: float | None) -> int:
+    """Significant digits with which a value shows two digits of its standard deviation."""
+    if not value or not sd:
+        return 4
+    return min(max(math.ceil(math.log10(abs(value) / sd)) + 2, 2), 9)
+
+
+def _text(warning: object) -> str:
+    """A warning, be it a sentence or an entry with one."""
+    if isinstance(warning, Mapping):
+        return str(warning.get("message", warning))
+    return str(warning)
+
+
+def _option(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(str(part) for part in value)
+    return str(value)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.3g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def _time(text: str) -> datetime:
+    return datetime.fromisoformat(text)
+
+
+def _when(text: str) -> str:
+    """A time as one reads it, in UTC."""
+    return f"{_time(text):%Y-%m-%d %H:%M}"

@@ -1,0 +1,224 @@
+"""Errors as RFC 9457 problems: one table from class to status, one form for all of them.
+
+HTTP/1.1 422
+Content-Type: application/problem+json
+
+{"type": "urn:motorid:problem:not_a_number", "title": "Unprocessable Content", "status": 422,
+"detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; ...",
+"code": "not_a_number", "file": "run3.csv", "row": 412, "column": "current_A"}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from app import errors
+from app.logging import request_id
+from identification.errors import InputError
+
+__all__ = ["MEDIA_TYPE", "STATUS", "Problem", "add_problem_handlers", "problem_of", "responses"]
+
+MEDIA_TYPE = "application/problem+json"
+
+STATUS: dict[type[Exception], HTTPStatus] = {
+    errors.NotFound: HTTPStatus.NOT_FOUND,
+    errors.BadRequest: HTTPStatus.BAD_REQUEST,
+    errors.BadKey: HTTPStatus.UNAUTHORIZED,
+    errors.CrossSite: HTTPStatus.FORBIDDEN,
+    errors.BodyTooLarge: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+    errors.BodyTooSlow: HTTPStatus.REQUEST_TIMEOUT,
+    errors.WrongMediaType: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    errors.FieldRefused: HTTPStatus.UNPROCESSABLE_ENTITY,
+    errors.KeyReused: HTTPStatus.UNPROCESSABLE_ENTITY,
+    errors.RunRefused: HTTPStatus.UNPROCESSABLE_ENTITY,
+    errors.RunInUse: HTTPStatus.CONFLICT,
+    errors.StorageFull: HTTPStatus.INSUFFICIENT_STORAGE,
+    errors.Unavailable: HTTPStatus.SERVICE_UNAVAILABLE,
+    InputError: HTTPStatus.UNPROCESSABLE_ENTITY,
+}
+"""Status of each error; of a class that is not listed, that of its nearest parent."""
+
+_WORDS = {
+    HTTPStatus.BAD_REQUEST: "bad_request",
+    HTTPStatus.NOT_FOUND: "not_found",
+    HTTPStatus.METHOD_NOT_ALLOWED: "method_not_allowed",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "too_large",
+    HTTPStatus.UNSUPPORTED_MEDIA_TYPE: "media_type",
+}
+_MOST_ERRORS = 20
+
+
+class FieldProblem(BaseModel):
+    """One field that was not accepted."""
+
+    field: str = Field(description="Where in the request it stands.", examples=["body.training.0"])
+    detail: str = Field(description="What was expected.")
+
+
+class Problem(BaseModel):
+    """What went wrong, after RFC 9457."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "type": "urn:motorid:problem:not_a_number",
+                    "title": "Unprocessable Entity",
+                    "status": 422,
+                    "detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; "
+                    "expected amperes",
+                    "code": "not_a_number",
+                    "file": "run3.csv",
+                    "row": 412,
+                    "column": "current_A",
+                    "request_id": "4be1f2d0c5a94b6e",
+                }
+            ]
+        }
+    )
+
+    type: str = Field(description="Name of the kind of problem.")
+    title: str = Field(description="The status in words.")
+    status: int = Field(description="The HTTP status.")
+    detail: str = Field(description="What was wrong, what was expected, what to do next.")
+    code: str = Field(description="A stable word for scripts.")
+    file: str | None = Field(default=None, description="File at fault, as the caller named it.")
+    row: int | None = Field(default=None, description="Line of that file, counted from 1.")
+    column: str | None = Field(default=None, description="Column of that file.")
+    errors: list[FieldProblem] | None = Field(
+        default=None, description="Fields that were not accepted."
+    )
+    request_id: str | None = Field(
+        default=None, description="Under which the log speaks of the request."
+    )
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """What OpenAPI says about the errors of a call, besides those that any call can have."""
+    return {
+        status: {
+            "model": Problem,
+            "description": HTTPStatus(status).phrase,
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+        for status in (*statuses, 401, 503)
+    }
+
+
+def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
+    """The response that tells of an error.
+
+    Args:
+        error: An error of the service, or of the caller's data.
+    """
+    status = next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS)
+    place: dict[str, Any] = {name: getattr(error, name, None) for name in ("file", "row", "column")}
+    fields = None
+    if isinstance(error, errors.FieldRefused):
+        fields = [FieldProblem(field=error.field, detail=error.message)]
+    code = str(getattr(error, "reason", None) or getattr(error, "code", "input"))
+    headers = {}
+    if status == HTTPStatus.UNAUTHORIZED:
+        headers["WWW-Authenticate"] = 'Bearer realm="motorid"'
+    if status == HTTPStatus.SERVICE_UNAVAILABLE:
+        headers["Retry-After"] = "5"
+    return _response(status, str(error), code, headers=headers, errors=fields, **place)
+
+
+def add_problem_handlers(application: FastAPI) -> None:
+    """Have every error of an application answered as a problem."""
+    application.add_exception_handler(errors.ServiceError, _service)
+    application.add_exception_handler(InputError, _service)
+    application.add_exception_handler(RequestValidationError, _validation)
+    application.add_exception_handler(HTTPException, _http)
+    application.add_exception_handler(OperationalError, _database)
+    application.add_exception_handler(PoolTimeout, _database)
+    application.add_exception_handler(ClientDisconnect, _gone)
+    application.add_exception_handler(Exception, _unexpected)
+
+
+def _response(
+    status: HTTPStatus,
+    detail: str,
+    code: str,
+    *,
+    headers: Mapping[str, str] | None = None,
+    **more: Any,
+) -> JSONResponse:
+    body = Problem(
+        type=f"urn:motorid:problem:{code}",
+        title=status.phrase,
+        status=status,
+        detail=detail,
+        code=code,
+        request_id=request_id.get(),
+        **more,
+    )
+    return JSONResponse(
+        body.model_dump(mode="json", exclude_none=True),
+        status_code=status,
+        headers=dict(headers or {}),
+        media_type=MEDIA_TYPE,
+    )
+
+
+async def _service(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, errors.ServiceError | InputError)
+    return problem_of(error)
+
+
+async def _validation(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    found = error.errors()
+    if any(entry["type"] == "json_invalid" for entry in found):
+        return _response(HTTPStatus.BAD_REQUEST, "the body is not JSON", "bad_json")
+    fields = [
+        FieldProblem(field=".".join(str(part) for part in entry["loc"]), detail=entry["msg"])
+        for entry in found[:_MOST_ERRORS]
+    ]
+    first = fields[0]
+    return _response(
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        f"{first.field}: {first.detail}",
+        "validation",
+        errors=fields,
+    )
+
+
+async def _http(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    status = HTTPStatus(error.status_code)
+    detail = {
+        HTTPStatus.NOT_FOUND: "there is nothing at this address; /docs lists the calls",
+        HTTPStatus.METHOD_NOT_ALLOWED: "this address does not take that method",
+        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "the request has more bytes than the limit",
+    }.get(status, str(error.detail))
+    code = _WORDS.get(status, status.name.lower())
+    return _response(status, detail, code, headers=error.headers)
+
+
+async def _database(request: Request, error: Exception) -> JSONResponse:
+    return problem_of(errors.Unavailable("the database does not answer; try again in some seconds"))
+
+
+async def _gone(request: Request, error: Exception) -> JSONResponse:
+    return problem_of(errors.BadRequest("the caller went away before the request was complete"))
+
+
+async def _unexpected(request: Request, error: Exception) -> JSONResponse:
+    return _response(
+        HTTPStatus.INTERNAL_SERVER_ERROR,
+        "an error of the service; its log tells more under the request's id",
+        "internal",
+    )

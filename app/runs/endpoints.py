@@ -1,0 +1,118 @@
+"""Calls about runs."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from typing import Annotated
+
+import anyio
+from anyio import to_thread
+from fastapi import APIRouter, Query, Request, Response
+
+from app.dependencies import CallerDep, ServicesDep
+from app.errors import BodyTooSlow
+from app.problems import responses
+from app.runs.schemas import UPLOAD_BODY, RunList, RunOut
+from app.runs.upload import Upload, UploadForm, boundary_of
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+_BLOCK_BYTES = 1 << 18
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Store a run",
+    response_description="The run was stored.",
+    responses={
+        200: {"model": RunOut, "description": "The same bytes were stored before."},
+        **responses(400, 403, 408, 413, 415, 422, 507),
+    },
+    openapi_extra=UPLOAD_BODY,
+)
+async def upload_run(
+    request: Request, response: Response, services: ServicesDep, caller: CallerDep
+) -> RunOut:
+    """Send a run file in the form field `file`.
+
+    The same bytes with the same mapping are the same run: sending them again answers 200 and the
+    same id. What cannot be read answers 422 and says in which row and column.
+    """
+    upload = await _receive(request, services)
+    try:
+        row, is_new = await to_thread.run_sync(
+            services.runs.store, caller, upload, limiter=services.reading
+        )
+    finally:
+        # What did not become a run leaves nothing, also when the caller went away meanwhile.
+        upload.path.unlink(missing_ok=True)
+    response.status_code = 201 if is_new else 200
+    response.headers["Location"] = f"/api/v1/runs/{row.id}"
+    return RunOut.of(row)
+
+
+@router.get("", summary="List runs", responses=responses(422))
+def list_runs(
+    services: ServicesDep,
+    caller: CallerDep,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Most runs of a page.")] = 100,
+    after: Annotated[
+        str | None, Query(max_length=200, description="`next` of the page before.")
+    ] = None,
+    motor: Annotated[
+        str | None, Query(max_length=200, description="Only runs of this motor.")
+    ] = None,
+) -> RunList:
+    """Runs, newest first."""
+    return RunList.of(*services.runs.page(caller, after=after, limit=limit, motor=motor))
+
+
+@router.get("/{run_id}", summary="Show a run", responses=responses(404))
+def show_run(run_id: str, services: ServicesDep, caller: CallerDep) -> RunOut:
+    """One run."""
+    return RunOut.of(services.runs.get(caller, run_id))
+
+
+@router.delete(
+    "/{run_id}", status_code=204, summary="Delete a run", responses=responses(403, 404, 409)
+)
+def delete_run(run_id: str, services: ServicesDep, caller: CallerDep) -> None:
+    """Remove a run and its bytes; refused while a fit that has not ended needs it."""
+    services.runs.delete(caller, run_id)
+
+
+async def _receive(request: Request, services: ServicesDep) -> Upload:
+    """Take the form in; the thread that works the disk is held only while there is work."""
+    settings = services.settings
+    boundary = boundary_of(request.headers.get("content-type", ""))
+    form = await to_thread.run_sync(
+        UploadForm, boundary, services.storage.new_incoming(), settings.max_upload_bytes
+    )
+    with form:
+        async with aclosing(_blocks(request, settings.upload_idle_s)) as blocks:
+            async for block in blocks:
+                await to_thread.run_sync(form.feed, block)
+        return await to_thread.run_sync(form.finish)
+
+
+async def _blocks(request: Request, idle_s: float) -> AsyncGenerator[bytes]:
+    """The body in blocks of some size, however small the pieces are in which it comes."""
+    held = bytearray()
+    stream = request.stream().__aiter__()
+    while True:
+        try:
+            with anyio.fail_after(idle_s):
+                held += await anext(stream)
+        except StopAsyncIteration:
+            break
+        except TimeoutError as error:
+            raise BodyTooSlow(f"no byte came for {idle_s:g} s; send the run again") from error
+        if len(held) >= _BLOCK_BYTES:
+            yield bytes(held)
+            held.clear()
+    if held:
+        yield bytes(held)

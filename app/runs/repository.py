@@ -1,0 +1,98 @@
+"""Runs in the database, each query within one workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import delete, select, tuple_
+from sqlalchemy.orm import Session
+
+from app.tables import FitRow, FitRunRow, RunRow
+
+__all__ = ["add", "all_ids", "by_content", "get", "page", "remove", "several", "waiting_fit"]
+
+
+def add(session: Session, row: RunRow) -> None:
+    """Keep a run."""
+    session.add(row)
+
+
+def get(session: Session, workspace: str, run_id: str, *, lock: bool = False) -> RunRow | None:
+    """A run, or None.
+
+    Args:
+        session: Session of the database.
+        workspace: Workspace of the caller.
+        run_id: Id of the run.
+        lock: Whether nobody else may begin to use the run until the session ends.
+    """
+    query = select(RunRow).where(RunRow.workspace == workspace, RunRow.id == run_id)
+    return session.scalars(query.with_for_update() if lock else query).one_or_none()
+
+
+def several(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, RunRow]:
+    """Those of some runs that there are, by id; none of them is removed until the session ends."""
+    query = (
+        select(RunRow)
+        .where(RunRow.workspace == workspace, RunRow.id.in_(run_ids))
+        .with_for_update(read=True)
+    )
+    return {row.id: row for row in session.scalars(query)}
+
+
+def by_content(session: Session, workspace: str, sha256: str, mapping_sha256: str) -> RunRow | None:
+    """The run with these bytes read in this way, or None."""
+    query = select(RunRow).where(
+        RunRow.workspace == workspace,
+        RunRow.sha256 == sha256,
+        RunRow.mapping_sha256 == mapping_sha256,
+    )
+    return session.scalars(query).one_or_none()
+
+
+def page(
+    session: Session,
+    workspace: str,
+    *,
+    after: tuple[float, str] | None,
+    limit: int,
+    motor: str | None = None,
+) -> Sequence[RunRow]:
+    """Runs, newest first.
+
+    Args:
+        session: Session of the database.
+        workspace: Workspace of the caller.
+        after: Time of creation and id of the last run of the page before.
+        limit: Most runs of a page.
+        motor: Only runs of this motor.
+    """
+    query = select(RunRow).where(RunRow.workspace == workspace)
+    if motor is not None:
+        query = query.where(RunRow.motor == motor)
+    if after is not None:
+        query = query.where(tuple_(RunRow.created_at, RunRow.id) < tuple_(*after))
+    return session.scalars(
+        query.order_by(RunRow.created_at.desc(), RunRow.id.desc()).limit(limit)
+    ).all()
+
+
+def waiting_fit(session: Session, run_id: str) -> str | None:
+    """Id of a fit that has not ended and needs the run, or None."""
+    query = (
+        select(FitRow.id)
+        .join(FitRunRow, FitRunRow.fit_id == FitRow.id)
+        .where(FitRunRow.run_id == run_id, FitRow.status.in_(("queued", "running")))
+        .limit(1)
+    )
+    return session.scalars(query).one_or_none()
+
+
+def remove(session: Session, run_id: str) -> None:
+    """Forget a run."""
+    session.execute(delete(RunRow).where(RunRow.id == run_id))
+
+
+def all_ids(session: Session) -> set[str]:
+    """Ids of all runs of all workspaces."""
+    return set(session.scalars(select(RunRow.id)))

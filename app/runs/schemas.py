@@ -1,0 +1,138 @@
+"""Runs as callers see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.tables import RunRow
+
+__all__ = ["RunList", "RunOut", "UPLOAD_BODY", "moment"]
+
+_EXAMPLE: dict[str, Any] = {
+    "id": "run_n2dq4hoyzmxrj6tcf7k3wvb5ea",
+    "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
+    "file": "training_1.csv",
+    "motor": "bench 4, motor 17",
+    "bytes": 1604211,
+    "rows": 24000,
+    "sample_rate_hz": 1000.0,
+    "duration_s": 23.999,
+    "channels": {
+        "voltage_V": {"min": -12.0, "max": 12.0},
+        "current_A": {"min": -3.91, "max": 3.87},
+        "speed_rad_s": {"min": -141.2, "max": 139.8},
+        "temperature_degC": {"min": 24.9, "max": 41.3},
+    },
+    "mapping": None,
+    "warnings": [],
+    "created_at": "2026-11-21T12:00:00.000000Z",
+}
+
+UPLOAD_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "The run file: a table of samples as text.",
+                        },
+                        "motor": {
+                            "type": "string",
+                            "maxLength": 200,
+                            "description": "Which motor this is a run of.",
+                            "examples": ["bench 4, motor 17"],
+                        },
+                        "mapping": {
+                            "type": "string",
+                            "description": "Which column is which channel, as JSON; needed where "
+                            "the header does not say. value in SI = (cell * scale + offset) in "
+                            "the given unit.",
+                            "examples": [
+                                '{"speed_rad_s": {"column": "n_ist", "unit": "rpm"}, '
+                                '"current_A": {"column": "sensor_V", "scale": 2.5}}'
+                            ],
+                        },
+                    },
+                }
+            }
+        },
+    }
+}
+"""What OpenAPI says about the body of an upload, which no model describes since it is streamed."""
+
+
+class ChannelRange(BaseModel):
+    """Least and greatest value of a channel, in SI units."""
+
+    min: float
+    max: float
+
+
+class RunWarningOut(BaseModel):
+    """Something about the run that a reader of a result should know."""
+
+    code: str
+    message: str
+    row: int | None = None
+    column: str | None = None
+
+
+class RunOut(BaseModel):
+    """A run that is stored."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    id: str
+    sha256: str = Field(description="Of the bytes that were sent.")
+    file: str = Field(description="Name of the file as it was sent.")
+    motor: str | None
+    bytes: int
+    rows: int = Field(description="Number of samples.")
+    sample_rate_hz: float
+    duration_s: float
+    channels: dict[str, ChannelRange]
+    mapping: dict[str, Any] | None
+    warnings: list[RunWarningOut]
+    created_at: str = Field(description="UTC, ISO 8601.")
+
+    @classmethod
+    def of(cls, row: RunRow) -> RunOut:
+        """A run as it is stored."""
+        names = ("id", "sha256", "file", "motor", "bytes", "rows", "sample_rate_hz", "duration_s")
+        return cls.model_validate(
+            {name: getattr(row, name) for name in names}
+            | {
+                "channels": row.channels,
+                "mapping": row.mapping,
+                "warnings": row.warnings,
+                "created_at": moment(row.created_at),
+            }
+        )
+
+
+class RunList(BaseModel):
+    """A page of runs, newest first."""
+
+    items: list[RunOut]
+    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+
+    @classmethod
+    def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:
+        """A page as it is stored."""
+        return cls(items=[RunOut.of(row) for row in rows], next=following)
+
+
+def moment(seconds: float) -> str:
+    """A time since 1970 as ISO 8601 in UTC."""
+    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
+    return text.replace("+00:00", "Z")

@@ -1,0 +1,204 @@
+"""What can be done with runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from sqlalchemy.exc import IntegrityError
+
+from app.access.service import Caller
+from app.database import Database
+from app.errors import FieldRefused, NotFound, RunInUse
+from app.identifiers import is_id, new_id
+from app.metrics import Metrics
+from app.paging import cursor_of, position_of
+from app.runs import repository
+from app.runs.reading import RunReader
+from app.runs.upload import Upload
+from app.storage import Storage
+from app.tables import RunRow
+
+__all__ = ["RunService", "checked_label"]
+
+_log = logging.getLogger(__name__)
+
+
+class RunService:
+    """Runs of all workspaces; each call is made for one caller."""
+
+    def __init__(
+        self, database: Database, storage: Storage, reader: RunReader, metrics: Metrics
+    ) -> None:
+        self._database = database
+        self._storage = storage
+        self._reader = reader
+        self._metrics = metrics
+
+    def store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
+        """Read an upload and keep it.
+
+        Args:
+            caller: For whom.
+            upload: What came in; its file is moved where it becomes a run.
+
+        Returns:
+            The run, and whether it is a new one: the same bytes read with the same mapping are the
+            same run.
+
+        Raises:
+            RunRefused: The file is no run.
+            FieldRefused: The motor or the mapping is not accepted.
+        """
+        outcome = "refused"
+        try:
+            row, is_new = self._store(caller, upload)
+            outcome = "stored" if is_new else "known"
+        finally:
+            self._metrics.uploads.labels(outcome).inc()
+            self._metrics.uploaded_bytes.inc(upload.size)
+        return row, is_new
+
+    def _store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
+        motor = checked_label("motor", upload.fields.get("motor"))
+        mapping = _mapping(upload.fields.get("mapping"))
+        mapping_sha256 = hashlib.sha256(
+            json.dumps(mapping, sort_keys=True, separators=(",", ":")).encode()
+        ).hexdigest()
+        content = (caller.workspace, upload.sha256, mapping_sha256)
+        with self._database.reading() as session:
+            known = repository.by_content(session, *content)
+        if known is not None:
+            return known, False
+        found = self._reader.read(upload.path, upload.name, mapping)
+        row = RunRow(
+            id=new_id("run"),
+            workspace=caller.workspace,
+            sha256=upload.sha256,
+            mapping_sha256=mapping_sha256,
+            mapping=mapping,
+            file=upload.name,
+            motor=motor,
+            bytes=upload.size,
+            rows=found["rows"],
+            sample_rate_hz=found["sample_rate_hz"],
+            duration_s=found["duration_s"],
+            channels=found["channels"],
+            warnings=found["warnings"],
+            created_at=time.time(),
+        )
+        # The file first: a file without a row is swept, a row without a file would be a loss.
+        self._storage.keep_run(upload.path, row.id)
+        try:
+            with self._database.writing() as session:
+                repository.add(session, row)
+        except IntegrityError:
+            # Someone sent the same at the same time and was first.
+            self._storage.remove_run(row.id)
+            with self._database.reading() as session:
+                known = repository.by_content(session, *content)
+            if known is None:
+                raise
+            return known, False
+        _log.info("run stored", extra={"run": row.id, "rows": row.rows, "bytes": row.bytes})
+        return row, True
+
+    def page(
+        self, caller: Caller, *, after: str | None, limit: int, motor: str | None
+    ) -> tuple[Sequence[RunRow], str | None]:
+        """Runs, newest first, and where the next page begins, if there is one.
+
+        Raises:
+            FieldRefused: `after` is no position that was given before.
+        """
+        with self._database.reading() as session:
+            rows = repository.page(
+                session,
+                caller.workspace,
+                after=position_of(after),
+                limit=limit + 1,
+                motor=motor,
+            )
+        return rows[:limit], cursor_of(rows, limit)
+
+    def get(self, caller: Caller, run_id: str) -> RunRow:
+        """One run.
+
+        Raises:
+            NotFound: There is no such run in the caller's workspace.
+        """
+        with self._database.reading() as session:
+            row = (
+                repository.get(session, caller.workspace, run_id) if is_id("run", run_id) else None
+            )
+        if row is None:
+            raise _missing()
+        return row
+
+    def delete(self, caller: Caller, run_id: str) -> None:
+        """Remove a run and its bytes.
+
+        Raises:
+            NotFound: There is no such run in the caller's workspace.
+            RunInUse: A fit that has not ended needs it.
+        """
+        if not is_id("run", run_id):
+            raise _missing()
+        with self._database.writing() as session:
+            row = repository.get(session, caller.workspace, run_id, lock=True)
+            if row is None:
+                raise _missing()
+            fit_id = repository.waiting_fit(session, run_id)
+            if fit_id is not None:
+                raise RunInUse(f"{run_id} is needed by {fit_id}; cancel that fit or let it end")
+            repository.remove(session, run_id)
+        self._storage.remove_run(run_id)
+
+
+def checked_label(field: str, text: str | None) -> str | None:
+    """A label such as the name of a motor, without blanks around it; None for an empty one.
+
+    Raises:
+        FieldRefused: It is too long or holds something that cannot be printed.
+    """
+    if text is None or not text.strip():
+        return None
+    shown = text.strip()
+    if len(shown) > 200 or not shown.isprintable():
+        raise FieldRefused(f"{field}: expected at most 200 printable characters", field)
+    return shown
+
+
+def _missing() -> NotFound:
+    return NotFound("there is no such run; GET /api/v1/runs lists them")
+
+
+def _mapping(text: str | None) -> dict[str, Any] | None:
+    """A mapping out of its JSON text; what is in it is checked where the file is read."""
+    if text is None or not text.strip():
+        return None
+    try:
+        mapping = json.loads(text, object_pairs_hook=_without_repeats, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise FieldRefused(f"mapping: not JSON ({str(error)[:80]})", "mapping") from error
+    if not isinstance(mapping, dict):
+        raise FieldRefused(
+            'mapping: expected an object such as {"speed_rad_s": {"column": "n", "unit": "rpm"}}',
+            "mapping",
+        )
+    return mapping or None
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a key stands twice in one object")
+    return found
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")

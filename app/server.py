@@ -1,0 +1,60 @@
+"""The server: runs the application under uvicorn until it is told to stop."""
+
+from __future__ import annotations
+
+import socket
+from types import FrameType
+
+import uvicorn
+
+from app.logging import configure_logging
+from app.main import create_app
+from app.services import Services
+from app.settings import Settings
+
+__all__ = ["serve"]
+
+
+class _Server(uvicorn.Server):
+    """Tells open event streams that it stops, so that they end and it need not wait for them."""
+
+    services: Services
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to stop."""
+        self.services.stopping.set()
+        super().handle_exit(sig, frame)
+
+
+def serve(settings: Settings, listening: socket.socket | None = None) -> None:
+    """Serve until SIGTERM or SIGINT; what runs then is stopped and goes on at the next start.
+
+    Args:
+        settings: Where to listen, where the data are, and all else.
+        listening: A socket that listens already, in place of address and port of the settings.
+
+    Raises:
+        OptionError: The data directory cannot be used, or another server uses it.
+    """
+    configure_logging(settings.log_level)
+    application = create_app(settings)
+    services: Services = application.state.services
+    # Taken here and not in the lifespan, where an error would come as a traceback.
+    services.storage.prepare()
+    services.storage.lock()
+    server = _Server(
+        uvicorn.Config(
+            application,
+            host=settings.host,
+            port=settings.port,
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            ws="none",
+            lifespan="on",
+            timeout_graceful_shutdown=max(1, round(settings.shutdown_s)),
+        )
+    )
+    server.services = services
+    server.run(sockets=None if listening is None else [listening])

@@ -1,0 +1,106 @@
+"""The commands about the HTTP service: run it, and manage its keys."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from app.access.service import AccessService
+from app.database import Database
+from app.settings import Settings, load_settings
+from app.storage import Storage
+from identification.errors import OptionError
+
+__all__ = ["create_key", "list_keys", "revoke_key", "serve"]
+
+
+def serve(
+    *, host: str | None, port: int | None, data_dir: Path | None, no_auth: bool | None
+) -> None:
+    """Run the service until it is told to stop.
+
+    Args:
+        host: Address to listen on.
+        port: Port to listen on; 0 takes a free one.
+        data_dir: Directory of the database, the runs and the results.
+        no_auth: Whether to answer without a key.
+
+    Raises:
+        OptionError: A setting is not accepted, or the port cannot be listened on.
+    """
+    settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
+    listening = _listen(settings)
+    # The key commands need none of this.
+    from app.server import serve as run
+
+    address, number = listening.getsockname()[:2]
+    shown = f"[{address}]" if ":" in address else address
+    print(f"motorid: http://{shown}:{number}", file=sys.stderr, flush=True)  # noqa: T201
+    # Ctrl-C is how a server is meant to end; by then it has stopped in good order.
+    with suppress(KeyboardInterrupt):
+        run(settings, listening)
+
+
+def create_key(name: str, workspace: str, data_dir: Path | None) -> None:
+    """Make a key and print it."""
+    with _access(data_dir) as access:
+        key, secret = access.create_key(name, workspace)
+    print(secret)  # noqa: T201
+    print(  # noqa: T201
+        f"motorid: {key.id} opens the workspace {workspace}; the key is not shown again",
+        file=sys.stderr,
+    )
+
+
+def list_keys(data_dir: Path | None) -> None:
+    """Print all keys, one a line, with tabs between the columns."""
+    with _access(data_dir) as access:
+        rows = access.list_keys()
+    print("id", "workspace", "name", "created", "revoked", sep="\t")  # noqa: T201
+    for row in rows:
+        revoked = "" if row.revoked_at is None else _date(row.revoked_at)
+        print(row.id, row.workspace, row.name, _date(row.created_at), revoked, sep="\t")  # noqa: T201
+
+
+def revoke_key(key: str, data_dir: Path | None) -> None:
+    """Have a key open nothing any more."""
+    with _access(data_dir) as access:
+        access.revoke_key(key)
+
+
+@contextmanager
+def _access(data_dir: Path | None) -> Iterator[AccessService]:
+    settings = load_settings(data_dir=data_dir)
+    Storage(settings.data_dir, settings.node).prepare()
+    database = Database(settings.sqlalchemy_url)
+    try:
+        database.migrate()
+        yield AccessService(database)
+    finally:
+        database.close()
+
+
+def _listen(settings: Settings) -> socket.socket:
+    """A socket on the address, before anything is started that would have to be stopped."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            settings.host.strip("[]"), settings.port, type=socket.SOCK_STREAM
+        )[0]
+        listening = socket.socket(family, kind, protocol)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+    except OSError as error:
+        raise OptionError(
+            f"{settings.host} port {settings.port} cannot be listened on ({error.strerror}); "
+            "choose another --host or --port",
+            value=settings.port,
+        ) from error
+    return listening
+
+
+def _date(seconds: float) -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))

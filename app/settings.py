@@ -1,0 +1,188 @@
+"""What an operator can set: environment variables that begin with MOTORID_, or arguments.
+
+    settings = load_settings(port=8080, data_dir=Path("bench"))
+
+Unsafe combinations are refused when the settings are read and not when the first request comes:
+a service that starts is one that may run.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from identification.errors import OptionError
+
+__all__ = ["Settings", "is_loopback", "load_settings"]
+
+_LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a server that listens on `host` can be reached from this machine only."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Settings(BaseSettings):
+    """Settings of the service; each is read from MOTORID_ and its name in capitals."""
+
+    model_config = SettingsConfigDict(env_prefix="MOTORID_", extra="ignore", frozen=True)
+
+    host: str = Field(default="127.0.0.1", description="Address to listen on.")
+    port: int = Field(
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+    )
+    data_dir: Path = Field(
+        default=Path("motorid-data"),
+        description="Directory of the database, the runs and the results.",
+    )
+    no_auth: bool = Field(
+        default=False, description="Answer without a key; accepted on a loopback address only."
+    )
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Host names that requests may carry, separated by commas; `*` for any. "
+        "Empty: the loopback names and `host`, or any where the service listens to a network.",
+    )
+    database_url: str | None = Field(
+        default=None,
+        description="SQLAlchemy address of the database; empty: SQLite in the data directory.",
+    )
+    workers: int = Field(
+        default_factory=_cores, ge=1, le=1024, description="Fits that are computed at once."
+    )
+    readers: int = Field(
+        default_factory=_cores, ge=1, le=256, description="Uploads that are read at once."
+    )
+    max_upload_bytes: int = Field(
+        default=512_000_000, ge=1, description="Largest run file that is taken [bytes]."
+    )
+    max_body_bytes: int = Field(
+        default=4_000_000, ge=1, description="Largest request other than an upload [bytes]."
+    )
+    max_rows: int = Field(default=10_000_000, ge=10, description="Most samples of one run.")
+    upload_idle_s: float = Field(
+        default=60.0,
+        gt=0,
+        description="An upload that sends nothing for this long is given up [s].",
+    )
+    read_memory_bytes: int = Field(
+        default=2_000_000_000,
+        ge=300_000_000,
+        description="Address space of a reading process [bytes].",
+    )
+    read_cpu_s: int = Field(
+        default=60, ge=1, description="Processor time of a reading process [s]."
+    )
+    read_wall_s: float = Field(default=120.0, gt=0, description="Time of a reading process [s].")
+    fit_wall_s: float = Field(
+        default=6 * 3600.0, gt=0, description="A fit that takes longer than this has failed [s]."
+    )
+    max_attempts: int = Field(
+        default=3, ge=1, le=100, description="Crashes of its process after which a fit has failed."
+    )
+    lease_s: float = Field(
+        default=15.0,
+        gt=0,
+        description="A running fit whose server is silent this long is taken over [s].",
+    )
+    heartbeat_s: float = Field(
+        default=3.0, gt=0, description="Interval in which a lease is renewed [s]."
+    )
+    session_s: float = Field(
+        default=12 * 3600.0,
+        gt=0,
+        description="Time after which the web page asks for the key again [s].",
+    )
+    keep_alive_s: float = Field(
+        default=15.0,
+        gt=0,
+        description="Interval of the comments that keep an event stream open [s].",
+    )
+    shutdown_s: float = Field(
+        default=10.0, gt=0, description="Time that requests have to end when the service stops [s]."
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        default="info", description="Least severe messages that are logged."
+    )
+    pipeline: str = Field(
+        default="identification.pipeline:identify",
+        pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
+        description="Function that computes a fit, as module:function.",
+    )
+
+    @field_validator("allowed_hosts", mode="before")
+    @classmethod
+    def _split(cls, value: object) -> object:
+        if isinstance(value, str):
+            return tuple(name.strip() for name in value.split(",") if name.strip())
+        return value
+
+    @model_validator(mode="after")
+    def _refuse_what_is_unsafe(self) -> Self:
+        if self.no_auth and not is_loopback(self.host):
+            raise ValueError(
+                f"no_auth with host {self.host}: without keys the service listens on a loopback "
+                "address only; leave out --no-auth and make a key with `motorid keys create`"
+            )
+        if self.lease_s < 2 * self.heartbeat_s:
+            raise ValueError(
+                f"lease_s is {self.lease_s:g} and heartbeat_s {self.heartbeat_s:g}; expected a "
+                "lease of at least two heartbeats"
+            )
+        return self
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """Names that the Host header may have, without a port."""
+        if self.allowed_hosts:
+            return self.allowed_hosts
+        if is_loopback(self.host):
+            bracketed = f"[{self.host}]" if ":" in self.host.strip("[]") else self.host
+            return tuple(dict.fromkeys((*_LOOPBACK_NAMES, bracketed)))
+        # A key protects each call, and cookies keep to the name they were set under, so a foreign
+        # name for this address gains an attacker nothing.
+        return ("*",)
+
+    @property
+    def sqlalchemy_url(self) -> str:
+        """Address of the database."""
+        return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'motorid.sqlite3'}"
+
+    @property
+    def node(self) -> str:
+        """Name of this machine, under which leases are held."""
+        return socket.gethostname()[:64] or "localhost"
+
+
+def load_settings(**given: object) -> Settings:
+    """Settings from arguments and, for what is not given, from the environment.
+
+    Args:
+        **given: Settings by name; None counts as not given.
+
+    Raises:
+        OptionError: A setting has a value that is not accepted; the message is one line.
+    """
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        name = ".".join(str(part) for part in first["loc"])
+        text = first["msg"].removeprefix("Value error, ")
+        raise OptionError(f"{name}: {text}" if name else text) from error

@@ -1,0 +1,178 @@
+"""The data directory: what lies where, and nothing in it named by a caller.
+
+    DATA/motorid.sqlite3              the database, unless another is named
+    DATA/incoming/NODE/XXXX           uploads that are coming in; swept at each start
+    DATA/runs/RUN_ID                  the bytes of a run that was accepted
+    DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
+    DATA/nodes/NODE.lock              held by the server of this machine
+
+The database says what there is.  A file without a row is the rest of something that was interrupted
+between the two; `sweep` removes it once it is too old to belong to a request that still runs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import secrets
+import shutil
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import BinaryIO
+
+from app.identifiers import is_id
+from identification.errors import OptionError
+
+__all__ = ["Storage", "sync_directory"]
+
+_OLD_S = 3600.0
+
+
+class Storage:
+    """Paths of one data directory, and the lock on it.
+
+    Args:
+        directory: The data directory; it is made if it is not there.
+        node: Name of this machine.
+    """
+
+    def __init__(self, directory: Path, node: str) -> None:
+        self.directory = directory.absolute()
+        self.node = re.sub(r"[^A-Za-z0-9.-]", "_", node).lstrip(".") or "node"
+        self._lock: BinaryIO | None = None
+
+    @property
+    def incoming(self) -> Path:
+        """Directory of the uploads that are coming in on this machine."""
+        return self.directory / "incoming" / self.node
+
+    def prepare(self) -> None:
+        """Make the directories, readable by the owner alone.
+
+        Raises:
+            OptionError: The directory cannot be made or written.
+        """
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+            names = ("incoming", "runs", "fits", "nodes")
+            for part in (*(self.directory / name for name in names), self.incoming):
+                part.mkdir(exist_ok=True, mode=0o700)
+        except OSError as error:
+            raise OptionError(
+                f"data_dir: {self.directory} cannot be used ({error.strerror}); "
+                "name a directory that can be written"
+            ) from error
+
+    def lock(self) -> None:
+        """Take the data directory for this process, until it ends.
+
+        Raises:
+            OptionError: Another server on this machine has it.
+        """
+        if self._lock is not None:
+            return
+        file = (self.directory / "nodes" / f"{self.node}.lock").open("ab")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            file.close()
+            raise OptionError(
+                f"data_dir: another server already uses {self.directory}; stop it or name another"
+            ) from error
+        self._lock = file
+
+    def unlock(self) -> None:
+        """Give the data directory back."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def is_writable(self) -> bool:
+        """Whether a file can be made."""
+        return os.access(self.incoming, os.W_OK)
+
+    def new_incoming(self) -> Path:
+        """A path for an upload, where no file is yet."""
+        return self.incoming / secrets.token_hex(16)
+
+    def run(self, run_id: str) -> Path:
+        """Where the bytes of a run lie."""
+        return self.directory / "runs" / run_id
+
+    def keep_run(self, incoming: Path, run_id: str) -> None:
+        """Move an upload that was accepted to its place, so that a loss of power keeps it."""
+        os.replace(incoming, self.run(run_id))
+        sync_directory(self.directory / "runs")
+
+    def remove_run(self, run_id: str) -> None:
+        """Remove the bytes of a run."""
+        self.run(run_id).unlink(missing_ok=True)
+
+    def fit(self, fit_id: str) -> Path:
+        """Directory of all attempts of a fit."""
+        return self.directory / "fits" / fit_id
+
+    def attempt(self, fit_id: str, attempt: int) -> Path:
+        """Directory of one attempt of a fit."""
+        return self.fit(fit_id) / str(attempt)
+
+    def remove_fit(self, fit_id: str) -> None:
+        """Remove everything that was computed for a fit."""
+        shutil.rmtree(self.fit(fit_id), ignore_errors=True)
+
+    def remove_attempt(self, fit_id: str, attempt: int) -> None:
+        """Remove what one attempt left."""
+        shutil.rmtree(self.attempt(fit_id, attempt), ignore_errors=True)
+
+    def keep_attempt(self, fit_id: str, attempt: int) -> None:
+        """Remove what all other attempts of a fit left."""
+        for entry in _entries(self.fit(fit_id)):
+            if entry.name != str(attempt):
+                shutil.rmtree(entry, ignore_errors=True)
+
+    def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
+        """Remove what no row of the database names.
+
+        Args:
+            runs: Ids of the runs that there are.
+            fits: Ids of the fits that there are.
+
+        Returns:
+            Number of files and directories that were removed.
+        """
+        removed = 0
+        for entry in _entries(self.incoming):
+            entry.unlink(missing_ok=True)
+            removed += 1
+        for entry in _entries(self.directory / "runs"):
+            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
+                entry.unlink(missing_ok=True)
+                removed += 1
+        for entry in _entries(self.directory / "fits"):
+            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry):
+                shutil.rmtree(entry, ignore_errors=True)
+                removed += 1
+        return removed
+
+
+def sync_directory(directory: Path) -> None:
+    """Have the entries of a directory survive a loss of power."""
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _entries(directory: Path) -> list[Path]:
+    return list(directory.iterdir()) if directory.is_dir() else []
+
+
+def _is_old(path: Path) -> bool:
+    # Another server on the same directory may be between moving a file and writing its row.
+    try:
+        return time.time() - path.stat().st_mtime > _OLD_S
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,143 @@
+"""The tables: what the service knows, and nothing else knows better.
+
+Times are seconds since 1970 in UTC, since leases are compared in the database and both databases
+compare numbers alike.  `app.migrations` makes the tables; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    String,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+__all__ = ["BatchRow", "FitRow", "FitRunRow", "KeyRow", "RunRow", "SessionRow", "Tables"]
+
+
+class Tables(DeclarativeBase):
+    """All tables together."""
+
+    type_annotation_map = {float: Double, dict[str, Any]: JSON, list[Any]: JSON}  # noqa: RUF012
+
+
+class KeyRow(Tables):
+    """A key; only its hash is kept."""
+
+    __tablename__ = "keys"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    name: Mapped[str] = mapped_column(String(200))
+    digest: Mapped[str] = mapped_column(String(64), unique=True)
+    created_at: Mapped[float]
+    revoked_at: Mapped[float | None]
+
+
+class SessionRow(Tables):
+    """A browser that has shown a key; only the hash of its cookie is kept."""
+
+    __tablename__ = "sessions"
+
+    digest: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key_id: Mapped[str] = mapped_column(ForeignKey("keys.id", ondelete="CASCADE"))
+    expires_at: Mapped[float]
+
+
+class RunRow(Tables):
+    """A run that was read and accepted; its bytes lie in the data directory under its id."""
+
+    __tablename__ = "runs"
+    __table_args__ = (
+        UniqueConstraint("workspace", "sha256", "mapping_sha256", name="uq_runs_content"),
+        Index("ix_runs_workspace_created", "workspace", "created_at"),
+    )
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    sha256: Mapped[str] = mapped_column(String(64))
+    mapping_sha256: Mapped[str] = mapped_column(String(64))
+    mapping: Mapped[dict[str, Any] | None] = mapped_column(JSON)
+    file: Mapped[str] = mapped_column(String(255))
+    motor: Mapped[str | None] = mapped_column(String(200))
+    bytes: Mapped[int] = mapped_column(BigInteger)
+    rows: Mapped[int] = mapped_column(Integer)
+    sample_rate_hz: Mapped[float]
+    duration_s: Mapped[float]
+    channels: Mapped[dict[str, Any]]
+    warnings: Mapped[list[Any]]
+    created_at: Mapped[float]
+
+
+class BatchRow(Tables):
+    """A batch; its fits carry its id."""
+
+    __tablename__ = "batches"
+    __table_args__ = (
+        UniqueConstraint("workspace", "idempotency_key", name="uq_batches_idempotency"),
+        Index("ix_batches_workspace_created", "workspace", "created_at"),
+    )
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    name: Mapped[str | None] = mapped_column(String(200))
+    created_at: Mapped[float]
+    idempotency_key: Mapped[str | None] = mapped_column(String(255))
+    request_sha256: Mapped[str] = mapped_column(String(64))
+
+
+class FitRow(Tables):
+    """A fit, from its acceptance to its end.
+
+    `attempt` counts how often the fit was begun and is part of the condition of every write while
+    it runs, so that an attempt that was given up can write nothing.  `failures` counts those
+    attempts that ended by themselves without a result.  `version` grows with each change.
+    """
+
+    __tablename__ = "fits"
+    __table_args__ = (
+        UniqueConstraint("workspace", "idempotency_key", name="uq_fits_idempotency"),
+        Index("ix_fits_workspace_created", "workspace", "created_at"),
+        Index("ix_fits_queue", "status", "created_at", "position"),
+        Index("ix_fits_batch", "batch_id", "position"),
+    )
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    motor: Mapped[str | None] = mapped_column(String(200))
+    options: Mapped[dict[str, Any]]
+    status: Mapped[str] = mapped_column(String(10))
+    stage: Mapped[str] = mapped_column(String(100))
+    fraction: Mapped[float]
+    version: Mapped[int] = mapped_column(Integer)
+    attempt: Mapped[int] = mapped_column(Integer)
+    failures: Mapped[int] = mapped_column(Integer)
+    owner: Mapped[str | None] = mapped_column(String(200))
+    lease_until: Mapped[float | None]
+    error: Mapped[dict[str, Any] | None] = mapped_column(JSON)
+    created_at: Mapped[float]
+    started_at: Mapped[float | None]
+    ended_at: Mapped[float | None]
+    idempotency_key: Mapped[str | None] = mapped_column(String(255))
+    request_sha256: Mapped[str] = mapped_column(String(64))
+    batch_id: Mapped[str | None] = mapped_column(ForeignKey("batches.id", ondelete="CASCADE"))
+    position: Mapped[int] = mapped_column(Integer)
+
+
+class FitRunRow(Tables):
+    """A run in a fit.  It may be deleted after the fit has ended, so its id is no foreign key."""
+
+    __tablename__ = "fit_runs"
+
+    fit_id: Mapped[str] = mapped_column(ForeignKey("fits.id", ondelete="CASCADE"), primary_key=True)
+    role: Mapped[str] = mapped_column(String(10), primary_key=True)
+    position: Mapped[int] = mapped_column(Integer, primary_key=True)
+    run_id: Mapped[str] = mapped_column(String(40), index=True)

@@ -1,0 +1,1 @@
+"""Measurements of speed and of statistical truth; not part of the product."""

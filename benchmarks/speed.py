@@ -1,0 +1,327 @@
+"""How fast the package is beside hand-written scipy and numba code of the same motor.
+
+    python -m benchmarks.speed [--repeats 7] [--out docs/benchmarks/speed.md]
+
+Everything is measured in one run on one machine: the hand-written code of `handwritten.py` and the
+package take turns, so that whatever else the machine does meets both, and the median is kept.
+Seconds depend on the machine; the ratios are what is written down.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import handwritten
+from benchmarks.handwritten import Recording
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit
+from identification.ingest.run import Run
+from identification.model.excitation import records_of
+from identification.posterior.density import Posterior
+
+__all__ = ["Case", "Measured", "main", "measure"]
+
+Array = NDArray[np.float64]
+
+RUNS, ROWS, WALKERS = 5, 24_000, 64
+NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """A motor to be timed.
+
+    Args:
+        name: What is special about it.
+        values: Ra25, alpha_Ra, Kt25, alpha_Kt, J, b, L in SI units.
+        voltage: Largest voltage [V].
+        interval: Sample interval [s].
+        fits: Whether the fits are timed too.
+    """
+
+    name: str
+    values: tuple[float, float, float, float, float, float, float]
+    voltage: float
+    interval: float
+    fits: bool = True
+
+
+CASES = (
+    Case("servo, L/R of 3.3 intervals", (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3), 24.0, 1e-3),
+    Case("paper, L/R of 85 intervals", (0.59, 0.004, 0.071, -0.002, 0.01, 0.1, 0.5), 24.0, 1e-2),
+    Case(
+        "stiff, L/R of a tenth of an interval",
+        (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 6e-5),
+        24.0,
+        1e-3,
+        fits=False,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Median seconds of one case.
+
+    Args:
+        case: The motor.
+        substeps: Runge-Kutta steps an interval that the hand-written code needs.
+        seconds: By what was timed.
+        ratios: Median over the turns of hand-written over ours, by what was compared.
+        notes: What the fits found, in words.
+    """
+
+    case: Case
+    substeps: int
+    seconds: dict[str, float]
+    ratios: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def recorded(case: Case, seed: int) -> tuple[Recording, Array, Array]:
+    """Noisy runs of a motor, its starts (n_run, 2), and the noise (2,) that was added."""
+    rng = np.random.default_rng(seed)
+    values = np.array(case.values)
+    levels = rng.uniform(-1.0, 1.0, (RUNS, ROWS // 50))
+    voltage = case.voltage * np.repeat(levels, 50, axis=1)
+    temperature = 25.0 + 18.0 * np.arange(RUNS)[:, None] + np.linspace(0.0, 18.0, ROWS)
+    starts = np.zeros((RUNS, 2))
+    fine = 8 * max(1, int(np.ceil(case.interval * values[0] / values[6])))
+    clean = np.stack(
+        [
+            handwritten.simulate(values, case.interval, voltage[r], temperature[r], starts[r], fine)
+            for r in range(RUNS)
+        ]
+    )
+    noise = NOISE * clean.std(axis=(0, 1))
+    logged = clean + noise * rng.standard_normal(clean.shape)
+    current, speed = (np.ascontiguousarray(logged[:, :, c]) for c in range(2))
+    return Recording(case.interval, voltage, temperature, current, speed), starts, noise
+
+
+def as_runs(recording: Recording) -> list[Run]:
+    """The recording as the package takes it."""
+    time_ = recording.interval * np.arange(ROWS, dtype=np.float64)
+    return [
+        Run(
+            f"run{r}.csv",
+            "0" * 64,
+            time_,
+            recording.voltage[r],
+            recording.current[r],
+            recording.speed[r],
+            recording.temperature[r],
+        )
+        for r in range(RUNS)
+    ]
+
+
+def by_turns(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
+    """Seconds of every job, (repeats,) each, taken in turns."""
+    taken: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(repeats):
+        for name, job in jobs.items():
+            start = time.perf_counter()
+            job()
+            taken[name].append(time.perf_counter() - start)
+    return taken
+
+
+def _median_ratio(above: Sequence[float], below: Sequence[float]) -> float:
+    return statistics.median(a / b for a, b in zip(above, below, strict=True))
+
+
+def measure(case: Case, repeats: int) -> Measured:
+    """Time one case."""
+    recording, starts, noise = recorded(case, seed=1)
+    values = np.array(case.values)
+    substeps = handwritten.substeps_needed(values, recording, starts[0], noise)
+    first = time.perf_counter()
+    fit = fit_declared(records_of(as_runs(recording)), "zoh")
+    seconds = {"our fit, first call": time.perf_counter() - first}
+    likelihoods = _likelihoods(fit, recording, starts, values, substeps)
+    compilation = by_turns(likelihoods, 1)
+    taken = by_turns(likelihoods, repeats)
+    for name, each in compilation.items():
+        seconds[f"first call: {name}"] = each[0]
+    ours = [t / WALKERS for t in taken["ours, 64 walkers"]]
+    many = [t / WALKERS for t in taken["hand-written, 64 walkers on all cores"]]
+    solved = _solve_ivp_seconds(recording, starts[0], values)
+    seconds |= {
+        "ours, a walker of 64": statistics.median(ours),
+        "ours, one walker alone": statistics.median(taken["ours, one walker"]),
+        "hand-written": statistics.median(taken["hand-written"]),
+        "hand-written, a walker of 64 on all cores": statistics.median(many),
+        **solved,
+    }
+    ratios = {
+        "hand-written": _median_ratio(taken["hand-written"], ours),
+        "hand-written, all cores": _median_ratio(many, ours),
+        "one walker alone": _median_ratio(taken["hand-written"], taken["ours, one walker"]),
+        **{name: spent / statistics.median(ours) for name, spent in solved.items()},
+    }
+    notes: tuple[str, ...] = ()
+    if case.fits:
+        more, fit_ratios, notes = _fits(recording, values, substeps, max(1, repeats // 2))
+        seconds |= more
+        ratios |= fit_ratios
+    return Measured(case, substeps, seconds, ratios, notes)
+
+
+def _likelihoods(
+    fit: Fit, recording: Recording, starts: Array, values: Array, substeps: int
+) -> dict[str, Callable[[], object]]:
+    """One likelihood of all rows, in each of the ways that are compared."""
+    posterior = Posterior(fit, np.ones(2))
+    rng = np.random.default_rng(2)
+    root = np.linalg.cholesky(posterior.covariance())
+    points = posterior.centre + rng.standard_normal((WALKERS, root.shape[0])) @ root.T
+    arrays = (
+        recording.interval,
+        recording.voltage,
+        recording.temperature,
+        recording.current,
+        recording.speed,
+        starts,
+        substeps,
+    )
+    walkers = np.tile(values, (WALKERS, 1))
+    return {
+        "hand-written": lambda: handwritten.sums_of_squares(values, *arrays),
+        "ours, 64 walkers": lambda: posterior(points),
+        "hand-written, 64 walkers on all cores": lambda: handwritten.sums_of_all_walkers(
+            walkers, *arrays
+        ),
+        "ours, one walker": lambda: posterior(points[:1]),
+    }
+
+
+def _solve_ivp_seconds(recording: Recording, start: Array, values: Array) -> dict[str, float]:
+    """Seconds of all rows, from the first few hundred: the cost is the same for each interval."""
+    rows = 400
+    found = {}
+    for method in ("RK45", "LSODA"):
+        begun = time.perf_counter()
+        handwritten.by_solve_ivp(values, recording, start, rows, method)
+        found[f"solve_ivp {method}"] = (time.perf_counter() - begun) * RUNS * ROWS / rows
+    return found
+
+
+def _fits(
+    recording: Recording, values: Array, substeps: int, repeats: int
+) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
+    """Our fit from nothing beside least squares from a guess 20 to 50 percent off."""
+    guess = values * np.array([1.3, 0.8, 0.8, 1.2, 1.5, 0.7, 1.3])
+    found: dict[str, Array] = {}
+
+    def ours() -> None:
+        found["ours"] = fit_declared(records_of(as_runs(recording)), "zoh").values
+
+    def theirs(*, free_starts: bool) -> None:
+        name = "least_squares, starts free" if free_starts else "least_squares, starts as logged"
+        answer = handwritten.fit_by_finite_differences(
+            guess, recording, substeps, free_starts=free_starts
+        )
+        found[name] = answer.x[:7]
+
+    jobs: dict[str, Callable[[], object]] = {
+        "our fit from nothing": ours,
+        "least_squares, starts free": lambda: theirs(free_starts=True),
+        "least_squares, starts as logged": lambda: theirs(free_starts=False),
+    }
+    taken = by_turns(jobs, repeats)
+    seconds = {name: statistics.median(each) for name, each in taken.items()}
+    ratios = {
+        name: _median_ratio(taken[name], taken["our fit from nothing"])
+        for name in jobs
+        if name != "our fit from nothing"
+    }
+    notes = tuple(
+        f"{name}: largest relative error of a parameter {np.abs(x / values - 1).max():.1e}"
+        for name, x in found.items()
+    )
+    return seconds, ratios, notes
+
+
+def _report(measured: Sequence[Measured], command: str) -> str:
+    lines = [
+        "# Speed beside hand-written code",
+        "",
+        f"Made by `{command}`, and again by `make bench`.",
+        f"One likelihood is that of {RUNS} runs of {ROWS:,} rows.",
+        "The hand-written code in `benchmarks/handwritten.py` is a numba loop with fast "
+        "mathematics that forms the sums of squares on the way, by the classical Runge-Kutta "
+        "method with as few substeps as can move no estimate by half its standard deviation; the "
+        "package solves each interval to 1e-8.",
+        "All figures are ratios of median times that were taken in turns: how many times longer "
+        "the other way takes.",
+        "",
+        "| one likelihood, a walker | " + " | ".join(m.case.name for m in measured) + " |",
+        "|---|" + "---:|" * len(measured),
+        _row("hand-written substeps an interval", [str(m.substeps) for m in measured]),
+    ]
+    labels = {
+        "hand-written": "hand-written, one simulation a call",
+        "hand-written, all cores": "hand-written, 64 walkers on all cores",
+        "one walker alone": "hand-written, if ours has one walker alone",
+        "solve_ivp RK45": "`solve_ivp`, RK45 at 1e-6",
+        "solve_ivp LSODA": "`solve_ivp`, LSODA at 1e-6",
+    }
+    for name, label in labels.items():
+        lines.append(_row(label, [f"{m.ratios[name]:.3g}" for m in measured]))
+    fitted = [m for m in measured if m.case.fits]
+    lines += [
+        "",
+        "Our fit starts from nothing but the runs, with the initial state of each run free.",
+        "`scipy.optimize.least_squares` with finite differences starts from a guess that is 20 "
+        "to 50 percent off.",
+        "",
+        "| the whole fit | " + " | ".join(m.case.name for m in fitted) + " |",
+        "|---|" + "---:|" * len(fitted),
+    ]
+    for name in ("least_squares, starts free", "least_squares, starts as logged"):
+        label = f"`least_squares`, {name.split(', ')[1]}"
+        lines.append(_row(label, [f"{m.ratios[name]:.3g}" for m in fitted]))
+    return "\n".join([*lines, ""])
+
+
+def _row(label: str, cells: Sequence[str]) -> str:
+    return f"| {label} | {' | '.join(cells)} |"
+
+
+def _print(measured: Measured) -> None:
+    print(f"\n{measured.case.name}: {measured.substeps} substeps for the hand-written loop")
+    for name, seconds in measured.seconds.items():
+        print(f"  {name:45s} {1e3 * seconds:14.3f} ms")
+    for name, ratio in measured.ratios.items():
+        print(f"  ratio to ours: {name:32s} {ratio:12.1f}")
+    for note in measured.notes:
+        print(f"  {note}")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/speed.md"))
+    chosen = parser.parse_args(arguments)
+    measured = []
+    for case in CASES:
+        measured.append(measure(case, chosen.repeats))
+        _print(measured[-1])
+    text = _report(measured, f"python -m benchmarks.speed --repeats {chosen.repeats}")
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    chosen.out.write_text(text, encoding="utf-8")
+    print(f"\nwritten to {chosen.out}")
+
+
+if __name__ == "__main__":
+    main()

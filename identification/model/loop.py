@@ -1,0 +1,206 @@
+"""LLVM loops over time around the instructions of a step.
+
+The plain loop repeats the step for each row of inputs.  The *interpolated* loop is for a linear
+motor, whose transition over a sample interval depends on nothing but parameters and temperature.
+The temperature moves slowly, so the transition is computed at every sixteenth row and moved along
+a straight line between, which leaves a handful of multiplications for each row.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import casadi as ca
+
+from identification.model.lowering import LANES, VECTOR, Translation
+
+__all__ = ["STRIDE", "lower"]
+
+STRIDE: Final = 16
+"""Rows from one computed transition to the next in an interpolated loop."""
+
+_HEAD: Final = (
+    "define void @scan(i64 %n, i64 %stride, ptr noalias %inputs, ptr noalias %p, "
+    'ptr noalias %carry, ptr noalias %outputs) "stackrealign" {'
+)
+
+
+def lower(step: ca.Function, prepare: ca.Function | None = None) -> str:
+    """LLVM module with one function ``scan`` that repeats `step` over time for a block of lanes.
+
+    Args:
+        step: SX function (carry, input, parameter) -> (carry, output).
+        prepare: Where given, an SX function (nothing, input, parameter) -> (nothing, prepared);
+            `step` then takes what was prepared in place of parameters, interpolated between the
+            rows at which it was computed, and has no output.
+
+    Raises:
+        ComputationError: The step uses an operation that is not translated.
+    """
+    return _plain(step) if prepare is None else _interpolated(step, prepare)
+
+
+def _plain(step: ca.Function) -> str:
+    body = Translation(step)
+    n_input, n_output, n_carry = step.size1_in(1), len(body.output), len(body.carry)
+    stores: list[str] = []
+    for row, name in enumerate(body.output):
+        stores += [
+            f"  %so{row} = mul i64 %stride, {row}",
+            f"  %sa{row} = getelementptr double, ptr %y, i64 %so{row}",
+            f"  store {VECTOR} {name}, ptr %sa{row}, align 8",
+        ]
+    carried = [
+        f"  %carry{row} = phi {VECTOR} [ %cs{row}, %entry ], [ {name}, %loop ]"
+        for row, name in enumerate(body.carry)
+    ]
+    return _text(
+        sorted(body.declared),
+        [_HEAD, "entry:"],
+        _starts(n_carry),
+        body.lines["constant"],
+        [
+            f"  %row = mul i64 %stride, {n_output}",
+            "  %empty = icmp sle i64 %n, 0",
+            "  br i1 %empty, label %done, label %loop",
+            "loop:",
+            "  %k = phi i64 [ 0, %entry ], [ %k1, %loop ]",
+            "  %u = phi ptr [ %inputs, %entry ], [ %u1, %loop ]",
+            "  %y = phi ptr [ %outputs, %entry ], [ %y1, %loop ]",
+        ],
+        carried,
+        body.lines["shared"],
+        body.lines["lane"],
+        stores,
+        [
+            "  %k1 = add i64 %k, 1",
+            f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
+            "  %y1 = getelementptr double, ptr %y, i64 %row",
+            "  %more = icmp slt i64 %k1, %n",
+            "  br i1 %more, label %loop, label %done",
+        ],
+        _ends(body.carry, "loop"),
+    )
+
+
+def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
+    """Blocks of rows; the last row has an interval of no length and is never prepared."""
+    body = Translation(step, given=True)
+    first = Translation(prepare, prefix="f", pointer="%inputs")
+    last = Translation(prepare, prefix="g", pointer="%ue")
+    n_input, n_carry = step.size1_in(1), len(body.carry)
+    ones = "<" + ", ".join(["double 1.0"] * LANES) + ">"
+    blocks, slopes, moved = [], [], []
+    for row, (a, b) in enumerate(zip(first.output, last.output, strict=True)):
+        blocks.append(f"  %h{row} = phi {VECTOR} [ {a}, %entry ], [ {b}, %latch ]")
+        slopes += [
+            f"  %e{row} = fsub {VECTOR} {b}, %h{row}",
+            f"  %d{row} = fmul {VECTOR} %e{row}, %share",
+        ]
+        moved += [
+            f"  %m{row} = fmul contract {VECTOR} %since, %d{row}",
+            f"  %q{row} = fadd contract {VECTOR} %h{row}, %m{row}",
+        ]
+    outer = [
+        f"  %o{row} = phi {VECTOR} [ %cs{row}, %entry ], [ {name}, %latch ]"
+        for row, name in enumerate(body.carry)
+    ]
+    inner = [
+        f"  %carry{row} = phi {VECTOR} [ %o{row}, %outer ], [ {name}, %loop ]"
+        for row, name in enumerate(body.carry)
+    ]
+    return _text(
+        sorted(body.declared | first.declared | last.declared),
+        [_HEAD, "entry:"],
+        _starts(n_carry),
+        first.lines["constant"],
+        last.lines["constant"],
+        [
+            "  %final = sub i64 %n, 2",
+            "  %empty = icmp sle i64 %n, 0",
+            "  br i1 %empty, label %done, label %begin",
+            "begin:",
+        ],
+        first.lines["shared"],
+        first.lines["lane"],
+        [
+            "  br label %outer",
+            "outer:",
+            "  %k = phi i64 [ 0, %begin ], [ %kn, %latch ]",
+        ],
+        [line.replace("%entry", "%begin") for line in (*blocks, *outer)],
+        [
+            "  %left = sub i64 %n, %k",
+            f"  %short = icmp slt i64 %left, {STRIDE}",
+            f"  %m = select i1 %short, i64 %left, i64 {STRIDE}",
+            "  %stop = add i64 %k, %m",
+            "  %over = icmp sgt i64 %stop, %final",
+            "  %within = select i1 %over, i64 %final, i64 %stop",
+            "  %behind = icmp slt i64 %within, %k",
+            "  %end = select i1 %behind, i64 %k, i64 %within",
+            "  %span = sub i64 %end, %k",
+            "  %some = icmp sgt i64 %span, 0",
+            "  %length = select i1 %some, i64 %span, i64 1",
+            "  %number = sitofp i64 %length to double",
+            "  %inverse = fdiv double 1.0, %number",
+            f"  %single = insertelement {VECTOR} poison, double %inverse, i64 0",
+            f"  %share = shufflevector {VECTOR} %single, {VECTOR} poison, "
+            f"<{LANES} x i32> zeroinitializer",
+            f"  %eo = mul i64 %end, {n_input}",
+            "  %ue = getelementptr double, ptr %inputs, i64 %eo",
+        ],
+        last.lines["shared"],
+        last.lines["lane"],
+        slopes,
+        [
+            f"  %bo = mul i64 %k, {n_input}",
+            "  %ub = getelementptr double, ptr %inputs, i64 %bo",
+            "  br label %loop",
+            "loop:",
+            "  %j = phi i64 [ 0, %outer ], [ %j1, %loop ]",
+            "  %u = phi ptr [ %ub, %outer ], [ %u1, %loop ]",
+            f"  %since = phi {VECTOR} [ zeroinitializer, %outer ], [ %since1, %loop ]",
+        ],
+        inner,
+        moved,
+        body.lines["shared"],
+        body.lines["lane"],
+        [
+            f"  %since1 = fadd {VECTOR} %since, {ones}",
+            "  %j1 = add i64 %j, 1",
+            f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
+            "  %more = icmp slt i64 %j1, %m",
+            "  br i1 %more, label %loop, label %latch",
+            "latch:",
+            "  %kn = add i64 %k, %m",
+            "  %again = icmp slt i64 %kn, %n",
+            "  br i1 %again, label %outer, label %done",
+        ],
+        _ends(body.carry, "latch"),
+    )
+
+
+def _starts(n_carry: int) -> list[str]:
+    """Loads of the carry before the first row."""
+    lines: list[str] = []
+    for row in range(n_carry):
+        lines += [
+            f"  %co{row} = mul i64 %stride, {row}",
+            f"  %ca{row} = getelementptr double, ptr %carry, i64 %co{row}",
+            f"  %cs{row} = load {VECTOR}, ptr %ca{row}, align 8",
+        ]
+    return lines
+
+
+def _ends(carry: list[str], behind: str) -> list[str]:
+    """Stores of the carry after the last row, reached from the block `behind`."""
+    found = [
+        f"  %cf{row} = phi {VECTOR} [ %cs{row}, %entry ], [ {name}, %{behind} ]"
+        for row, name in enumerate(carry)
+    ]
+    stores = [f"  store {VECTOR} %cf{row}, ptr %ca{row}, align 8" for row in range(len(carry))]
+    return ["done:", *found, *stores, "  ret void", "}"]
+
+
+def _text(*parts: list[str]) -> str:
+    return "\n".join([line for part in parts for line in part] + [""])

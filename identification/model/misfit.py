@@ -1,0 +1,142 @@
+"""The loop that a likelihood costs: simulate, compare, sum, and write nothing on the way.
+
+The sums of squares and what the whitening filters remember ride in the carry behind the state.
+For the declared model with even samples the transition over an interval is interpolated (see
+`loop.py`), and where every sample counts alike no weight is read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+from identification.model.loop import STRIDE
+from identification.model.scan import Scan, scan_of
+from identification.model.step import Plan, step_function, transition_functions
+
+__all__ = ["MisfitLoop", "is_slow", "misfit_loop"]
+
+Array = NDArray[np.float64]
+
+_STRAIGHT_DEGC: Final = 2e-3
+"""Largest distance of the temperature from straight lines between computed transitions; it moves
+a resistance by less than 1e-5."""
+
+_EVEN: Final = 1e-6
+"""Largest difference between sample intervals that are treated as equal, relative."""
+
+
+@dataclass(frozen=True)
+class MisfitLoop:
+    """A compiled loop and what it reads.
+
+    Args:
+        scan: The loop.
+        columns: Columns of the inputs that the model depends on.
+        weighted: Whether a weight of each channel is read with each sample.
+    """
+
+    scan: Scan
+    columns: tuple[int, ...]
+    weighted: bool
+
+    def rows(self, inputs: Array, measured: Array, weights: Array) -> Array:
+        """What the loop reads, (n_sample, n_column).
+
+        Args:
+            inputs: (n_sample, n_input).
+            measured: (n_sample, 2).
+            weights: (n_sample, 2); left out where the loop is not weighted.
+        """
+        parts = [inputs[:, self.columns], measured]
+        return np.column_stack([*parts, weights] if self.weighted else parts)
+
+
+def misfit_loop(
+    model: MotorModel,
+    plan: Plan,
+    whitening: tuple[tuple[float, ...], ...],
+    *,
+    weighted: bool,
+    interpolated: bool,
+) -> MisfitLoop:
+    """The loop for one kind of noise.
+
+    Args:
+        model: The model.
+        plan: How a sample interval is computed.
+        whitening: Coefficients of the whitening filter of each channel.
+        weighted: Whether samples have weights.
+        interpolated: Whether the transition is interpolated; for the declared model only.
+    """
+    columns, advancing, prepare = _reduced(model, plan, interpolated)
+    x = ca.SX.sym("x", advancing.numel_in(0))
+    u, p = ca.SX.sym("u", len(columns)), ca.SX.sym("p", advancing.numel_in(2))
+    measured, weight, sums = (ca.SX.sym(name, 2) for name in ("y", "w", "s"))
+    following, logged = advancing(x, u, p)
+    carried, ends, total = [x, sums], [], []
+    for channel, taps in enumerate(whitening):
+        past = ca.SX.sym("e", len(taps) - 1)
+        now = ca.vertcat(measured[channel] - logged[channel], past)
+        white = ca.dot(ca.DM(list(taps)), now)
+        counted = weight[channel] * white * white if weighted else white * white
+        total.append(sums[channel] + counted)
+        carried.append(past)
+        ends += [now[lag] for lag in range(len(taps) - 1)]
+    row = ca.vertcat(u, measured, weight) if weighted else ca.vertcat(u, measured)
+    nothing = ca.SX(0, 1)
+    step = ca.Function(
+        "misfit", [ca.vertcat(*carried), row, p], [ca.vertcat(following, *total, *ends), nothing]
+    )
+    wide: ca.Function | None = None
+    if prepare is not None:
+        own = ca.SX.sym("p", prepare.numel_in(2))
+        wide = ca.Function("prepare", [nothing, row, own], list(prepare(nothing, u, own)))
+    return MisfitLoop(scan_of(step, wide), columns, weighted)
+
+
+def is_slow(record: Record) -> bool:
+    """Whether straight lines between every few rows follow interval and temperature."""
+    if record.rows < 3:
+        return False
+    rows = np.arange(record.rows - 1)
+    nodes = np.union1d(rows[::STRIDE], rows[-1:])
+    interval = record.column("interval")[:-1]
+    middle = 0.5 * (record.column("temperature") + record.column("temperature_next"))[:-1]
+    off = np.abs(np.interp(rows, nodes, middle[nodes]) - middle).max()
+    uneven = np.abs(interval - interval[0]).max()
+    return bool(off <= _STRAIGHT_DEGC and uneven <= _EVEN * interval[0])
+
+
+def _reduced(
+    model: MotorModel, plan: Plan, interpolated: bool
+) -> tuple[tuple[int, ...], ca.Function, ca.Function | None]:
+    """Columns that are used, and step and preparation as functions of those columns alone."""
+    functions = [step_function(model, plan)]
+    if interpolated:
+        prepare, step = transition_functions(model, plan)
+        functions = [step, prepare]
+    used = [any(_depends(f, k) for f in functions) for k in range(len(INPUTS))]
+    columns = tuple(k for k, needed in enumerate(used) if needed)
+    few = ca.SX.sym("u", len(columns))
+    row = ca.SX.zeros(len(INPUTS))
+    for place, k in enumerate(columns):
+        row[k] = few[place]
+    reduced = []
+    for f in functions:
+        carry = ca.SX.sym("x", f.size1_in(0))
+        parameter = ca.SX.sym("p", f.numel_in(2))
+        results = list(f(carry, row, parameter))
+        reduced.append(ca.Function(f.name(), [carry, few, parameter], results))
+    return columns, reduced[0], reduced[1] if interpolated else None
+
+
+def _depends(function: ca.Function, column: int) -> bool:
+    """Whether an output depends on a column of the inputs."""
+    return any(column in function.jac_sparsity(k, 1).get_col() for k in range(2))

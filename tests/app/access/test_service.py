@@ -1,0 +1,105 @@
+"""Keys and sessions."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from app.access.service import AccessService
+from app.database import Database
+from app.errors import BadKey
+from identification.errors import OptionError
+
+
+@pytest.fixture
+def access(database: Database) -> AccessService:
+    """Keys of an empty database."""
+    return AccessService(database)
+
+
+def test_key_opens_its_workspace(access: AccessService) -> None:
+    """And tells which key it was."""
+    key, secret = access.create_key("bench 4", "motors")
+
+    caller = access.caller_of_key(secret)
+
+    assert (caller.workspace, caller.key_id) == ("motors", key.id)
+
+
+def test_revoked_key_opens_nothing_and_ends_its_sessions(access: AccessService) -> None:
+    """The other key stays as it was; revoking twice is refused."""
+    key, secret = access.create_key("lost")
+    _, other = access.create_key("kept")
+    token = access.open_session(secret, 60.0)
+    assert access.caller_of_session(token).key_id == key.id
+
+    access.revoke_key(key.id)
+
+    with pytest.raises(BadKey, match="not valid"):
+        access.caller_of_key(secret)
+    with pytest.raises(BadKey, match="has ended"):
+        access.caller_of_session(token)
+    with pytest.raises(BadKey, match="not valid"):
+        access.open_session(secret, 60.0)
+    assert access.caller_of_key(other).workspace == "default"
+    with pytest.raises(OptionError, match="can be revoked"):
+        access.revoke_key(key.id)
+
+
+def test_session_ends_by_itself_and_by_signing_out(access: AccessService) -> None:
+    """One of no length, and one that was closed."""
+    _, secret = access.create_key("bench")
+    over = access.open_session(secret, -1.0)
+    closed = access.open_session(secret, 60.0)
+    access.close_session(closed)
+
+    for token in (over, closed, "", "x" * 10_000, "\udcff"):
+        with pytest.raises(BadKey, match="has ended"):
+            access.caller_of_session(token)
+
+
+def test_keys_are_listed_with_those_that_were_revoked(access: AccessService) -> None:
+    """In order of their making, and without any secret."""
+    made = [access.create_key(name)[0] for name in ("a", "b", "c")]
+    before = time.time()
+    access.revoke_key(made[1].id)
+
+    listed = access.list_keys()
+
+    assert [key.name for key in listed] == ["a", "b", "c"]
+    assert [key.revoked_at is None for key in listed] == [True, False, True]
+    revoked_at = listed[1].revoked_at
+    assert revoked_at is not None
+    assert before <= revoked_at <= time.time()
+
+
+def test_secrets_are_long_and_different(access: AccessService) -> None:
+    """256 random bits are 43 characters of base 64."""
+    secrets = {access.create_key("k")[1] for _ in range(20)}
+
+    assert len(secrets) == 20
+    assert all(len(secret) >= len("motorid_") + 43 for secret in secrets)
+
+
+@pytest.mark.parametrize("secret", ["", "motorid_", "x" * 10_000, "' OR '1'='1", "\x00", "\udcff"])
+def test_what_is_no_key_is_refused(access: AccessService, secret: str) -> None:
+    """Also what cannot be encoded or is endless."""
+    access.create_key("bench")
+
+    with pytest.raises(BadKey, match="not valid"):
+        access.caller_of_key(secret)
+
+
+@pytest.mark.parametrize("workspace", ["", "A", "a b", "../x", "a" * 64, "-a", "ä"])
+def test_workspace_is_a_plain_word(access: AccessService, workspace: str) -> None:
+    """Lower-case letters, digits, - and _."""
+    with pytest.raises(OptionError, match="workspace is"):
+        access.create_key("bench", workspace)
+
+
+@pytest.mark.parametrize("name", ["", "x" * 201, "a\nb", "a\x00"])
+def test_name_of_a_key_can_be_printed(access: AccessService, name: str) -> None:
+    """It is shown in a list, one a line."""
+    with pytest.raises(OptionError, match="1 to 200 printable"):
+        access.create_key(name)

@@ -1,0 +1,31 @@
+"""One word for many fits."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.batches.service import Batch
+from app.tables import BatchRow
+
+
+@pytest.mark.parametrize(
+    ("counts", "status"),
+    [
+        ({"queued": 3}, "queued"),
+        ({"queued": 2, "running": 1}, "running"),
+        ({"queued": 1, "succeeded": 2}, "running"),
+        ({"running": 1, "failed": 2}, "running"),
+        ({"succeeded": 3}, "succeeded"),
+        ({"failed": 3}, "failed"),
+        ({"cancelled": 3}, "cancelled"),
+        ({"succeeded": 2, "failed": 1}, "partial"),
+        ({"succeeded": 2, "cancelled": 1}, "partial"),
+        ({"failed": 2, "cancelled": 1}, "failed"),
+        ({"succeeded": 3, "failed": 0}, "succeeded"),
+    ],
+)
+def test_status_of_a_batch_is_that_of_its_fits_together(
+    counts: dict[str, int], status: str
+) -> None:
+    """docs/http.md, "Batches"."""
+    assert Batch(BatchRow(id="batch"), counts).status == status

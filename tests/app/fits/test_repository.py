@@ -1,0 +1,188 @@
+"""Fencing: what an attempt that is no longer the current one may write, which is nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import pytest
+from sqlalchemy.orm import Session
+
+from app.access.service import Caller
+from app.database import Database
+from app.fits import repository
+from app.fits.service import FitRequest, new_row
+from app.tables import FitRow
+from identification.options import FitOptions
+
+CALLER = Caller("default")
+OPTIONS = {"seed": 0, "controllers": list(FitOptions().controllers)}
+
+
+def queue(database: Database, number: int = 1) -> list[str]:
+    """Let some fits wait."""
+    rows = [new_row(CALLER, FitRequest([f"run{n}"], [], OPTIONS)) for n in range(number)]
+    for position, row in enumerate(rows):
+        row.position = position
+        row.created_at = 1000.0
+    with database.writing() as session:
+        for row in rows:
+            repository.add(session, row, ["run"], [])
+    return [row.id for row in rows]
+
+
+def take(database: Database, owner: str, now: float = 0.0) -> FitRow | None:
+    """Claim the fit that waits longest, for ten seconds."""
+    with database.writing() as session:
+        row = repository.next_queued(session)
+        if row is None or not repository.claim(session, row, owner, now, now + 10.0):
+            return None
+    with database.reading() as session:
+        return repository.get(session, "default", row.id)
+
+
+def state(database: Database, fit_id: str) -> FitRow:
+    """A fit as it is now."""
+    with database.reading() as session:
+        row = repository.get(session, "default", fit_id)
+    assert row is not None
+    return row
+
+
+def finished(session: Session, fit_id: str, attempt: int) -> bool:
+    """Try to end a fit with success."""
+    return repository.finish(session, fit_id, attempt, status="succeeded", now=9.0)
+
+
+def renewed(session: Session, fit_id: str, attempt: int) -> bool:
+    """Try to tell of progress."""
+    return repository.renew(
+        session, fit_id, attempt, lease_until=99.0, progress={"stage": "x", "fraction": 0.5}
+    )
+
+
+def put_back(session: Session, fit_id: str, attempt: int) -> bool:
+    """Try to let a fit wait again."""
+    return repository.put_back(session, fit_id, attempt, failures=1)
+
+
+@pytest.mark.parametrize("write", [finished, renewed, put_back])
+def test_attempt_that_was_given_up_can_write_nothing(
+    database: Database, write: Callable[[Session, str, int], bool]
+) -> None:
+    """The first attempt lost its lease; the second is not disturbed by what the first does."""
+    [fit] = queue(database)
+    take(database, "first")
+    with database.writing() as session:
+        repository.put_back(session, fit, 1, failures=0)
+    take(database, "second")
+    before = state(database, fit)
+
+    with database.writing() as session:
+        accepted = write(session, fit, 1)
+
+    after = state(database, fit)
+    assert not accepted
+    assert (after.version, after.status, after.attempt) == (before.version, "running", 2)
+    with database.writing() as session:
+        assert write(session, fit, 2)
+
+
+@pytest.mark.parametrize("write", [finished, renewed, put_back])
+def test_nothing_is_written_about_a_fit_that_was_cancelled(
+    database: Database, write: Callable[[Session, str, int], bool]
+) -> None:
+    """Cancelled is not left, whatever the process still says."""
+    [fit] = queue(database)
+    take(database, "first")
+    with database.writing() as session:
+        assert repository.cancel(session, fit, 5.0)
+
+    with database.writing() as session:
+        assert not write(session, fit, 1)
+
+    assert state(database, fit).status == "cancelled"
+    with database.writing() as session:
+        assert not repository.cancel(session, fit, 6.0)
+
+
+def test_each_fit_is_claimed_once_however_many_ask(database: Database) -> None:
+    """Six threads take twenty fits: each fit once, and each in its first attempt."""
+    fits = queue(database, 20)
+    taken: list[str] = []
+
+    def work(owner: str) -> None:
+        while row := take(database, owner):
+            assert row.attempt == 1
+            taken.append(row.id)
+
+    threads = [threading.Thread(target=work, args=(f"t{n}",)) for n in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    assert sorted(taken) == sorted(fits)
+
+
+def test_fits_are_taken_in_the_order_in_which_they_came(database: Database) -> None:
+    """Same time, as within a batch: by their position."""
+    fits = queue(database, 5)
+
+    taken = [take(database, "owner") for _ in fits]
+
+    assert [row.id for row in taken if row] == fits
+    assert take(database, "owner") is None
+
+
+@pytest.mark.parametrize(
+    ("owner", "now", "is_expired"),
+    [
+        ("other/a", 9.0, False),
+        ("other/a", 11.0, True),
+        ("bench/old", 9.0, True),
+        ("bench/me", 11.0, False),
+        ("bench2/a", 9.0, False),
+    ],
+)
+def test_fit_is_taken_over_when_its_server_is_gone(
+    database: Database, owner: str, now: float, *, is_expired: bool
+) -> None:
+    """Another machine's after its lease of ten seconds, this machine's former server's at once."""
+    queue(database)
+    take(database, owner)
+
+    with database.reading() as session:
+        rows = repository.expired(session, node="bench", owner="bench/me", now=now)
+
+    assert bool(rows) == is_expired
+
+
+def test_heartbeat_alone_is_no_news(database: Database) -> None:
+    """The version, by which listeners know what they have, moves with progress only."""
+    [fit] = queue(database)
+    take(database, "owner")
+    version = state(database, fit).version
+
+    with database.writing() as session:
+        repository.renew(session, fit, 1, lease_until=50.0, progress={})
+    silent = state(database, fit)
+    with database.writing() as session:
+        renewed(session, fit, 1)
+
+    assert (silent.version, silent.lease_until) == (version, 50.0)
+    assert state(database, fit).version == version + 1
+
+
+def test_removing_a_fit_removes_what_it_says_about_its_runs(database: Database) -> None:
+    """No row about the fit stays."""
+    [fit] = queue(database)
+    with database.reading() as session:
+        assert repository.run_ids(session, [fit])[fit]["training"] == ["run"]
+
+    with database.writing() as session:
+        repository.remove(session, fit)
+
+    with database.reading() as session:
+        assert repository.run_ids(session, [fit])[fit]["training"] == []
+        assert repository.all_ids(session) == set()

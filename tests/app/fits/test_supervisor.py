@@ -1,0 +1,310 @@
+"""The supervisor with an engine that does what the test says, in place of processes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.access.service import Caller
+from app.database import Database
+from app.fits import repository
+from app.fits.engine import AbstractEngine, AbstractRunning
+from app.fits.job import Job
+from app.fits.service import FitRequest, new_row
+from app.fits.supervisor import Supervisor
+from app.metrics import Metrics
+from app.settings import load_settings
+from app.storage import Storage
+from app.tables import FitRow
+
+
+@dataclass
+class Running(AbstractRunning):
+    """A job of which the test says what it tells and how it ends."""
+
+    job: Job
+    told: list[dict[str, Any]] = field(default_factory=list)
+    end: str | None = None
+    is_killed: bool = False
+
+    def messages(self) -> list[dict[str, Any]]:
+        """What the test put in."""
+        told, self.told = self.told, []
+        return told
+
+    def exit(self) -> str | None:
+        """What the test said."""
+        return self.end
+
+    def log_tail(self) -> str:
+        """Nothing was printed."""
+        return ""
+
+    def kill(self) -> None:
+        """Remember it."""
+        self.is_killed = True
+
+    def succeed(self) -> None:
+        """Leave a result and end."""
+        (Path(self.job.directory) / "result.json").write_text("{}")
+        self.told.append({"done": True})
+        self.end = "exit status 0"
+
+
+class Engine(AbstractEngine):
+    """Remembers what was started; may refuse to start."""
+
+    def __init__(self) -> None:
+        self.started: list[Running] = []
+        self.refusals = 0
+
+    def start(self, job: Job) -> AbstractRunning:
+        """Start nothing."""
+        if self.refusals:
+            self.refusals -= 1
+            raise OSError(11, "no process to be had")
+        self.started.append(Running(job))
+        return self.started[-1]
+
+
+class Bench:
+    """A supervisor with what it needs."""
+
+    def __init__(self, database: Database, directory: Path, **settings: object) -> None:
+        self.database = database
+        self.storage = Storage(directory, "bench")
+        self.storage.prepare()
+        self.engine = Engine()
+        self.metrics = Metrics()
+        chosen = {"workers": 2, "heartbeat_s": 0.05, "lease_s": 1.0} | settings
+        self.supervisor = Supervisor(
+            database, self.storage, self.engine, load_settings(**chosen), self.metrics
+        )
+        self.supervisor.start()
+
+    def queue(self, **changes: object) -> str:
+        """Let a fit wait."""
+        row = new_row(Caller("default"), FitRequest(["run"], [], {"controllers": ["P:1"]}))
+        for name, value in changes.items():
+            setattr(row, name, value)
+        with self.database.writing() as session:
+            repository.add(session, row, ["run"], [])
+        self.supervisor.wake()
+        return row.id
+
+    def state(self, fit_id: str) -> FitRow:
+        """A fit as it is now."""
+        with self.database.reading() as session:
+            row = repository.get(session, "default", fit_id)
+        assert row is not None
+        return row
+
+    def started(self, number: int) -> Running:
+        """The job that was started last, once there are so many."""
+        until(lambda: len(self.engine.started) >= number)
+        return self.engine.started[number - 1]
+
+    def ended(self, fit_id: str) -> FitRow:
+        """A fit once it has ended."""
+        until(lambda: self.state(fit_id).status in repository.ENDED)
+        return self.state(fit_id)
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for something that the supervisor's thread does."""
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen"
+        time.sleep(0.005)
+
+
+@pytest.fixture
+def bench(database: Database, tmp_path: Path) -> Iterator[Bench]:
+    """A bench that is stopped afterwards."""
+    made = Bench(database, tmp_path / "data")
+    yield made
+    made.supervisor.stop()
+
+
+def test_fit_succeeds_when_its_job_is_done(bench: Bench) -> None:
+    """Progress is written while it runs, the end when it is over."""
+    fit = bench.queue()
+    running = bench.started(1)
+    running.told.append({"progress": {"stage": "posterior", "fraction": 0.25}})
+    until(lambda: bench.state(fit).fraction == 0.25)
+    running.succeed()
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt, row.failures) == ("succeeded", 1, 0)
+    assert row.lease_until is None
+    assert row.ended_at is not None
+    assert bench.metrics.registry.get_sample_value("motorid_fit_seconds_count") == 1
+
+
+@pytest.mark.parametrize(
+    "told", [[], [{"progress": {"stage": "fit", "fraction": 1.0}}], [{"done": True}]]
+)
+def test_job_that_ends_without_its_result_is_tried_three_times(
+    bench: Bench, told: list[dict[str, Any]]
+) -> None:
+    """Whether it was silent or claims to be done with nothing on the disk."""
+    fit = bench.queue()
+    for number in (1, 2, 3):
+        running = bench.started(number)
+        assert running.job.attempt == number
+        running.told += told
+        running.end = "signal 11 (SIGSEGV)"
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt) == ("failed", 3)
+    assert row.error is not None
+    assert row.error["code"] == "crashed"
+    assert "SIGSEGV" in row.error["detail"]
+    assert len(bench.engine.started) == 3
+    assert not bench.storage.fit(fit).exists()
+
+
+def test_job_that_says_why_it_failed_is_not_tried_again(bench: Bench) -> None:
+    """The same input fails in the same way."""
+    fit = bench.queue()
+    running = bench.started(1)
+    running.told.append({"failed": {"code": "computation", "detail": "no solution"}})
+    running.end = "exit status 0"
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt) == ("failed", 1)
+    assert row.error == {"code": "computation", "detail": "no solution"}
+
+
+def test_cancelled_fit_is_killed_and_leaves_nothing(bench: Bench) -> None:
+    """Within a look around of the supervisor after it was woken."""
+    fit = bench.queue()
+    running = bench.started(1)
+
+    with bench.database.writing() as session:
+        repository.cancel(session, fit, time.time())
+    began = time.monotonic()
+    bench.supervisor.wake()
+    until(lambda: running.is_killed)
+
+    assert time.monotonic() - began < 1.0
+    until(lambda: not bench.storage.attempt(fit, 1).exists())
+    assert bench.state(fit).status == "cancelled"
+
+
+def test_result_that_comes_after_the_cancelling_is_dropped(bench: Bench) -> None:
+    """The job was done in the moment in which it was cancelled."""
+    fit = bench.queue()
+    running = bench.started(1)
+    with bench.database.writing() as session:
+        repository.cancel(session, fit, time.time())
+    running.succeed()
+    until(lambda: running.is_killed)
+
+    assert bench.state(fit).status == "cancelled"
+    until(lambda: not bench.storage.attempt(fit, 1).exists())
+
+
+def test_job_that_takes_too_long_is_ended(database: Database, tmp_path: Path) -> None:
+    """A limit of a tenth of a second."""
+    bench = Bench(database, tmp_path / "data", fit_wall_s=0.1)
+    fit = bench.queue()
+
+    row = bench.ended(fit)
+    bench.supervisor.stop()
+
+    assert (row.status, row.error and row.error["code"]) == ("failed", "time")
+    assert bench.engine.started[0].is_killed
+
+
+def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
+    """Two of three; the third begins when one has ended."""
+    for _ in range(3):
+        bench.queue()
+    first = bench.started(2)
+    time.sleep(0.3)
+    assert len(bench.engine.started) == 2
+
+    first.succeed()
+
+    bench.started(3)
+
+
+def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> None:
+    """Queued, no failure counted, the process killed."""
+    fit = bench.queue()
+    running = bench.started(1)
+
+    bench.supervisor.stop()
+
+    row = bench.state(fit)
+    assert (row.status, row.failures, row.owner) == ("queued", 0, None)
+    assert running.is_killed
+    assert not bench.supervisor.is_alive
+
+
+def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> None:
+    """Its lease would run for an hour; it is begun at once, as its second attempt."""
+    fit = bench.queue(
+        status="running", attempt=1, owner="bench/former", lease_until=time.time() + 3600
+    )
+
+    running = bench.started(1)
+
+    assert (running.job.fit_id, running.job.attempt) == (fit, 2)
+    assert bench.state(fit).failures == 0
+
+
+def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench) -> None:
+    """Fifty ends of the server during one fit are no coincidence."""
+    fit = bench.queue(
+        status="running", attempt=60, failures=2, owner="bench/former", lease_until=0.0
+    )
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.error and row.error["code"]) == ("failed", "interrupted")
+
+
+def test_job_that_cannot_be_started_waits(bench: Bench) -> None:
+    """No process was to be had once; nothing is counted against the fit."""
+    bench.engine.refusals = 1
+    fit = bench.queue()
+    bench.started(1).succeed()
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt, row.failures) == ("succeeded", 2, 0)
+
+
+def test_supervisor_survives_a_database_that_does_not_answer(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It fails for some looks around, then the fit goes on as if nothing had been."""
+    from sqlalchemy.exc import OperationalError
+
+    real = bench.database.reading
+    failures = iter(range(3))
+
+    def reading() -> Any:
+        if next(failures, None) is not None:
+            raise OperationalError("SELECT", {}, Exception("disk I/O error"))
+        return real()
+
+    monkeypatch.setattr(bench.database, "reading", reading)
+    bench.supervisor.wake()
+    until(lambda: next(failures, None) is None)
+    monkeypatch.undo()
+    fit = bench.queue()
+    bench.started(1).succeed()
+
+    assert bench.ended(fit).status == "succeeded"
+    assert bench.supervisor.is_alive

@@ -1,0 +1,76 @@
+"""Numbers and times as the pages show them."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.fits.schemas import FitSummary
+from app.pages.views import fit_view, outcome_view, run_view
+from app.runs.schemas import RunOut
+
+RUN = RunOut.model_json_schema()["examples"][0]
+FIT = FitSummary.model_json_schema()["examples"][0]
+
+
+def test_run_is_shown_with_units_and_without_what_it_has_not() -> None:
+    """The example of the interface, less its temperature."""
+    channels = {name: span for name, span in RUN["channels"].items() if name != "temperature_degC"}
+
+    shown = run_view(RunOut.model_validate(RUN | {"channels": channels}))
+
+    assert shown["rows"] == "24\u202f000"
+    assert shown["ranges"]["voltage_V"] == "\u221212 … 12 V"
+    assert shown["ranges"]["temperature_degC"] == "–"
+    assert shown["received"] == "2026-11-21 12:00"
+
+
+@pytest.mark.parametrize(
+    ("ended", "took"),
+    [
+        (None, ""),
+        ("2026-11-21T12:00:30.220000Z", "30.1 s"),
+        ("2026-11-21T12:05:00.120000Z", "5 min 0 s"),
+        ("2026-11-21T14:30:00.120000Z", "2 h 30 min"),
+    ],
+)
+def test_time_a_fit_took_is_shown_in_fitting_units(ended: str | None, took: str) -> None:
+    """It began at 12:00:00.12."""
+    assert fit_view(FitSummary.model_validate(FIT | {"ended_at": ended}), {})["took"] == took
+
+
+def test_runs_of_a_fit_are_shown_by_name_where_it_is_known() -> None:
+    """By id otherwise."""
+    fit = FitSummary.model_validate(FIT | {"validation": ["run_x"]})
+
+    shown = fit_view(fit, {FIT["training"][0]: "a.csv"})
+
+    assert (shown["training"], shown["validation"]) == (["a.csv"], ["run_x"])
+
+
+def test_parameter_shows_two_digits_of_its_spread() -> None:
+    """1.09999 with a standard deviation of 5e-5 has digits to 1e-5 and no more."""
+    entry = {"median": 1.0999912, "q05": 1.0999112, "q95": 1.1000672, "sd": 5e-5, "unit": "ohm"}
+    result = {"parameters": {"Ra25": entry | {"identified": True}}}
+
+    [shown] = outcome_view(result)["parameters"]
+
+    assert (shown["median"], shown["interval"]) == ("1.099991", "1.099911 … 1.100067")
+
+
+def test_unknown_numbers_and_warnings_of_both_forms_are_shown() -> None:
+    """Null is a dash; a warning is a sentence or an entry that holds one."""
+    entry = {"median": None, "q05": None, "q95": None, "sd": None, "unit": "H", "identified": False}
+    result = {
+        "parameters": {"L": entry},
+        "warnings": ["a sentence", {"code": "c", "message": "another"}],
+        "effects": [
+            {"name": "load_torque", "equation": "mechanical", "drivers": [], "probability": 0.97}
+        ],
+    }
+
+    shown = outcome_view(result)
+
+    assert shown["parameters"][0]["interval"] == "– … –"
+    assert shown["warnings"] == ["a sentence", "another"]
+    assert shown["effects"][0]["name"] == "load torque"
+    assert shown["effects"][0]["drivers"] == "–"

@@ -1,0 +1,116 @@
+"""A pipeline that pretends: the seed of a fit says how it goes, so that a test can choose.
+
+The processes that compute import it by name in place of the real pipeline; see `MOTORID_PIPELINE`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from identification.errors import ComputationError, InputError
+from identification.ingest import Run
+from identification.options import FitOptions
+
+QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT = range(9)
+"""Seeds.  QUICK succeeds at once; SLOW takes 3 s; KILLED dies by a signal each time; BAD_INPUT and
+NO_SOLUTION fail by their own words; RAISES has a bug; ONCE_KILLED dies in its first attempt only;
+FAMILY starts a process of its own and then does not end; SILENT ends without a result."""
+
+
+class Pretended:
+    """What a pretended fit came to."""
+
+    def __init__(self, result: dict[str, Any], has_posterior: bool) -> None:
+        self.result = result
+        self.has_posterior = has_posterior
+
+    def write(self, directory: Path) -> None:
+        """Write what a real fit writes, smaller."""
+        (directory / "report.html").write_text("<!doctype html><title>Report</title><p>x")
+        if self.has_posterior:
+            (directory / "posterior.nc").write_bytes(b"CDF\x02 pretended")
+        (directory / "result.json").write_text(json.dumps(self.result))
+
+
+def identify(
+    training: Sequence[Run],
+    validation: Sequence[Run],
+    options: FitOptions,
+    progress: Callable[[str, float], None],
+) -> Pretended:
+    """Do what the seed says; the result tells what came in."""
+    progress("fit", 0.0)
+    _BEHAVIOURS[options.seed](progress, training[0])
+    progress("report", 0.9)
+    roles = [(run, "training") for run in training] + [(run, "validation") for run in validation]
+    runs = [{"file": run.name, "sha256": run.sha256, "role": role} for run, role in roles]
+    result = {
+        "schema_version": 1,
+        "runs": runs,
+        "speeds": [float(run.speed[0]) for run, _ in roles],
+        "temperatures": list(options.temperatures),
+    }
+    return Pretended(result, options.posterior)
+
+
+def _quick(progress: Callable[[str, float], None], run: Run) -> None:
+    pass
+
+
+def _slow(progress: Callable[[str, float], None], run: Run) -> None:
+    for step in range(30):
+        progress("posterior", step / 30)
+        time.sleep(0.1)
+
+
+def _killed(progress: Callable[[str, float], None], run: Run) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _bad_input(progress: Callable[[str, float], None], run: Run) -> None:
+    raise InputError("the speed never moves", file=run.name, row=7, column="speed_rad_s")
+
+
+def _no_solution(progress: Callable[[str, float], None], run: Run) -> None:
+    raise ComputationError("no step made the error smaller")
+
+
+def _raises(progress: Callable[[str, float], None], run: Run) -> None:
+    raise RuntimeError("a bug")
+
+
+def _once_killed(progress: Callable[[str, float], None], run: Run) -> None:
+    # Temporary files go to the directory of the attempt, which is named by its number.
+    if Path(os.environ["TMPDIR"]).name == "1":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _family(progress: Callable[[str, float], None], run: Run) -> None:
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    (Path(os.environ["TMPDIR"]) / "pids").write_text(f"{os.getpid()} {child.pid}")
+    time.sleep(60)
+
+
+def _silent(progress: Callable[[str, float], None], run: Run) -> None:
+    os._exit(0)
+
+
+_BEHAVIOURS: dict[int, Callable[[Callable[[str, float], None], Run], None]] = {
+    QUICK: _quick,
+    SLOW: _slow,
+    KILLED: _killed,
+    BAD_INPUT: _bad_input,
+    NO_SOLUTION: _no_solution,
+    RAISES: _raises,
+    ONCE_KILLED: _once_killed,
+    FAMILY: _family,
+    SILENT: _silent,
+}

@@ -1,0 +1,133 @@
+"""Forms taken apart while they come in."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from app.errors import BadRequest, BodyTooLarge, FieldRefused, WrongMediaType
+from app.runs.upload import Upload, UploadForm, boundary_of, label
+
+CONTENT = b"time_s,voltage_V\r\n0,1\r\n--b\r\n\r\n--boundar\r\n" + bytes(range(256))
+
+
+def body(content: bytes = CONTENT) -> bytes:
+    """A form with a motor and a file."""
+    return (
+        b'--boundary\r\nContent-Disposition: form-data; name="motor"\r\n\r\nmotor 17\r\n'
+        b'--boundary\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n'
+        b"Content-Type: text/csv\r\n\r\n" + content + b"\r\n--boundary--\r\n"
+    )
+
+
+def received(target: Path, content: bytes, limit: int = 10_000) -> Upload:
+    """What becomes of a body that comes in one piece."""
+    with UploadForm(b"boundary", target, limit) as form:
+        form.feed(content)
+        return form.finish()
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cuts=st.lists(st.integers(0, len(body())), max_size=8), number=st.integers(0, 10**9))
+def test_form_is_the_same_wherever_the_network_cut_it(
+    tmp_path: Path, cuts: list[int], number: int
+) -> None:
+    """Bytes, hash, size, name and fields do not depend on the pieces."""
+    target = tmp_path / f"{number}"
+    target.unlink(missing_ok=True)
+    ends = sorted({0, *cuts, len(body())})
+
+    with UploadForm(b"boundary", target, limit=10_000) as form:
+        for start, end in zip(ends, ends[1:], strict=False):
+            form.feed(body()[start:end])
+        upload = form.finish()
+
+    assert target.read_bytes() == CONTENT
+    assert upload.sha256 == hashlib.sha256(CONTENT).hexdigest()
+    assert (upload.size, upload.name) == (len(CONTENT), "a.csv")
+    assert upload.fields == {"motor": "motor 17"}
+
+
+@pytest.mark.parametrize("end", range(0, len(body()) - 2, 7))
+def test_form_that_breaks_off_leaves_no_file(tmp_path: Path, end: int) -> None:
+    """Cut at every seventh byte: a named error, and nothing on the disk."""
+    with pytest.raises(BadRequest, match="ends in the middle"):
+        received(tmp_path / "x", body()[:end])
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_limit_is_exact(tmp_path: Path) -> None:
+    """A file of the limit is taken, one byte more is not and leaves nothing."""
+    assert received(tmp_path / "x", body(b"x" * 100), limit=100).size == 100
+
+    with pytest.raises(BodyTooLarge, match="more than 100 bytes"):
+        received(tmp_path / "y", body(b"x" * 101), limit=100)
+
+    assert [path.name for path in tmp_path.iterdir()] == ["x"]
+
+
+def test_file_is_private(tmp_path: Path) -> None:
+    """Only the owner reads what a bench sent."""
+    received(tmp_path / "x", body())
+
+    assert (tmp_path / "x").stat().st_mode & 0o777 == 0o600
+
+
+def test_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
+    """A name that is taken, or a link laid in its place."""
+    (tmp_path / "x").write_text("someone's")
+
+    with pytest.raises(FileExistsError):
+        UploadForm(b"boundary", tmp_path / "x", limit=100)
+
+    assert (tmp_path / "x").read_text() == "someone's"
+
+
+def test_field_that_nobody_knows_is_named(tmp_path: Path) -> None:
+    """A misspelt `mapping` would otherwise be a silent loss."""
+    with pytest.raises(FieldRefused, match="none of file, motor, mapping"):
+        received(tmp_path / "x", body().replace(b'name="motor"', b'name="maping"'))
+
+
+@pytest.mark.parametrize(
+    ("sent", "shown"),
+    [
+        ("run.csv", "run.csv"),
+        ("../../etc/passwd", "passwd"),
+        ("C:\\bench\\run 3.csv", "run 3.csv"),
+        ("/", "run"),
+        ("", "run"),
+        (
+            "a\x00b\r\n.csv",
+            "a\ufffdb\ufffd\ufffd.csv",
+        ),
+        ("ü" * 300 + ".csv", "ü" * 196 + ".csv"),
+    ],
+)
+def test_name_of_a_file_becomes_a_label(sent: str, shown: str) -> None:
+    """Its last part, printable, of at most 200 characters, with its ending kept."""
+    assert label(sent) == shown
+
+
+@pytest.mark.parametrize(
+    ("kind", "boundary"),
+    [
+        ("multipart/form-data; boundary=abc", b"abc"),
+        ('Multipart/Form-Data; charset=utf-8; boundary="a b"', b"a b"),
+    ],
+)
+def test_boundary_is_read_from_the_type(kind: str, boundary: bytes) -> None:
+    """RFC 2046: any case, other parameters, quoted or not."""
+    assert boundary_of(kind) == boundary
+
+
+@pytest.mark.parametrize("kind", ["", "text/csv", "multipart/mixed; boundary=x", ";"])
+def test_other_type_than_a_form_is_refused(kind: str) -> None:
+    """What the call takes is said."""
+    with pytest.raises(WrongMediaType, match="expected multipart/form-data"):
+        boundary_of(kind)

@@ -1,0 +1,180 @@
+"""A service to test against: a real server in a process of its own, on a loopback port."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from app.access.service import AccessService
+from app.database import Database
+
+ENDED = {"succeeded", "failed", "cancelled"}
+API = "/api/v1"
+PRETENDED = "tests.app.pretended:identify"
+_COMMAND = "import sys; from app.cli import main; sys.exit(main())"
+HEADER = "time_s,voltage_V,current_A,speed_rad_s,temperature_degC"
+
+
+def run_text(seed: int, rows: int = 60) -> bytes:
+    """A plausible run file; another seed gives other bytes."""
+    noise = np.random.default_rng(seed)
+    step = np.arange(rows)
+    voltage = np.where(step // 10 % 2 == 0, 12.0, -12.0) + noise.normal(0.0, 0.05, rows)
+    speed = np.cumsum(voltage) * 0.5 + noise.normal(0.0, 0.1, rows)
+    current = voltage / 10.0 - speed / 100.0 + noise.normal(0.0, 0.01, rows)
+    temperature = 25.0 + step / rows + noise.normal(0.0, 0.01, rows)
+    cells = np.column_stack([step * 1e-3, voltage, current, speed, temperature])
+    lines = [",".join(f"{cell:.6f}" for cell in row) for row in cells]
+    return "\n".join([HEADER, *lines, ""]).encode()
+
+
+class Server:
+    """A server process.
+
+    Args:
+        data_dir: Its data directory.
+        arguments: Words behind ``motorid serve``.
+        settings: Further MOTORID_ variables, without the prefix.
+    """
+
+    def __init__(self, data_dir: Path, *arguments: str, **settings: object) -> None:
+        self.data_dir = data_dir
+        self.log: list[str] = []
+        variables = {"PIPELINE": PRETENDED, "WORKERS": 2, "READERS": 2} | settings
+        environment = os.environ | {f"MOTORID_{n}": str(value) for n, value in variables.items()}
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-c", _COMMAND, "serve", "--port", "0"),
+                *("--data-dir", str(data_dir), *arguments),
+            ],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._reader = threading.Thread(target=self._read_log, daemon=True)
+        self._reader.start()
+        self.url = self._await_address()
+
+    def kill(self) -> None:
+        """End it as a loss of power would."""
+        self.process.kill()
+        self._wait()
+
+    def stop(self) -> int:
+        """Ask it to end; gives its exit status."""
+        self.process.terminate()
+        return self._wait()
+
+    def _wait(self) -> int:
+        status = self.process.wait(timeout=30)
+        self._reader.join()
+        if self.process.stderr:
+            self.process.stderr.close()
+        return status
+
+    def _read_log(self) -> None:
+        assert self.process.stderr
+        self.log.extend(iter(self.process.stderr.readline, ""))
+
+    def _await_address(self) -> str:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and self.process.poll() is None:
+            for line in list(self.log):
+                found = re.search(r"http://[^\s\"]+:\d+", line)
+                if found and self._answers(found.group()):
+                    return found.group()
+            time.sleep(0.02)
+        self.kill()
+        raise AssertionError("the server does not start:\n" + "".join(self.log))
+
+    def _answers(self, url: str) -> bool:
+        try:
+            return httpx.get(f"{url}/readyz").status_code == 200
+        except httpx.TransportError:
+            return False
+
+
+class Caller:
+    """A client of a server.
+
+    Args:
+        server: The server.
+        key: The key it shows, or None.
+    """
+
+    def __init__(self, server: Server, key: str | None = None) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self.http = httpx.Client(base_url=server.url + API, headers=headers, timeout=30)
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self.http.close()
+
+    def __enter__(self) -> Caller:
+        """The caller itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Give the connections back."""
+        self.close()
+
+    def upload(self, content: bytes, name: str = "run.csv", **fields: str) -> dict[str, Any]:
+        """Store a run."""
+        answer = self.http.post("/runs", files={"file": (name, content)}, data=fields)
+        assert answer.status_code in (200, 201), answer.text
+        return dict(answer.json())
+
+    def begin(self, *training: str, seed: int = 0, **options: object) -> dict[str, Any]:
+        """Begin a fit."""
+        body = {"training": list(training), "options": {"seed": seed, **options}}
+        answer = self.http.post("/fits", json=body)
+        assert answer.status_code == 202, answer.text
+        return dict(answer.json())
+
+    def fit(self, fit_id: str) -> dict[str, Any]:
+        """A fit as it is now."""
+        answer = self.http.get(f"/fits/{fit_id}")
+        assert answer.status_code == 200, answer.text
+        return dict(answer.json())
+
+    def wait(self, fit_id: str, *states: str, seconds: float = 30) -> dict[str, Any]:
+        """A fit once it is in one of some states, or has ended."""
+        deadline = time.monotonic() + seconds
+        while (fit := self.fit(fit_id))["status"] not in (states or ENDED):
+            assert fit["status"] not in ENDED, fit
+            assert time.monotonic() < deadline, fit
+            time.sleep(0.05)
+        return fit
+
+
+def make_key(data_dir: Path, workspace: str = "default") -> str:
+    """Make a key in a data directory, as `motorid keys create` does."""
+    data_dir.mkdir(parents=True, exist_ok=True)
+    database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
+    database.migrate()
+    _, secret = AccessService(database).create_key("test", workspace)
+    database.close()
+    return secret
+
+
+@contextmanager
+def serving(data_dir: Path, *arguments: str, **settings: object) -> Iterator[Server]:
+    """A server for the length of a block."""
+    server = Server(data_dir, *arguments, **settings)
+    try:
+        yield server
+    finally:
+        if server.process.poll() is None:
+            server.stop()

@@ -1,0 +1,89 @@
+"""What the operator may set, and what the service refuses to start with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from app.settings import Settings, is_loopback, load_settings
+from identification.errors import OptionError
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "[::1]", "localhost"])
+def test_loopback_addresses_are_known(host: str) -> None:
+    """RFC 1122: 127/8; RFC 4291: ::1."""
+    assert is_loopback(host)
+    assert load_settings(host=host, no_auth=True).no_auth
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "10.0.0.1", "bench.example", "", "localhost."])
+def test_service_without_keys_off_loopback_is_refused(host: str) -> None:
+    """Whatever is not certainly loopback counts as a network."""
+    assert not is_loopback(host)
+    with pytest.raises(OptionError, match=r"no_auth with host .*loopback"):
+        load_settings(host=host, no_auth=True)
+
+
+def test_settings_come_from_the_environment_and_arguments_go_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """None as an argument counts as not given."""
+    monkeypatch.setenv("MOTORID_PORT", "9001")
+    monkeypatch.setenv("MOTORID_HOST", "127.0.0.2")
+
+    settings = load_settings(port=9002, host=None)
+
+    assert (settings.port, settings.host) == (9002, "127.0.0.2")
+
+
+def test_setting_that_is_not_accepted_is_named_on_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The command line shows this to a user."""
+    monkeypatch.setenv("MOTORID_PORT", "seventy")
+
+    with pytest.raises(OptionError, match="^port: ") as caught:
+        load_settings()
+
+    assert "\n" not in str(caught.value)
+
+
+def test_lease_must_outlast_heartbeats() -> None:
+    """A lease shorter than two heartbeats would be lost by one that is late."""
+    with pytest.raises(OptionError, match="at least two heartbeats"):
+        load_settings(lease_s=5.0, heartbeat_s=3.0)
+
+
+def test_pipeline_must_be_a_function_of_a_module() -> None:
+    """It is imported by name; anything else would fail in each fit instead of here."""
+    with pytest.raises(OptionError, match="^pipeline: "):
+        load_settings(pipeline="rm -rf /")
+
+
+def test_hosts_are_loopback_names_unless_said_otherwise() -> None:
+    """Closed by default on loopback, open on a network where keys are asked for."""
+    assert load_settings().hosts == ("localhost", "127.0.0.1", "[::1]")
+    assert load_settings(host="::1").hosts == ("localhost", "127.0.0.1", "[::1]")
+    assert load_settings(host="0.0.0.0").hosts == ("*",)
+    assert load_settings(host="0.0.0.0", allowed_hosts="a.example, b.example").hosts == (
+        "a.example",
+        "b.example",
+    )
+
+
+def test_every_setting_says_what_it_is() -> None:
+    """The page about HTTP is made from these sentences."""
+    for name, field in Settings.model_fields.items():
+        assert field.description, name
+        assert field.description[0].isupper(), name
+        assert "." in field.description or "[" in field.description, name
+
+
+def test_database_lies_in_the_data_directory_unless_named(tmp_path: Path) -> None:
+    """One directory is the whole service."""
+    plain = load_settings(data_dir=tmp_path)
+    named = load_settings(data_dir=tmp_path, database_url="postgresql://host/base")
+
+    assert plain.sqlalchemy_url == f"sqlite:///{tmp_path / 'motorid.sqlite3'}"
+    assert named.sqlalchemy_url == "postgresql://host/base"

@@ -1,0 +1,117 @@
+"""The data directory: private, locked, and swept of what nobody knows."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from app.identifiers import Kind, is_id, new_id
+from app.storage import Storage
+from identification.errors import OptionError
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Storage:
+    """A data directory that is ready."""
+    made = Storage(tmp_path / "data", "bench")
+    made.prepare()
+    return made
+
+
+def aged(path: Path) -> Path:
+    """The same path, last changed a day ago."""
+    past = time.time() - 86400
+    os.utime(path, (past, past))
+    return path
+
+
+def test_data_directory_has_one_server(tmp_path: Path) -> None:
+    """The second is refused while the first has it, and not afterwards."""
+    first, second = (Storage(tmp_path, "bench") for _ in range(2))
+    first.prepare()
+    first.lock()
+
+    with pytest.raises(OptionError, match="another server already uses"):
+        second.lock()
+    first.unlock()
+    second.lock()
+    second.unlock()
+
+
+def test_servers_of_two_machines_may_share_a_directory(tmp_path: Path) -> None:
+    """The lock is that of a machine; the leases in the database part the work."""
+    first, second = (Storage(tmp_path, name) for name in ("one", "two"))
+    first.prepare()
+    second.prepare()
+    first.lock()
+    second.lock()
+
+    assert first.incoming != second.incoming
+    first.unlock()
+    second.unlock()
+
+
+def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> None:
+    """Of known and unknown runs and fits, old and new, only the unknown old ones go."""
+    runs = [new_id("run") for _ in range(3)]
+    fits = [new_id("fit") for _ in range(2)]
+    for run in runs:
+        storage.run(run).write_bytes(b"")
+    for fit in fits:
+        storage.attempt(fit, 1).mkdir(parents=True)
+    known_run, old_run, new_run = runs
+    known_fit, old_fit = fits
+    for path in (storage.run(known_run), storage.run(old_run), *map(storage.fit, fits)):
+        aged(path)
+    foreign = storage.directory / "runs" / "README"
+    foreign.write_text("put here by someone")
+    aged(foreign)
+    storage.new_incoming().write_bytes(b"half")
+
+    removed = storage.sweep({known_run}, {known_fit})
+
+    assert removed == 3
+    assert storage.run(known_run).exists()
+    assert storage.run(new_run).exists()
+    assert not storage.run(old_run).exists()
+    assert storage.fit(known_fit).exists()
+    assert not storage.fit(old_fit).exists()
+    assert foreign.exists()
+    assert list(storage.incoming.iterdir()) == []
+
+
+def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    """A file stands where the directory should be."""
+    (tmp_path / "file").write_text("")
+
+    with pytest.raises(OptionError, match="data_dir: .*cannot be used"):
+        Storage(tmp_path / "file" / "data", "bench").prepare()
+
+
+@pytest.mark.parametrize("node", ["../../etc", "a/b", "..", "", "bench 4"])
+def test_name_of_the_machine_cannot_leave_the_directory(tmp_path: Path, node: str) -> None:
+    """A host name is set by someone else."""
+    storage = Storage(tmp_path, node)
+
+    assert storage.incoming.resolve().parent == (tmp_path / "incoming").resolve()
+
+
+@pytest.mark.parametrize("kind", ["run", "fit", "batch", "key"])
+def test_ids_are_known_by_their_form_and_never_repeat(kind: Kind) -> None:
+    """130 random bits: a thousand of them are different."""
+    made = {new_id(kind) for _ in range(1000)}
+
+    assert len(made) == 1000
+    assert all(is_id(kind, text) for text in made)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "run", "run_", "run_" + "a" * 25, "run_" + "a" * 27, "run_" + "A" * 26,
+             "fit_" + "a" * 26, "run_" + "a" * 25 + "\n", "run_" + "a" * 26 + "\n", "run_../" ]
+)  # fmt: skip
+def test_text_of_another_form_is_no_id(text: str) -> None:
+    """One letter more or less, other letters, another kind, a line end."""
+    assert not is_id("run", text)

@@ -1,0 +1,291 @@
+"""What a shell gets back when something is wrong: a status, one line, never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from app import commands
+from app.cli import main
+from app.exits import EXIT_STATUS
+from identification.errors import ComputationError
+
+ROOT = Path(__file__).parents[3]
+MOTOR = ["--set", "Ra25=0.59", "Kt25=0.071", "J=0.01", "b=0.1", "L=0.5"]
+COLD = ["--temperature", "25"]
+
+REFUSED = {
+    "unknown command": (["guess"], "No such command 'guess'"),
+    "unknown option": (["fit", "a.csv", "--bogus"], "No such option: --bogus"),
+    "no run": (["fit", "--out", "o"], "Missing argument 'RUN...'"),
+    "no directory": (["fit", "a.csv"], "Missing option '--out'"),
+    "option without value": (["fit", "a.csv", "--out"], "requires an argument"),
+    "run is not there": (["fit", "nosuch.csv", "--out", "o"], "nosuch.csv: cannot be opened"),
+    "run is a directory": (["fit", ".", "--out", "o"], "cannot be opened (Is a directory)"),
+    "run is binary": (["fit", "binary.csv", "--out", "o"], "binary.csv"),
+    "run is empty": (["fit", "empty.csv", "--out", "o"], "empty.csv"),
+    "validation is not there": (
+        ["fit", "a.csv", "--validation", "nosuch.csv", "--out", "o"],
+        "a.csv",
+    ),
+    "seed is no number": (["fit", "a.csv", "--seed", "x", "--out", "o"], "'--seed'"),
+    "seed is negative": (["fit", "a.csv", "--seed", "-1", "--out", "o"], "seed is -1; expected"),
+    "hold is unknown": (["fit", "a.csv", "--hold", "no", "--out", "o"], "hold is 'no'; expected"),
+    "controller is unknown": (
+        ["fit", "a.csv", "--controller", "LQR:1", "--out", "o"],
+        "controller 'LQR:1' is not a controller; expected P:kp",
+    ),
+    "temperature is absurd": (
+        ["fit", "a.csv", "--temperature", "1e6", "--out", "o"],
+        "expected one between -273.15 and 400 degC",
+    ),
+    "temperature is no number": (
+        ["fit", "a.csv", "--temperature", "hot", "--out", "o"],
+        "'--temperature'",
+    ),
+    "map has no column": (
+        ["fit", "a.csv", "--map", "current_A", "--out", "o"],
+        "expected CHANNEL=",
+    ),
+    "map has a bad scale": (
+        ["fit", "a.csv", "--map", "current_A=x * two", "--out", "o"],
+        "'two' is not a number",
+    ),
+    "map has a bad unit": (
+        ["fit", "a.csv", "--map", "current_A=x in furlong", "--out", "o"],
+        "furlong",
+    ),
+    "map has a bad channel": (["fit", "a.csv", "--map", "I=x", "--out", "o"], "'I' is no channel"),
+    "mapping is not there": (["fit", "a.csv", "--mapping", "no.json", "--out", "o"], "no.json"),
+    "mapping is no JSON": (["fit", "a.csv", "--mapping", "empty.csv", "--out", "o"], "not JSON"),
+    "result is not there": (["predict", "no.json", "a.csv", "--out", "p.csv"], "no.json: cannot"),
+    "result is no JSON": (["predict", "empty.csv", "a.csv", "--out", "p.csv"], "is not JSON"),
+    "result is of another version": (
+        ["predict", "future.json", "a.csv", "--out", "p.csv"],
+        "schema_version 2; expected",
+    ),
+    "result is a list": (["feedback", "--result", "list.json"], "has the schema_version None"),
+    "result is binary": (["feedback", "--result", "binary.csv"], "binary.csv"),
+    "neither result nor values": (["feedback"], "expected either --result"),
+    "both result and values": (["feedback", "--result", "r", *MOTOR], "expected either --result"),
+    "value is unknown": (["feedback", "--set", "K=1"], "--set 'K=1': expected NAME=VALUE"),
+    "value is no number": (["feedback", "--set", "J=heavy"], "'heavy' is not a number"),
+    "value is not finite": (["feedback", "--set", "J=inf"], "'inf' is not a number"),
+    "value is there twice": (["feedback", "--set", "J=1", "--set", "J=2"], "given twice"),
+    "value is missing": (["feedback", "--set", "J=1", *COLD], "no value for Ra25, Kt25, b, L"),
+    "coefficients are missing": (["feedback", *MOTOR], "no value for alpha_Ra, alpha_Kt"),
+    "value is negative": (["feedback", *MOTOR[:-1], "L=-1", *COLD], "L is -1 H; expected"),
+    "feedback to a directory": (["feedback", *MOTOR, *COLD, "--out", "."], "is a directory"),
+    "feedback below a file": (["feedback", *MOTOR, *COLD, "--out", "empty.csv/f.json"], "--out"),
+    "campaign is unknown": (["demo", "nosuch"], "campaign 'nosuch' is not in data/"),
+    "manifest is not there": (["batch", "no.csv", "--out", "o"], "no.csv: cannot be opened"),
+    "manifest is no manifest": (["batch", "list.json", "--out", "o"], "expected the columns motor"),
+    "manifest has no motor": (["batch", "none.csv", "--out", "o"], "lists no motor"),
+    "manifest leads out": (["batch", "escape.csv", "--out", "o"], "row 2, column motor"),
+    "manifest names a motor twice": (["batch", "twice.csv", "--out", "o"], "row 3: motor 'm' is"),
+    "service to all without keys": (["serve", "--host", "0.0.0.0", "--no-auth"], "no_auth"),
+    "port is out of range": (["serve", "--port", "70000"], "port"),
+    "key is unknown": (["keys", "revoke", "key_x", "--data-dir", "d"], "'key_x' is no key"),
+    "workspace is no name": (["keys", "create", "k", "--workspace", "A/B"], "workspace is 'A/B'"),
+    "no command about keys": (["keys"], "Missing command"),
+}
+
+
+def failing_with(error: BaseException) -> Callable[..., NoReturn]:
+    """A function that does nothing but fail, whatever it is called with."""
+
+    def fail(*_: object, **__: object) -> NoReturn:
+        """Fail."""
+        raise error
+
+    return fail
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working directory with broken files in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.csv").touch()
+    (tmp_path / "binary.csv").write_bytes(bytes(range(256)) * 40)
+    (tmp_path / "future.json").write_text('{"schema_version": 2, "parameters": {}}')
+    (tmp_path / "list.json").write_text("[1, 2]")
+    (tmp_path / "none.csv").write_text("motor,training\n\n")
+    (tmp_path / "escape.csv").write_text("motor,training\n../up,a.csv\n")
+    (tmp_path / "twice.csv").write_text("motor,training\nm,a.csv\nm,b.csv\n")
+    (tmp_path / "a.csv").write_text("time_s,voltage_V\n0,1\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(("words", "message"), REFUSED.values(), ids=REFUSED.keys())
+def test_fault_of_the_input_is_status_2_and_one_line(
+    words: list[str], message: str, workplace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The contract: 2, one line on standard error that says what was wrong, nothing else."""
+    before = set(workplace.iterdir())
+
+    status = main(words)
+
+    shown, told = capsys.readouterr()
+    assert (status, shown) == (2, "")
+    assert told.count("\n") == 1
+    assert told.startswith("motorid: ")
+    assert message in told
+    assert "Traceback" not in told
+    left = {path.name for path in set(workplace.iterdir()) - before}
+    assert left <= {"d", "motorid-data"}, "a refused call leaves nothing but a data directory"
+
+
+@pytest.mark.skipif(os.geteuid() == 0 and not Path("/proc/self").exists(), reason="no such place")
+def test_directory_that_cannot_be_written_is_found_before_the_fit(
+    run_files: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing can be made in /proc, by root neither; the pipeline must not have been started."""
+    started = failing_with(AssertionError("the fit was started"))
+    monkeypatch.setattr("identification.pipeline.identify", started)
+
+    assert main(["fit", str(run_files[0]), "--out", "/proc/motor"]) == 2
+
+    assert "--out /proc/motor: cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "line"),
+    [
+        (ComputationError("no model can be simulated"), 1, "no model can be simulated"),
+        (MemoryError(), 1, "not enough memory; fit fewer or shorter runs"),
+        (OSError(28, "No space left on device", "r.json"), 1, "no space is left on the device"),
+        (ZeroDivisionError("division by zero"), 1, "internal error, ZeroDivisionError"),
+        (ComputationError("two\nlines"), 1, "two lines"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
+)
+def test_failure_of_the_work_is_one_line_and_its_status(
+    error: BaseException,
+    status: int,
+    line: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Errors raised in place of the work; a defect of the program shows no traceback either."""
+    monkeypatch.delenv("MOTORID_TRACEBACK", raising=False)
+    monkeypatch.setattr(commands, "feedback", failing_with(error))
+
+    assert main(["feedback", *MOTOR]) == status
+
+    shown, told = capsys.readouterr()
+    assert shown == ""
+    assert told.startswith(f"motorid: {line}")
+    assert told.count("\n") == 1
+
+
+def test_traceback_is_shown_where_it_is_asked_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MOTORID_TRACEBACK=1 is for those who mend the program."""
+    monkeypatch.setenv("MOTORID_TRACEBACK", "1")
+    monkeypatch.setattr(commands, "feedback", failing_with(ZeroDivisionError()))
+
+    assert main(["feedback", *MOTOR]) == 1
+    assert "Traceback (most recent call last)" in capsys.readouterr().err
+
+
+def test_failed_fit_removes_the_directory_it_made_and_no_other(
+    run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pipeline that fails after the directory was made; one that was there before stays."""
+    error = ComputationError("no model can be simulated")
+    monkeypatch.setattr("identification.pipeline.identify", failing_with(error))
+    (tmp_path / "old").mkdir()
+
+    for name in ("new", "old"):
+        assert main(["fit", str(run_files[0]), "--out", str(tmp_path / name), "-q"]) == 1
+
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_every_status_of_the_table_is_one_that_the_help_tells() -> None:
+    """0, 1, 2 and 130, and no other."""
+    assert {0, *EXIT_STATUS.values()} == {0, 1, 2, 130}
+
+
+def shell(*words: str) -> subprocess.Popen[str]:
+    """The command in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+
+
+def test_reader_that_goes_away_gets_status_1_and_one_line() -> None:
+    """`motorid ... | head -0`: the pipe is closed before anything is printed."""
+    process = shell("feedback", *MOTOR, *COLD, "--json")
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+
+    status = process.wait(60)
+
+    told = process.stderr.read()
+    process.stderr.close()
+    assert (status, told) == (1, "motorid: the reader of the output went away\n")
+
+
+def test_interrupted_fit_is_status_130_and_one_line(run_files: list[Path], tmp_path: Path) -> None:
+    """SIGINT in the middle of a fit with posterior, which takes many seconds when left alone."""
+    process = shell("fit", *map(str, run_files), "--out", str(tmp_path / "out"))
+    while not (tmp_path / "out").exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    time.sleep(1.0)
+
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+
+    assert (process.returncode, told) == (130, "motorid: interrupted\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_refusal_names_row_and_column(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cell spoilt on line 42 of the file, counted with its header."""
+    lines = run_files[0].read_text(encoding="utf-8").splitlines()
+    cells = lines[41].split(",")
+    cells[lines[0].split(",").index("current_A")] = "n/a"
+    lines[41] = ",".join(cells)
+    (tmp_path / "run.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    assert main(["fit", str(tmp_path / "run.csv"), "--out", str(tmp_path / "o")]) == 2
+
+    assert "run.csv, row 42, column current_A" in capsys.readouterr().err
+
+
+def test_feedback_list_is_replaced_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk fills up while the new file is written: the old one stays, alone."""
+    out = tmp_path / "feedback.json"
+    out.write_text("old")
+
+    full = failing_with(OSError(28, "No space left on device"))
+    monkeypatch.setattr("identification.report.atomic._force_to_disk", full)
+
+    assert main(["feedback", *MOTOR, *COLD, "--out", str(out), "-q"]) == 1
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"feedback.json": "old"}
+
+    monkeypatch.undo()
+    assert main(["feedback", *MOTOR, *COLD, "--out", str(out), "-q"]) == 0
+    assert json.loads(out.read_text())[0]["temperature_degC"] == 25.0

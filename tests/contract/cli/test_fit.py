@@ -1,0 +1,230 @@
+"""`motorid fit` as a shell sees it: files, words, order, exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from identification.report.result import result_schema
+from tests.motors import NAMES, motor_named
+
+FAST = ["--no-posterior", "--no-effects"]
+
+
+def words(*parts: object) -> list[str]:
+    """Words as a shell hands them over."""
+    return [str(part) for part in parts]
+
+
+def test_fit_without_posterior_writes_result_and_report_only(fitted: Path) -> None:
+    """The files that the contract names, less posterior.nc, and no temporary neighbour of them."""
+    assert sorted(path.name for path in fitted.iterdir()) == ["report.html", "result.json"]
+
+
+def test_result_of_the_command_line_fulfils_the_published_schema(fitted: Path) -> None:
+    """The schema that the project publishes; NaN and Infinity are no JSON."""
+    jsonschema = pytest.importorskip("jsonschema")
+    text = (fitted / "result.json").read_text(encoding="utf-8")
+
+    def refuse(word: str) -> None:
+        """A word that Python reads as a number and JSON does not have."""
+        raise AssertionError(word)
+
+    jsonschema.validate(json.loads(text, parse_constant=refuse), result_schema())
+
+
+def test_parameters_come_out_near_the_motor_that_made_the_runs(fitted: Path) -> None:
+    """The true values of the motor table, within five of the fit's own standard deviations."""
+    truth = dict(zip(NAMES, motor_named("servo 100 W").values, strict=True))
+    parameters = json.loads((fitted / "result.json").read_text(encoding="utf-8"))["parameters"]
+
+    for name, value in truth.items():
+        entry = parameters[name]
+        assert abs(entry["median"] - value) < 5 * entry["sd"], name
+
+
+def test_runs_are_listed_with_their_role_in_the_order_given(fitted: Path) -> None:
+    """Three training runs and, behind --validation, one."""
+    runs = json.loads((fitted / "result.json").read_text(encoding="utf-8"))["runs"]
+
+    assert [(run["file"], run["role"], run["rows"]) for run in runs] == [
+        ("run1.csv", "training", 800),
+        ("run2.csv", "training", 800),
+        ("run3.csv", "training", 800),
+        ("run4.csv", "validation", 800),
+    ]
+
+
+def test_validation_runs_may_follow_one_option_or_stand_behind_one_each(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both spellings, options first and last; the roles in the JSON result tell."""
+    a, b, c, d = run_files
+    spellings = [
+        words("fit", a, b, "--validation", c, d, "--out", tmp_path / "one", *FAST),
+        words("fit", "--validation", c, "--validation", d, *FAST, "--out", tmp_path / "two", a, b),
+    ]
+
+    results = []
+    for spelling in spellings:
+        assert main([*spelling, "--quiet"]) == 0
+        content = json.loads(
+            (Path(spelling[spelling.index("--out") + 1]) / "result.json").read_text()
+        )
+        results.append([(run["file"], run["role"]) for run in content["runs"]])
+
+    assert results[0] == results[1]
+    assert [role for _, role in results[0]] == ["training"] * 2 + ["validation"] * 2
+    assert capsys.readouterr() == ("", "")
+
+
+def test_table_names_every_parameter_warnings_first_and_files_last(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What an engineer looks for after a fit of runs that are all at one temperature."""
+    cold = tmp_path / "cold.csv"
+    lines = run_files[0].read_text(encoding="utf-8").splitlines()
+    cells = [line.split(",") for line in lines]
+    column = cells[0].index("temperature_degC")
+    for row in cells[1:]:
+        row[column] = "25.0"
+    cold.write_text("\n".join(",".join(row) for row in cells) + "\n", encoding="utf-8")
+
+    assert main(words("fit", cold, "--out", tmp_path / "out", *FAST)) == 0
+
+    shown, remarks = capsys.readouterr()
+    rows = {line.split()[0]: line for line in shown.splitlines() if line.strip()}
+    assert set(NAMES) <= set(rows)
+    assert rows["alpha_Ra"].split()[-1] == "NO"
+    assert rows["Ra25"].split()[-1] == "yes"
+    assert "25 °C" in shown
+    assert "125 °C" in shown
+    assert "settling time, 2 % [s]" in shown
+    assert shown.splitlines()[-1] == str(tmp_path / "out" / "report.html")
+    warnings = json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]
+    for number, warning in enumerate(warnings):
+        assert shown.splitlines()[number] == f"Warning: {warning}"
+    assert remarks == ""
+
+
+def test_json_summary_is_all_there_is_on_standard_output(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A script parses the whole of standard output; the paths in it exist."""
+    out = tmp_path / "out"
+
+    assert main(words("fit", run_files[0], run_files[1], "--out", out, "--json", *FAST)) == 0
+
+    summary = json.loads(capsys.readouterr().out)
+    assert Path(summary["files"]["result"]).exists()
+    assert Path(summary["files"]["report"]).exists()
+    assert summary["files"]["posterior"] is None
+    assert summary["parameters"] == json.loads((out / "result.json").read_text())["parameters"]
+
+
+def test_other_temperatures_and_controllers_reach_the_feedback_list(
+    run_files: list[Path], tmp_path: Path
+) -> None:
+    """Several values behind one option, a negative temperature among them."""
+    out = tmp_path / "out"
+
+    status = main(
+        words(
+            "fit", run_files[0], run_files[1], "--out", out, *FAST, "--quiet",
+            "--temperature", -40, 25, "--controller", "P:2", "PI:2,5",
+        )
+    )  # fmt: skip
+
+    entries = json.loads((out / "result.json").read_text())["feedback"]
+    assert status == 0
+    assert [(entry["controller"], entry["temperature_degC"]) for entry in entries] == [
+        ("P:2", -40.0), ("P:2", 25.0), ("PI:2,5", -40.0), ("PI:2,5", 25.0),
+    ]  # fmt: skip
+
+
+def test_mapping_by_file_and_by_words_reads_foreign_columns(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same run with other headers, a current in mA and an amplified speed, fits the same."""
+    names = {"current_A": "shunt", "speed_rad_s": "tacho (amplified)", "time_s": "time_s"}
+    lines = [line.split(",") for line in run_files[0].read_text(encoding="utf-8").splitlines()]
+    header = lines[0]
+    for row in lines[1:]:
+        row[header.index("current_A")] = repr(1000 * float(row[header.index("current_A")]))
+        row[header.index("speed_rad_s")] = repr(float(row[header.index("speed_rad_s")]) / 4)
+    foreign = tmp_path / "foreign.csv"
+    lines[0] = [names.get(name, name) for name in header]
+    foreign.write_text("\n".join(map(",".join, lines)) + "\n", encoding="utf-8")
+    mapping = tmp_path / "mapping.json"
+    mapping.write_text(json.dumps({"current_A": {"column": "shunt", "unit": "mA"}}))
+
+    for file, out, more in (
+        (run_files[0], "own", []),
+        (foreign, "words", ["--map", "current_A=shunt in mA", "--map"]),
+        (foreign, "file", ["--mapping", mapping, "--map"]),
+    ):
+        tail = ["speed_rad_s=tacho (amplified) * 4"] if more else []
+        status = main(words("fit", file, "--out", tmp_path / out, *FAST, "--quiet", *more, *tail))
+        assert (status, capsys.readouterr().err) == (0, "")
+
+    medians = [
+        json.loads((tmp_path / out / "result.json").read_text())["parameters"]["Ra25"]["median"]
+        for out in ("own", "words", "file")
+    ]
+    assert medians[1] == medians[2] == pytest.approx(medians[0], rel=1e-6)
+
+
+def test_results_of_an_earlier_fit_stay_when_the_next_one_is_refused(
+    run_files: list[Path], fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A broken run is refused before anything is written: bytes and times stay."""
+    broken = tmp_path / "broken.csv"
+    broken.write_text(run_files[0].read_text(encoding="utf-8").replace(",", ",x", 40))
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in fitted.iterdir()}
+
+    status = main(words("fit", broken, "--out", fitted, *FAST))
+
+    assert status == 2
+    assert {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in fitted.iterdir()} == before
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_refused_input_leaves_no_directory_behind(tmp_path: Path) -> None:
+    """The directory is made only when the runs were read."""
+    assert main(words("fit", tmp_path / "nosuch.csv", "--out", tmp_path / "a" / "b")) == 2
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_fit_loads_neither_the_web_framework_nor_the_database(
+    run_files: list[Path], tmp_path: Path
+) -> None:
+    """A fresh interpreter runs a whole fit and then lists what it has loaded."""
+    program = (
+        "import sys\nfrom app.cli import main\nassert main(sys.argv[1:]) == 0\n"
+        "print([m for m in ('fastapi', 'starlette', 'uvicorn', 'sqlalchemy', 'alembic') "
+        "if m in sys.modules])"
+    )
+
+    run = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            program,
+            *words("fit", run_files[0], "--out", tmp_path),
+            *FAST,
+            "-q",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
+    )
+
+    assert (run.returncode, run.stdout.strip(), run.stderr) == (0, "[]", "")

@@ -1,0 +1,81 @@
+"""`motorid predict`: a table of what the sensors would have logged."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from app.cli import main
+from identification.ingest import read_run
+
+
+def table(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a predicted table."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+@pytest.mark.parametrize("more", [[], ["--declared"]], ids=["final", "declared"])
+def test_prediction_has_a_row_for_each_sample_and_fits_the_run(
+    fitted: Path, run_files: list[Path], tmp_path: Path, more: list[str]
+) -> None:
+    """The run has 1 % noise, so the simulation is within 1.1 % of its spread (no effects here)."""
+    out = tmp_path / "new" / "prediction.csv"
+
+    status = main(
+        ["predict", str(fitted / "result.json"), str(run_files[3]), "--out", str(out), *more]
+    )
+
+    run, predicted = read_run(run_files[3]), table(out)
+    assert status == 0
+    assert list(predicted) == ["time_s", "current_A", "speed_rad_s"]
+    np.testing.assert_array_equal(predicted["time_s"], run.time)
+    for name, measured in (("current_A", run.current), ("speed_rad_s", run.speed)):
+        error = predicted[name] - measured
+        assert np.sqrt(np.mean(error**2)) < 0.02 * np.std(measured), name
+
+
+def test_prediction_uses_current_and_speed_for_the_start_only(
+    fitted: Path, run_files: list[Path], tmp_path: Path
+) -> None:
+    """Both channels are overwritten in the second half: nothing there moves the prediction."""
+    lines = run_files[3].read_text(encoding="utf-8").splitlines()
+    header = lines[0].split(",")
+    spoilt = []
+    for number, line in enumerate(lines):
+        cells = line.split(",")
+        if number > 400:
+            cells[header.index("current_A")] = repr(0.01 * (number % 7))
+            cells[header.index("speed_rad_s")] = repr(0.1 * (number % 5))
+        spoilt.append(",".join(cells))
+    (tmp_path / "spoilt.csv").write_text("\n".join(spoilt) + "\n", encoding="utf-8")
+
+    for run, out in ((run_files[3], "a.csv"), (tmp_path / "spoilt.csv", "b.csv")):
+        words = ["predict", str(fitted / "result.json"), str(run), "--out", str(tmp_path / out)]
+        assert main(words) == 0
+
+    own, other = table(tmp_path / "a.csv"), table(tmp_path / "b.csv")
+    for name in ("current_A", "speed_rad_s"):
+        tail = slice(500, None)
+        np.testing.assert_allclose(
+            other[name][tail], own[name][tail], atol=0.03 * float(np.std(own[name]))
+        )
+
+
+def test_prediction_replaces_an_older_one(
+    fitted: Path, run_files: list[Path], tmp_path: Path
+) -> None:
+    """The same name twice: one file, no neighbour, the permissions of an ordinary file."""
+    out = tmp_path / "p.csv"
+    out.write_text("old")
+
+    assert main(["predict", str(fitted / "result.json"), str(run_files[3]), "--out", str(out)]) == 0
+
+    assert [path.name for path in tmp_path.iterdir()] == ["p.csv"]
+    assert out.read_text(encoding="utf-8").startswith("time_s,current_A,speed_rad_s\n")
+    assert out.stat().st_mode & 0o444 == 0o444

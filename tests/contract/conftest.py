@@ -1,0 +1,54 @@
+"""One server for all tests that leave it as it was, with two workspaces and a key for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.app.service import Caller, Server, make_key, run_text, serving
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server that asks for keys and takes run files of up to a million bytes."""
+    data_dir = tmp_path_factory.mktemp("service") / "data"
+    make_key(data_dir)
+    with serving(
+        data_dir, MAX_UPLOAD_BYTES=1_000_000, MAX_BODY_BYTES=100_000, KEEP_ALIVE_S=0.5
+    ) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def alice(server: Server) -> Iterator[Caller]:
+    """A caller of the workspace alice."""
+    with Caller(server, make_key(server.data_dir, "alice")) as caller:
+        yield caller
+
+
+@pytest.fixture(scope="session")
+def bob(server: Server) -> Iterator[Caller]:
+    """A caller of the workspace bob."""
+    with Caller(server, make_key(server.data_dir, "bob")) as caller:
+        yield caller
+
+
+@pytest.fixture(scope="session")
+def stored(alice: Caller) -> str:
+    """Id of a run of alice that stays."""
+    return str(alice.upload(run_text(0))["id"])
+
+
+@pytest.fixture(scope="session")
+def nobody(server: Server) -> Iterator[Caller]:
+    """A caller without a key."""
+    with Caller(server) as caller:
+        yield caller
+
+
+@pytest.fixture
+def data_dir(tmp_path: Path) -> Path:
+    """A data directory for a server of the test's own."""
+    return tmp_path / "data"

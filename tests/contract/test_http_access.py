@@ -1,0 +1,247 @@
+"""Who may call what: every route, with every kind of key that does not open it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from starlette.routing import BaseRoute
+
+from app.access.gate import PUBLIC_PATHS
+from app.access.service import AccessService
+from app.database import Database
+from app.main import create_app
+from app.paths import STATIC_PREFIX
+from app.settings import load_settings
+from tests.app.service import Caller, Server, make_key, run_text
+
+OPEN = {
+    f"{prefix}/{name}" for prefix in ("", "/api/v1") for name in ("healthz", "readyz", "metrics")
+}
+
+
+def walked(routes: list[BaseRoute]) -> Iterator[tuple[str, str]]:
+    """Method and path of each route, those of routers inside included."""
+    for route in routes:
+        path = getattr(route, "path", "")
+        for method in sorted(getattr(route, "methods", None) or {"GET"}):
+            yield method, path
+
+
+def routes(application: FastAPI) -> list[tuple[str, str]]:
+    """Each method and path that the application answers."""
+    described = application.openapi()["paths"]
+    from_schema = [(m.upper(), path) for path, calls in described.items() for m in calls]
+    return sorted({*from_schema, *walked(application.routes)})
+
+
+@pytest.fixture(scope="session")
+def calls(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
+    """Method and path of every call that needs a key, parameters still by name."""
+    application = create_app(load_settings(data_dir=tmp_path_factory.mktemp("routes")))
+    found = routes(application)
+    closed = [
+        (method, path)
+        for method, path in found
+        if path not in PUBLIC_PATHS and path and not path.startswith(STATIC_PREFIX.rstrip("/"))
+    ]
+    assert len(closed) >= 15
+    return closed
+
+
+def filled(path: str, value: str) -> str:
+    """A path with its parameters replaced."""
+    return re.sub(r"\{[^}]*\}", value, path)
+
+
+def test_only_health_and_the_page_that_asks_for_a_key_are_open() -> None:
+    """The contract: every call but health carries a key."""
+    assert {"/login"} | OPEN == PUBLIC_PATHS
+
+
+@pytest.mark.parametrize(
+    "authorization",
+    [
+        None,
+        "Bearer",
+        "Bearer motorid_wrong",
+        "Bearer " + "x" * 5000,
+        "Basic YWxpY2U6c2VjcmV0",
+        "Bearer ' OR 1=1 --",
+        b"Bearer \xff\xfe",
+    ],
+)
+def test_no_route_answers_without_a_valid_key(
+    server: Server, calls: list[tuple[str, str]], authorization: str | bytes | None
+) -> None:
+    """401 as a problem with a challenge, on each route of the application."""
+    headers = {} if authorization is None else {"Authorization": authorization}
+    with httpx.Client(base_url=server.url, headers=headers) as client:  # type: ignore[arg-type]
+        for method, path in calls:
+            answer = client.request(method, filled(path, "run_" + "a" * 26))
+
+            assert answer.status_code == 401, (method, path)
+            if method != "HEAD":
+                assert answer.json()["code"] == "unauthorized"
+            assert answer.headers["www-authenticate"].startswith("Bearer")
+
+
+def test_path_that_is_no_route_is_closed_too(nobody: Caller) -> None:
+    """Whoever has no key learns not even which addresses there are."""
+    for path in ("/nothing", "/../../etc/passwd", "/runs/", "//runs", "/RUNS"):
+        assert nobody.http.get(path).status_code == 401, path
+
+
+@pytest.mark.parametrize("path", sorted(OPEN))
+def test_health_answers_without_a_key(server: Server, path: str) -> None:
+    """200 under the prefix and at the root."""
+    assert httpx.get(server.url + path).status_code == 200
+
+
+def test_revoked_key_opens_nothing(server: Server) -> None:
+    """It opened before, and the next call after its revocation is refused."""
+    database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
+    access = AccessService(database)
+    key, secret = access.create_key("to be revoked")
+    with Caller(server, secret) as caller:
+        before = caller.http.get("/runs").status_code
+        access.revoke_key(key.id)
+        after = caller.http.get("/runs").status_code
+    database.close()
+
+    assert (before, after) == (200, 401)
+
+
+def test_everything_of_another_workspace_is_not_there(
+    alice: Caller, bob: Caller, stored: str
+) -> None:
+    """404 for each call about a run, a fit or a batch of the other, and nothing of it listed."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+    batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
+    asked = [
+        *(("GET", f"/runs/{stored}"), ("DELETE", f"/runs/{stored}")),
+        *(("GET", f"/fits/{fit}{part}") for part in ("", "/events", "/report", "/posterior")),
+        *(("DELETE", f"/fits/{fit}"), ("GET", f"/batches/{batch}")),
+    ]
+
+    for method, path in asked:
+        assert bob.http.request(method, path).status_code == 404, (method, path)
+    assert bob.http.post("/fits", json={"training": [stored]}).status_code == 404
+    assert bob.http.post("/batches", json={"motors": [{"training": [stored]}]}).status_code == 404
+    for path in ("/runs", "/fits", "/batches"):
+        items = bob.http.get(path, params={"limit": 1000}).json()["items"]
+        assert not {item["id"] for item in items} & {stored, fit, batch}
+    assert alice.http.get(f"/runs/{stored}").status_code == 200
+    assert alice.http.get(f"/fits/{fit}").status_code == 200
+
+
+def test_answer_about_anothers_thing_is_that_about_nothing(
+    alice: Caller, bob: Caller, stored: str
+) -> None:
+    """Byte for byte the same but for the request's id, so that nobody can probe."""
+    theirs = bob.http.get(f"/runs/{stored}").json()
+    nothing = bob.http.get("/runs/run_" + "a" * 26).json()
+
+    assert theirs | {"request_id": ""} == nothing | {"request_id": ""}
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+    ],
+)
+def test_page_of_another_site_changes_nothing(
+    alice: Caller, stored: str, headers: dict[str, str]
+) -> None:
+    """403 for every method that changes something, even with a key; reading is not concerned."""
+    answers = [
+        alice.http.post("/fits", json={"training": [stored]}, headers=headers),
+        alice.http.post("/runs", files={"file": ("a.csv", run_text(1))}, headers=headers),
+        alice.http.delete(f"/runs/{stored}", headers=headers),
+    ]
+
+    assert {answer.status_code for answer in answers} == {403}
+    assert {answer.json()["code"] for answer in answers} == {"cross_site"}
+    assert alice.http.get("/runs", headers=headers).status_code == 200
+
+
+def test_no_other_site_may_read(alice: Caller) -> None:
+    """CORS is closed: no answer, and no preflight, allows another origin."""
+    headers = {"Origin": "http://evil.example", "Access-Control-Request-Method": "POST"}
+
+    for answer in (alice.http.get("/runs", headers=headers), alice.http.options("/fits")):
+        assert not [name for name in answer.headers if name.startswith("access-control")]
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "", "localhost.evil"])
+def test_request_for_another_host_is_refused(server: Server, host: str) -> None:
+    """A loopback service answers to loopback names alone, health included."""
+    answer = httpx.get(f"{server.url}/healthz", headers={"Host": host})
+
+    assert answer.status_code == 400
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8000", "127.0.0.1:1", "[::1]:8000"])
+def test_request_for_a_loopback_name_is_answered(server: Server, host: str) -> None:
+    """With any port, since a port may be forwarded."""
+    assert httpx.get(f"{server.url}/healthz", headers={"Host": host}).status_code == 200
+
+
+def test_every_answer_carries_the_security_headers(alice: Caller, nobody: Caller) -> None:
+    """Found, not found, refused and health alike."""
+    answers = [
+        alice.http.get("/runs"),
+        alice.http.get("/nothing"),
+        alice.http.post("/fits", json={}),
+        nobody.http.get("/runs"),
+        nobody.http.get("/healthz"),
+    ]
+
+    for answer in answers:
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe-eval" not in policy
+        assert "unsafe-inline" not in policy
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["x-frame-options"] == "DENY"
+        assert answer.headers["x-request-id"]
+        assert "server" not in answer.headers
+
+
+def test_log_holds_requests_and_no_keys(server: Server, alice: Caller) -> None:
+    """Each line is one JSON object; the secret that was sent is in none of them."""
+    secret = alice.http.headers["authorization"].removeprefix("Bearer ")
+    alice.http.get("/runs", headers={"X-Request-ID": "request-of-this-test"})
+
+    lines = [line for line in list(server.log) if line.startswith("{")]
+    entries = [json.loads(line) for line in lines]
+    ours = [entry for entry in entries if entry.get("request_id") == "request-of-this-test"]
+    assert [(entry["method"], entry["path"], entry["status"]) for entry in ours] == [
+        ("GET", "/api/v1/runs", 200)
+    ]
+    assert secret not in "".join(server.log)
+
+
+def test_data_directory_is_closed_to_others(server: Server) -> None:
+    """Uploads and the database can be read by the owner alone."""
+    for part in ("runs", "fits", "incoming"):
+        assert (server.data_dir / part).stat().st_mode & 0o077 == 0
+
+
+def test_keys_lie_hashed_in_the_database(tmp_path: Path) -> None:
+    """The secret is nowhere in the file, its workspace is."""
+    secret = make_key(tmp_path / "data", "some-workspace")
+    stored = (tmp_path / "data" / "motorid.sqlite3").read_bytes()
+
+    assert secret.encode() not in stored
+    assert secret.removeprefix("motorid_").encode() not in stored
+    assert b"some-workspace" in stored

@@ -1,0 +1,350 @@
+"""Fits over HTTP: accepted, followed, cancelled, fetched."""
+
+from __future__ import annotations
+
+import json
+import time
+import uuid
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from tests.app.pretended import (
+    BAD_INPUT,
+    FAMILY,
+    KILLED,
+    NO_SOLUTION,
+    ONCE_KILLED,
+    QUICK,
+    SLOW,
+)
+from tests.app.service import Caller, Server, run_text
+
+
+def events(answer: httpx.Response) -> Iterator[tuple[str, int, dict[str, object]]]:
+    """Name, id and content of each event of a stream."""
+    event: dict[str, str] = {}
+    for line in answer.iter_lines():
+        field, _, value = line.partition(": ")
+        if line:
+            event[field] = value
+        else:
+            if "data" in event:
+                yield event["event"], int(event["id"]), json.loads(event["data"])
+            event = {}
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that only waits to be reaped does not."""
+    try:
+        with open(f"/proc/{pid}/stat") as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
+    """The result tells which runs came in, in which role and order, and with which options."""
+    runs = [alice.upload(run_text(seed), f"{seed}.csv") for seed in (30, 31, 32)]
+    body = {
+        "training": [runs[1]["id"], runs[0]["id"]],
+        "validation": [runs[2]["id"]],
+        "options": {"temperatures": [10.0, 90.0]},
+        "motor": "motor 5",
+    }
+
+    accepted = alice.http.post("/fits", json=body)
+    fit = alice.wait(accepted.json()["id"])
+
+    assert accepted.status_code == 202
+    assert accepted.headers["location"] == f"/api/v1/fits/{fit['id']}"
+    assert accepted.json()["status"] == "queued"
+    assert accepted.json()["result"] is None
+    assert (fit["status"], fit["progress"]) == ("succeeded", {"stage": "done", "fraction": 1.0})
+    assert (fit["training"], fit["validation"]) == (body["training"], body["validation"])
+    assert fit["result"]["runs"] == [
+        {"file": "31.csv", "sha256": runs[1]["sha256"], "role": "training"},
+        {"file": "30.csv", "sha256": runs[0]["sha256"], "role": "training"},
+        {"file": "32.csv", "sha256": runs[2]["sha256"], "role": "validation"},
+    ]
+    assert fit["result"]["temperatures"] == [10.0, 90.0]
+    report = alice.http.get(f"/fits/{fit['id']}/report")
+    assert report.headers["content-type"] == "text/html; charset=utf-8"
+    assert "sandbox allow-scripts" in report.headers["content-security-policy"]
+    assert "allow-same-origin" not in report.headers["content-security-policy"]
+    posterior = alice.http.get(f"/fits/{fit['id']}/posterior")
+    assert posterior.headers["content-type"] == "application/x-netcdf"
+    assert posterior.content.startswith(b"CDF")
+
+
+def test_mapping_of_a_run_goes_with_it_into_the_fit(alice: Caller) -> None:
+    """The speed was declared in rpm: what the fit sees is 2 pi / 60 of the cells."""
+    plain = alice.upload(run_text(33))
+    mapping = {"speed_rad_s": {"column": "speed_rad_s", "unit": "rpm"}}
+    mapped = alice.upload(run_text(33), mapping=json.dumps(mapping))
+
+    fit = alice.wait(alice.begin(plain["id"], mapped["id"])["id"])
+
+    in_rad_s, from_rpm = fit["result"]["speeds"]
+    assert from_rpm == pytest.approx(in_rad_s * 2 * 3.141592653589793 / 60)
+
+
+def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> None:
+    """404 as a problem that says why, and no link."""
+    fit = alice.wait(alice.begin(stored, posterior=False)["id"])
+
+    answer = alice.http.get(f"/fits/{fit['id']}/posterior")
+
+    assert answer.status_code == 404
+    assert answer.json()["code"] == "not_ready"
+    assert "without a posterior" in answer.json()["detail"]
+    assert "posterior" not in fit["links"]
+
+
+def test_outputs_are_not_there_before_the_end(alice: Caller, stored: str) -> None:
+    """404 as a problem while the fit runs."""
+    fit = alice.begin(stored, seed=SLOW)["id"]
+
+    answers = [alice.http.get(f"/fits/{fit}/{output}") for output in ("report", "posterior")]
+    alice.http.delete(f"/fits/{fit}")
+
+    assert [answer.status_code for answer in answers] == [404, 404]
+    assert {answer.json()["code"] for answer in answers} == {"not_ready"}
+
+
+@pytest.mark.parametrize(
+    ("seed", "attempt", "error"),
+    [
+        (BAD_INPUT, 1, {"code": "input", "row": 7, "column": "speed_rad_s", "file": "run.csv"}),
+        (NO_SOLUTION, 1, {"code": "computation", "detail": "no step made the error smaller"}),
+        (KILLED, 3, {"code": "crashed"}),
+    ],
+)
+def test_fit_that_cannot_be_made_says_why(
+    alice: Caller, stored: str, seed: int, attempt: int, error: dict[str, object]
+) -> None:
+    """Faults of the input are told at once; a crash is tried three times."""
+    fit = alice.wait(alice.begin(stored, seed=seed)["id"])
+
+    assert (fit["status"], fit["attempt"], fit["result"]) == ("failed", attempt, None)
+    assert error.items() <= {k: v for k, v in fit["error"].items() if v is not None}.items()
+    assert fit["error"]["detail"]
+
+
+def test_fit_that_crashed_once_succeeds_with_its_second_attempt(
+    alice: Caller, stored: str, server: Server
+) -> None:
+    """Nothing is left of the first attempt."""
+    fit = alice.wait(alice.begin(stored, seed=ONCE_KILLED)["id"])
+
+    assert (fit["status"], fit["attempt"]) == ("succeeded", 2)
+    assert [p.name for p in (server.data_dir / "fits" / fit["id"]).iterdir()] == ["2"]
+
+
+def test_cancelling_ends_the_process_and_its_family_within_a_second(
+    alice: Caller, stored: str, server: Server
+) -> None:
+    """The pretended fit wrote down its own process and the one it started."""
+    fit = alice.begin(stored, seed=FAMILY)["id"]
+    pids = server.data_dir / "fits" / fit / "1" / "pids"
+    deadline = time.monotonic() + 20
+    while not (pids.exists() and len(pids.read_text().split()) == 2):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    processes = [int(pid) for pid in pids.read_text().split()]
+    assert all(alive(pid) for pid in processes)
+
+    began = time.monotonic()
+    answer = alice.http.delete(f"/fits/{fit}")
+    while any(alive(pid) for pid in processes):
+        assert time.monotonic() - began < 1.0
+        time.sleep(0.01)
+
+    assert answer.status_code == 200
+    assert answer.json()["status"] == "cancelled"
+    assert alice.fit(fit)["status"] == "cancelled"
+
+
+def test_deleting_twice_cancels_and_then_removes(
+    alice: Caller, stored: str, server: Server
+) -> None:
+    """200 with the cancelled fit, 204, 404; nothing of it stays in the data directory."""
+    fit = alice.begin(stored, seed=SLOW)["id"]
+
+    statuses = [alice.http.delete(f"/fits/{fit}").status_code for _ in range(3)]
+
+    assert statuses == [200, 204, 404]
+    deadline = time.monotonic() + 5
+    while (server.data_dir / "fits" / fit).exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not list((server.data_dir / "fits").glob(f"{fit}/*"))
+
+
+def test_removed_fit_takes_its_outputs_with_it(alice: Caller, stored: str, server: Server) -> None:
+    """204, then 404 for the fit and its report, and no directory."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+
+    assert alice.http.delete(f"/fits/{fit}").status_code == 204
+    assert alice.http.get(f"/fits/{fit}").status_code == 404
+    assert alice.http.get(f"/fits/{fit}/report").status_code == 404
+    assert not (server.data_dir / "fits" / fit).exists()
+
+
+def test_events_tell_of_progress_and_end_with_the_fit(alice: Caller, stored: str) -> None:
+    """Versions and fractions only grow; the last event is named end; comments fill silences."""
+    fit = alice.begin(stored, seed=SLOW)["id"]
+
+    with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
+        heard = list(events(answer))
+
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    names = [name for name, _, _ in heard]
+    assert names[-1] == "end"
+    assert set(names[:-1]) == {"progress"}
+    versions = [version for _, version, _ in heard]
+    assert versions == sorted(versions)
+    fractions = [content["progress"]["fraction"] for _, _, content in heard]  # type: ignore[index]
+    assert fractions == sorted(fractions)
+    assert len(set(fractions)) >= 4
+    assert [content["status"] for _, _, content in heard][-2:] == ["succeeded", "succeeded"]
+
+
+def test_listener_that_comes_back_hears_only_what_is_new(alice: Caller, stored: str) -> None:
+    """An ended fit is told in full to a new listener, and answers 204 to one who heard the end."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+    with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
+        heard = list(events(answer))
+    version = heard[-1][1]
+
+    with alice.http.stream(
+        "GET", f"/fits/{fit}/events", headers={"Last-Event-ID": str(version - 1)}
+    ) as answer:
+        again = list(events(answer))
+    after = alice.http.get(f"/fits/{fit}/events", headers={"Last-Event-ID": str(version)})
+
+    assert [name for name, _, _ in heard] == ["progress", "end"]
+    assert again == heard
+    assert after.status_code == 204
+
+
+def test_events_keep_a_silent_stream_open(alice: Caller, stored: str) -> None:
+    """The test server comments after half a second of silence; the fit says nothing."""
+    fit = alice.begin(stored, seed=FAMILY)["id"]
+    with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
+        comment = next(line for line in answer.iter_lines() if line.startswith(":"))
+    alice.http.delete(f"/fits/{fit}")
+
+    assert comment == ": keep-alive"
+
+
+def test_same_idempotency_key_is_the_same_fit(alice: Caller, stored: str) -> None:
+    """Sent three times, the body's fields in another order: one fit."""
+    key = {"Idempotency-Key": str(uuid.uuid4())}
+    body = {"training": [stored], "options": {"seed": QUICK, "posterior": False}}
+    turned = {"options": {"posterior": False, "seed": QUICK}, "training": [stored]}
+
+    answers = [alice.http.post("/fits", json=b, headers=key) for b in (body, turned, body)]
+
+    assert {answer.status_code for answer in answers} == {202}
+    assert len({answer.json()["id"] for answer in answers}) == 1
+
+
+def test_idempotency_key_with_another_request_is_refused(alice: Caller, stored: str) -> None:
+    """422 and a code of its own; the first fit stays."""
+    key = {"Idempotency-Key": str(uuid.uuid4())}
+    first = alice.http.post("/fits", json={"training": [stored]}, headers=key)
+
+    other = {"training": [stored], "options": {"posterior": False}}
+    second = alice.http.post("/fits", json=other, headers=key)
+
+    assert (first.status_code, second.status_code) == (202, 422)
+    assert second.json()["code"] == "idempotency_key_reused"
+
+
+def test_idempotency_key_belongs_to_a_workspace(alice: Caller, bob: Caller, stored: str) -> None:
+    """The same word of another workspace is another fit."""
+    key = {"Idempotency-Key": str(uuid.uuid4())}
+    run = bob.upload(run_text(34))["id"]
+
+    ours = alice.http.post("/fits", json={"training": [stored]}, headers=key)
+    theirs = bob.http.post("/fits", json={"training": [run]}, headers=key)
+
+    assert (ours.status_code, theirs.status_code) == (202, 202)
+    assert ours.json()["id"] != theirs.json()["id"]
+
+
+def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
+    """One fit of a motor of its own: listed under it, without its result."""
+    motor = f"motor {uuid.uuid4()}"
+    body = {"training": [stored], "motor": motor}
+    fit = alice.wait(alice.http.post("/fits", json=body).json()["id"])
+
+    found = alice.http.get("/fits", params={"motor": motor, "status": "succeeded"}).json()
+    none = alice.http.get("/fits", params={"motor": motor, "status": "failed"}).json()
+
+    assert [entry["id"] for entry in found["items"]] == [fit["id"]]
+    assert "result" not in found["items"][0]
+    assert none == {"items": [], "next": None}
+
+
+def test_as_many_fits_run_at_once_as_there_are_workers(alice: Caller, stored: str) -> None:
+    """The test server has two workers: of four slow fits at most two run at any time."""
+    fits = [alice.begin(stored, seed=SLOW)["id"] for _ in range(4)]
+
+    deadline = time.monotonic() + 10
+    most = 0
+    while time.monotonic() < deadline and most < 2:
+        states = [alice.fit(fit)["status"] for fit in fits]
+        most = max(most, states.count("running"))
+        assert states.count("running") <= 2
+    for fit in fits:
+        alice.http.delete(f"/fits/{fit}")
+
+    assert most == 2
+
+
+def test_batch_is_a_fit_for_each_motor_and_one_failure_is_its_own(
+    alice: Caller, stored: str
+) -> None:
+    """Three motors, the second of which cannot be fitted: two results, status partial."""
+    motors = [
+        {"motor": "a", "training": [stored]},
+        {"motor": "b", "training": [stored], "options": {"seed": NO_SOLUTION}},
+        {"motor": "c", "training": [stored]},
+    ]
+    body = {"name": "refit", "motors": motors, "options": {"posterior": False}}
+    key = {"Idempotency-Key": str(uuid.uuid4())}
+
+    accepted = alice.http.post("/batches", json=body, headers=key)
+    again = alice.http.post("/batches", json=body, headers=key)
+    address = accepted.headers["location"].removeprefix("/api/v1")
+    deadline = time.monotonic() + 30
+    while (batch := alice.http.get(address).json())["status"] in ("queued", "running"):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+    assert accepted.status_code == 202
+    assert again.json()["id"] == accepted.json()["id"]
+    assert batch["status"] == "partial"
+    assert batch["counts"] == {"succeeded": 2, "failed": 1}
+    assert [(fit["motor"], fit["status"]) for fit in batch["fits"]] == [
+        ("a", "succeeded"),
+        ("b", "failed"),
+        ("c", "succeeded"),
+    ]
+    assert batch["fits"][1]["error"]["code"] == "computation"
+    first = alice.fit(batch["fits"][0]["fit"])
+    assert (first["batch"], first["options"]["posterior"]) == (batch["id"], False)
+    assert batch["id"] in [b["id"] for b in alice.http.get("/batches").json()["items"]]
+
+
+def test_batch_with_one_unknown_run_is_refused_whole(alice: Caller, stored: str) -> None:
+    """404, and no fit of the good motor appears."""
+    motor = f"motor {uuid.uuid4()}"
+    motors = [{"motor": motor, "training": [stored]}, {"training": ["run_" + "a" * 26]}]
+
+    answer = alice.http.post("/batches", json={"motors": motors})
+
+    assert answer.status_code == 404
+    assert alice.http.get("/fits", params={"motor": motor}).json()["items"] == []

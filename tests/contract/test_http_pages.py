@@ -1,0 +1,148 @@
+"""The pages: signing in, what is shown, and that nothing comes from elsewhere."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.pages.endpoints import STATIC_FILES
+from tests.app.service import Caller, Server, make_key, run_text
+
+HTML = {"Accept": "text/html"}
+
+
+@pytest.fixture
+def browser(server: Server) -> Iterator[httpx.Client]:
+    """A client that keeps cookies and has no key."""
+    with httpx.Client(base_url=server.url, headers=HTML) as client:
+        yield client
+
+
+@pytest.fixture
+def key(server: Server) -> str:
+    """A key of a workspace of the pages."""
+    return make_key(server.data_dir, "pages")
+
+
+def test_page_asks_for_a_key_and_lets_in_who_shows_one(browser: httpx.Client, key: str) -> None:
+    """Sent to sign in, signed in, shown the page, and out again."""
+    sent_away = browser.get("/")
+    wrong = browser.post("/login", data={"key": "motorid_wrong"})
+    right = browser.post("/login", data={"key": f" {key} "})
+    inside = browser.get("/")
+    called = browser.get("/api/v1/runs")
+    out = browser.post("/logout")
+    after = browser.get("/")
+
+    assert (sent_away.status_code, sent_away.headers["location"]) == (303, "/login")
+    assert wrong.status_code == 401
+    assert "The key is not valid" in wrong.text
+    assert (right.status_code, right.headers["location"]) == (303, "/")
+    cookie = right.headers["set-cookie"].lower()
+    assert {"httponly", "samesite=strict"} <= {part.strip() for part in cookie.split(";")}
+    assert key not in cookie
+    assert inside.status_code == 200
+    assert "Workspace pages" in inside.text
+    assert called.status_code == 200
+    assert out.status_code == 303
+    assert after.status_code == 303
+
+
+def test_cookie_of_a_page_opens_nothing_for_another_site(browser: httpx.Client, key: str) -> None:
+    """A form of another site carries the cookie of a careless browser, and its own origin."""
+    browser.post("/login", data={"key": key})
+
+    answer = browser.post(
+        "/api/v1/fits", json={"training": ["x"]}, headers={"Origin": "http://evil.example"}
+    )
+
+    assert answer.status_code == 403
+
+
+def test_signing_in_from_another_site_is_refused(browser: httpx.Client, key: str) -> None:
+    """Nobody is signed in to a stranger's workspace unawares."""
+    answer = browser.post("/login", data={"key": key}, headers={"Sec-Fetch-Site": "cross-site"})
+
+    assert answer.status_code == 403
+    assert "set-cookie" not in answer.headers
+
+
+def test_session_that_was_signed_out_is_over_for_good(browser: httpx.Client, key: str) -> None:
+    """The cookie of before is worth nothing."""
+    cookie = browser.post("/login", data={"key": key}).cookies["motorid_session"]
+    browser.post("/logout")
+
+    answer = browser.get("/api/v1/runs", headers={"Cookie": f"motorid_session={cookie}"})
+
+    assert answer.status_code == 401
+
+
+def test_names_that_callers_give_are_text_on_the_page(alice: Caller, server: Server) -> None:
+    """A motor and a file named like markup appear escaped, on the first page and on the fit's."""
+    evil = '"><script>alert(1)</script>'
+    run = alice.upload(run_text(50), evil, motor=evil)
+    answer = alice.http.post("/fits", json={"training": [run["id"]], "motor": evil})
+    fit = alice.wait(answer.json()["id"])
+
+    for path in ("/", f"/fits/{fit['id']}"):
+        page = httpx.get(server.url + path, headers=alice.http.headers)
+        assert page.status_code == 200
+        assert "<script>alert" not in page.text
+        assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page.text
+
+
+def test_fit_page_of_another_workspace_is_not_found(
+    alice: Caller, bob: Caller, server: Server, stored: str
+) -> None:
+    """404 as everywhere."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+
+    assert httpx.get(f"{server.url}/fits/{fit}", headers=bob.http.headers).status_code == 404
+
+
+def test_pages_ask_nobody_else_for_anything(alice: Caller, server: Server) -> None:
+    """Every address in a page or script is one of this service, and nothing is inline."""
+    for path in ("/", "/docs", "/login"):
+        page = httpx.get(server.url + path, headers=alice.http.headers).text
+        for address in re.findall(r'(?:src|href|action)="([^"]*)"', page):
+            assert address.startswith(("/", "#")), address
+            assert not address.startswith("//")
+        assert not re.search(r"<script(?![^>]*\bsrc=)", page)
+        assert not re.search(r"<[^>]*\s(?:style|on\w+)=", page)
+    for script in STATIC_FILES.glob("*.js"):
+        assert "http://" not in script.read_text(encoding="utf-8")
+        assert "https://" not in script.read_text(encoding="utf-8")
+
+
+def test_every_file_that_the_pages_name_is_there(alice: Caller, server: Server) -> None:
+    """Styles and scripts answer 200 without a key, with their type."""
+    kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+    for path in ("/", "/docs", "/login"):
+        page = httpx.get(server.url + path, headers=alice.http.headers).text
+        named = re.findall(r'(?:src|href)="(/static/[^"]*)"', page)
+        assert named
+        for address in named:
+            answer = httpx.get(server.url + address)
+            assert answer.status_code == 200, address
+            assert answer.headers["content-type"].startswith(kinds[Path(address).suffix])
+
+
+@pytest.mark.parametrize(
+    "path", ["/static/", "/static", "/static/../endpoints.py", "/static/%2e%2e/endpoints.py",
+             "/static/..%2f..%2fmain.py", "/static/.hidden", "/static//etc/passwd"]
+)  # fmt: skip
+def test_nothing_beside_the_files_of_the_pages_is_served(server: Server, path: str) -> None:
+    """Neither a directory nor what lies above it."""
+    assert httpx.get(server.url + path).status_code in (401, 404, 405)
+
+
+def test_vendored_files_carry_their_licence() -> None:
+    """The interface's page is shown by swagger-ui, under the Apache licence."""
+    folder = STATIC_FILES / "vendor" / "swagger-ui"
+
+    assert "Apache License" in (folder / "LICENSE").read_text(encoding="utf-8")
+    assert (folder / "NOTICE").is_file()

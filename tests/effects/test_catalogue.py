@@ -1,0 +1,170 @@
+"""The catalogue: what every effect promises, whoever wrote it."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import Candidate, Survey
+from identification.ingest.run import Run
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import records_of
+from identification.model.simulate import Simulator, initial_states
+
+CONTRACT = {
+    "coulomb_friction": ("mechanical", ("speed",)),
+    "stribeck_friction": ("mechanical", ("speed",)),
+    "quadratic_drag": ("mechanical", ("speed",)),
+    "viscous_temperature": ("mechanical", ("speed", "temperature")),
+    "load_torque": ("mechanical", ()),
+    "load_step": ("mechanical", ("time",)),
+    "cogging_torque": ("mechanical", ("position",)),
+    "inertia_change": ("mechanical", ("time",)),
+    "shaft_compliance": ("mechanical", ("speed",)),
+    "brush_drop": ("electrical", ("current",)),
+    "flux_saturation": ("electrical", ("current",)),
+    "inductance_saturation": ("electrical", ("current",)),
+    "self_heating": ("thermal", ("current",)),
+    "winding_lag": ("thermal", ("temperature",)),
+    "magnet_lag": ("thermal", ("temperature",)),
+    "resistance_curvature": ("thermal", ("temperature",)),
+    "demagnetization": ("thermal", ("temperature", "time")),
+    "current_offset": ("sensor", ()),
+    "voltage_offset": ("sensor", ()),
+    "speed_offset": ("sensor", ()),
+    "channel_delay": ("sensor", ("time",)),
+    "speed_filter": ("sensor", ("speed",)),
+    "current_filter": ("sensor", ("current",)),
+    "input_hold": ("sensor", ("voltage",)),
+}
+VALUES = np.array([0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3])
+
+
+def _records() -> list:
+    rng = np.random.default_rng(3)
+    runs = []
+    for k in range(2):
+        n = 400
+        voltage = np.repeat(rng.uniform(-20, 20, n // 20), 20)
+        time = np.arange(n) * 1e-3
+        current = np.sin(0.05 * np.arange(n)) * 5
+        speed = np.cos(0.02 * np.arange(n)) * 150
+        runs.append(Run(f"{k}.csv", "", time, voltage, current, speed, 25 + 20 * k + 30 * time))
+    return records_of(runs)
+
+
+def _survey() -> Survey:
+    return Survey(
+        records=tuple(_records()),
+        current=4.0,
+        speed=120.0,
+        voltage=12.0,
+        torque=0.28,
+        interval=1e-3,
+        duration=0.4,
+        current_noise=0.02,
+        speed_noise=0.5,
+        values=VALUES,
+        angle_logged=False,
+    )
+
+
+def _candidates(name: str) -> list[Candidate]:
+    return CATALOGUE[name].candidates(_survey())
+
+
+def test_the_catalogue_holds_exactly_the_effects_that_users_script_against() -> None:
+    """The names are those of the published interface."""
+    assert set(CATALOGUE) == set(CONTRACT)
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_each_effect_is_in_the_equation_and_has_the_drivers_that_are_published(name: str) -> None:
+    """Equation and drivers are those of the published table."""
+    kind = CATALOGUE[name]
+
+    assert kind.name == name
+    assert (kind.equation, kind.drivers) == CONTRACT[name]
+    assert kind.source
+    assert kind.__doc__
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
+    """A start outside the bounds would be moved by the fit before it began."""
+    candidates = _candidates(name)
+
+    assert candidates
+    for candidate in candidates:
+        for parameter, row in zip(candidate.term.parameters, candidate.starts, strict=True):
+            assert np.all(row >= parameter.lower) and np.all(row <= parameter.upper), parameter.name
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_each_prototype_changes_what_the_sensors_log(name: str) -> None:
+    """A prototype that changes nothing could never be found; simulated on two moving runs."""
+    records = _records()
+    base = Simulator.fitting(MotorModel(), records, VALUES)
+    states = [initial_states(MotorModel(), record) for record in records]
+    known = base.logged(VALUES[:, None], states)
+
+    for candidate in _candidates(name)[:1]:
+        model = MotorModel().adding(candidate.term)
+        count = max(candidate.starts.shape[1], 1)
+        values = np.concatenate(
+            [np.repeat(VALUES[:, None], count, axis=1), candidate.starts.reshape(-1, count)]
+        )
+        simulator = Simulator.fitting(model, records, values[:, 0])
+        logged = simulator.logged(values, [initial_states(model, record) for record in records])
+
+        for lane in range(count):
+            change = sum(
+                float(np.nanmax(np.abs(y[:, :, lane] - b[:, :, 0])))
+                for y, b in zip(logged, known, strict=True)
+            )
+            assert change > 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "coulomb_friction",
+        "quadratic_drag",
+        "load_torque",
+        "brush_drop",
+        "flux_saturation",
+        "inductance_saturation",
+        "resistance_curvature",
+        "viscous_temperature",
+        "demagnetization",
+        "current_offset",
+        "speed_offset",
+        "voltage_offset",
+        "inertia_change",
+    ],
+)
+def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: str) -> None:
+    """At zero amplitude the right-hand side is that of the declared model, by the definition."""
+    candidate = _candidates(name)[0]
+    model = MotorModel().adding(candidate.term)
+    x, u = ca.SX.sym("x", len(model.state_names)), ca.SX.sym("u", len(INPUTS))
+    p = ca.SX.sym("p", len(model.parameters))
+    both = ca.Function("both", [x, u, p], [model.rates(x, u, p), model.logged(x, u, p)])
+    d = ca.SX.sym("d", 7)
+    plain = ca.Function(
+        "plain", [x, u, d], [MotorModel().rates(x, u, d), MotorModel().logged(x, u, d)]
+    )
+    start = candidate.starts[:, 0].copy()
+    for row, parameter in enumerate(candidate.term.parameters):
+        if parameter.search == "linear":
+            start[row] = 0.0
+            break
+    inputs = [1e-3, 10.0, 12.0, 60.0, 61.0, 0.3, 0.4, 0.1, 0.0, 70.0]
+
+    found = both([2.0, 50.0], inputs, np.concatenate([VALUES, start]))
+
+    expected = plain([2.0, 50.0], inputs, VALUES)
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)

@@ -1,0 +1,39 @@
+"""The search: effects that are there are found, and where there is none, none is."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench import make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.search import Outcome, search
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+
+
+def _outcome(motor: str, effects: list[str], seed: int) -> Outcome:
+    measured = make_campaign(motor, effects, seed=seed, rows=1500, training=3, validation=1)
+    campaign = campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+    return search(fit_declared(campaign.training, "zoh"), campaign)
+
+
+@pytest.mark.parametrize("motor", ["servo_150w", "ferrite_fan_30w"])
+def test_a_motor_without_hidden_effects_comes_out_clean(motor: str) -> None:
+    """The bench simulator put none in."""
+    outcome = _outcome(motor, [], seed=11)
+
+    assert [effect.name for effect in outcome.effects] == []
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "current_offset", "flux_saturation"])
+def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: str) -> None:
+    """The bench simulator put exactly this one in; its own physics code knows nothing of ours."""
+    outcome = _outcome("servo_150w", [effect], seed=12)
+
+    assert [found.name for found in outcome.effects] == [effect]
+    assert outcome.effects[0].gates.passed
+    assert outcome.effects[0].gates.validation is not None
+    assert outcome.effects[0].gates.validation > 0.05

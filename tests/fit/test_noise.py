@@ -1,0 +1,156 @@
+"""The noise model: white noise stays white, colour is whitened, heavy tails are weighted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from identification.fit.declared import fit_declared
+from identification.fit.noise import autoregression, effective_shares, with_noise_model
+from identification.fit.solve import Fit
+from identification.ingest.run import Run
+from identification.model.excitation import records_of
+from tests.motors import campaign, motor_named, noiseless
+
+Array = NDArray[np.float64]
+
+SERVO = motor_named("servo 100 W")
+
+
+def coloured(seed: int, size: Array, pole: float) -> list[Run]:
+    """Runs whose noise is autoregressive of order one with innovations of `size`."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for run in noiseless(SERVO, seed=seed, rows=1000):
+        noise = lfilter([1.0], [1.0, -pole], rng.standard_normal((run.rows, 2)), axis=0)
+        current, speed = run.current + size[0] * noise[:, 0], run.speed + size[1] * noise[:, 1]
+        made.append(replace(run, current=current, speed=speed))
+    return made
+
+
+def spiky(seed: int, size: Array, freedom: float) -> list[Run]:
+    """Runs whose noise follows a Student-t law of that scale."""
+    rng = np.random.default_rng(seed)
+    return [
+        replace(
+            run,
+            current=run.current + size[0] * rng.standard_t(freedom, run.rows),
+            speed=run.speed + size[1] * rng.standard_t(freedom, run.rows),
+        )
+        for run in noiseless(SERVO, seed=seed, rows=1000)
+    ]
+
+
+def deviations(fit: Fit, share: float = 1.0) -> Array:
+    """(7,) distance from the truth in standard deviations of the fit."""
+    sd = np.sqrt(np.diag(fit.equations.covariance()) / share)
+    return np.asarray((fit.position - fit.coordinates.of(SERVO.vector)) / sd)
+
+
+def test_white_noise_is_left_alone() -> None:
+    """White normal noise asks for no other noise model: the very same fit comes back."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+
+    assert with_noise_model(fit) is fit
+    np.testing.assert_allclose(effective_shares(fit), 1.0, atol=0.1)
+
+
+def test_coloured_noise_is_whitened_by_the_filter_that_made_it() -> None:
+    """The noise was made with a pole at 0.9: the filter that whitens it is 1 - 0.9 z^-1."""
+    fit = fit_declared(records_of(coloured(2, np.array([0.05, 0.5]), 0.9)), "zoh")
+
+    changed = with_noise_model(fit)
+
+    for taps in changed.weighting.whitening:
+        assert taps[0] == 1.0
+        assert taps[1] == pytest.approx(-0.9, abs=0.06)
+    np.testing.assert_allclose(changed.weighting.deviation, [0.05, 0.5], rtol=0.08)
+
+
+@pytest.mark.parametrize("pole", [0.5, 0.97])
+def test_under_coloured_noise_the_uncertainty_is_believable(pole: float) -> None:
+    """Mean square deviate: about 1 with noise model and shares; above 2 without, the control."""
+    before, after = [], []
+    for seed in range(4):
+        fit = fit_declared(records_of(coloured(12 + seed, np.array([0.05, 0.5]), pole)), "zoh")
+        modelled = with_noise_model(fit)
+        before.append(np.mean(deviations(fit) ** 2))
+        after.append(np.mean(deviations(modelled, float(effective_shares(modelled)[0])) ** 2))
+
+    # 28 squares of mean 1 have a mean of 1 within 0.27.
+    assert 0.3 < np.mean(after) < 1.8
+    assert np.mean(before) > 2.0
+
+
+def test_correlated_residuals_count_for_fewer_samples() -> None:
+    """A pole at 0.9 makes slow directions (1 + 0.9) / (1 - 0.9) = 19 times less certain."""
+    fit = fit_declared(records_of(coloured(2, np.array([0.05, 0.5]), 0.9)), "zoh")
+
+    shares = effective_shares(fit)
+
+    assert np.all(shares < 0.3)
+    assert np.all(shares > 1.0 / 19.0)
+    assert np.abs(deviations(fit, shares[0])).max() < 4.0
+
+
+def test_heavy_tails_are_weighted_and_not_cut() -> None:
+    """Expected is a fit that is closer to the truth's certainty, with every sample in it."""
+    fit = fit_declared(records_of(spiky(3, np.array([0.1, 1.5]), 3.0)), "zoh")
+
+    changed = with_noise_model(fit)
+
+    assert changed.weighting.robust is not None
+    assert all(np.all(weight > 0.0) for weight in changed.weighting.robust)
+    assert np.all(changed.equations.covariance().diagonal() < fit.equations.covariance().diagonal())
+    assert np.abs(deviations(changed)).max() < 4.0
+
+
+def test_one_spike_does_not_move_a_robust_fit() -> None:
+    """A sample a thousand deviations out, in noise with heavy tails: the truth stays within 4."""
+    runs = spiky(4, np.array([0.1, 1.5]), 3.0)
+    speed = runs[0].speed.copy()
+    speed[500] += 1500.0
+    spoiled = [replace(runs[0], speed=speed), *runs[1:]]
+
+    changed = with_noise_model(fit_declared(records_of(spoiled), "zoh"))
+
+    assert np.abs(deviations(changed)).max() < 4.0
+
+
+def test_clipped_samples_do_not_pull_the_fit() -> None:
+    """The truth is found with the mask, and missed without it: the negative control."""
+    runs = campaign(SERVO, seed=5, noise=0.01)
+    limit = 0.7 * float(np.max([np.abs(run.current).max() for run in runs]))
+    cut, masked = [], []
+    for run in runs:
+        over = np.abs(run.current) >= limit
+        clipped = replace(run, current=np.clip(run.current, -limit, limit))
+        cut.append(clipped)
+        masked.append(replace(clipped, clipped={"current_A": over}))
+
+    with_mask = fit_declared(records_of(masked), "zoh")
+    without = fit_declared(records_of(cut), "zoh")
+
+    assert np.abs(deviations(with_mask)).max() < 4.0
+    assert np.abs(deviations(without)).max() > 10.0
+
+
+@pytest.mark.parametrize("taps", [[], [0.8], [1.2, -0.5]])
+def test_the_order_and_taps_of_an_autoregression_are_found(taps: list[float]) -> None:
+    """20,000 samples of a known process: taps are known to 1 percent, and none are added."""
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal((2, 10_000))
+    series = lfilter([1.0], np.concatenate([[1.0], -np.array(taps)]), noise, axis=1)
+
+    found = autoregression(list(series))
+
+    np.testing.assert_allclose(found, np.concatenate([[1.0], -np.array(taps)]), atol=0.04)
+
+
+def test_a_series_of_nothing_needs_no_filter() -> None:
+    """Residuals that are zero have no correlation to model."""
+    np.testing.assert_array_equal(autoregression([np.zeros(500)]), [1.0])
