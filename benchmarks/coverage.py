@@ -19,6 +19,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from identification import FitOptions, Run, identify
 
 __all__ = ["Outcome", "main", "outcome_of", "run_of"]
 
-KINDS = ("white", "coloured", "spiky")
+KINDS: tuple[Literal["white", "coloured", "spiky"], ...] = ("white", "coloured", "spiky")
 
 
 @dataclass(frozen=True)
@@ -130,8 +131,11 @@ def _table(outcomes: Sequence[Outcome]) -> list[str]:
         f"(one parameter alone: 90 ± {spread:.1f} %) "
         f"| {max(abs(v) for o in outcomes for v in o.deviations.values()):.2f} |"
     )
-    lines += ["", "| noise | campaigns | holds | validation noise ratio: median, largest |",
-              "|---|---|---|---|"]
+    lines += [
+        "",
+        "| noise | campaigns | holds | validation noise ratio: median, largest |",
+        "|---|---|---|---|",
+    ]
     for kind in dict.fromkeys(o.kind for o in outcomes):
         some = [o for o in outcomes if o.kind == kind]
         held = [value for o in some for value in o.inside.values()]
@@ -155,8 +159,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for k in range(chosen.campaigns):
         seed = chosen.first + k
         kind, hold = KINDS[k % 3], ("zoh", "foh")[(k // 3) % 2]
-        campaign = make_campaign(seed, seed=seed, rows=chosen.rows, noise=Noise(kind=kind),
-                                 hold=hold)
+        campaign = make_campaign(
+            seed, seed=seed, rows=chosen.rows, noise=Noise(kind=kind), hold=hold
+        )
         outcome = outcome_of(campaign, kind, hold, seed)
         outcomes.append(outcome)
         worst = max(outcome.deviations, key=lambda n: abs(outcome.deviations[n]), default="")

@@ -10,7 +10,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, Survey
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.excitation import records_of
+from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
 
 CONTRACT = {
@@ -42,13 +42,13 @@ CONTRACT = {
 VALUES = np.array([0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3])
 
 
-def _records() -> list:
+def _records() -> list[Record]:
     rng = np.random.default_rng(3)
     runs = []
     for k in range(2):
         n = 400
         voltage = np.repeat(rng.uniform(-20, 20, n // 20), 20)
-        time = np.arange(n) * 1e-3
+        time = np.arange(n, dtype=np.float64) * 1e-3
         current = np.sin(0.05 * np.arange(n)) * 5
         speed = np.cos(0.02 * np.arange(n)) * 150
         runs.append(Run(f"{k}.csv", "", time, voltage, current, speed, 25 + 20 * k + 30 * time))
@@ -72,7 +72,8 @@ def _survey() -> Survey:
 
 
 def _candidates(name: str) -> list[Candidate]:
-    return CATALOGUE[name].candidates(_survey())
+    candidates: list[Candidate] = CATALOGUE[name].candidates(_survey())
+    return candidates
 
 
 def test_the_catalogue_holds_exactly_the_effects_that_users_script_against() -> None:
@@ -99,7 +100,8 @@ def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
     assert candidates
     for candidate in candidates:
         for parameter, row in zip(candidate.term.parameters, candidate.starts, strict=True):
-            assert np.all(row >= parameter.lower) and np.all(row <= parameter.upper), parameter.name
+            assert np.all(row >= parameter.lower), parameter.name
+            assert np.all(row <= parameter.upper), parameter.name
 
 
 @pytest.mark.parametrize("name", CONTRACT)
