@@ -109,7 +109,9 @@ class Coordinates:
         deviation = (coordinates - self._shaped(self.prior_mean, coordinates)) / self._shaped(
             self.prior_sd, coordinates
         )
-        return np.where(inside, -0.5 * np.sum(deviation**2, axis=0), -np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            density = -0.5 * np.sum(deviation**2, axis=0)
+        return np.where(inside, density, -np.inf)
 
     @staticmethod
     def _shaped(vector: NDArray[Any], like: Array) -> NDArray[Any]:
