@@ -36,6 +36,8 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of the whole job that is done."""
 
 _LEAST_ROWS = 50
+_SEARCH_SECONDS = 75.0
+"""Time after which the search for effects begins nothing new; a result says so."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ def identify(
     outcome: Outcome | None = None
     if options.effects:
         tell("effects", 0.15)
-        outcome = search(declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done))
+        outcome = search(
+            declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done), _SEARCH_SECONDS
+        )
     tell("fit", 0.5)
     final = with_noise_model(outcome.fit if outcome else declared)
     shares = effective_shares(final)

@@ -25,14 +25,16 @@ _STEPS: Final = 20
 _TOLERATED: Final = 0.05
 
 
-def refitted_with(fit: Fit, term: AbstractTerm, start: Array, hopeless: float = np.inf) -> Fit:
+def refitted_with(
+    fit: Fit, term: AbstractTerm, start: Array, patience: Patience | None = None
+) -> Fit:
     """The fit of the model with `term` added, from where `fit` ended.
 
     Args:
         fit: Fit of the current model.
         term: What is added.
         start: (n_parameter,) physical values of the term's parameters.
-        hopeless: Cost of a rival; the fit is given up where it is not going to come near it.
+        patience: When to give up.
     """
     return _refitted(
         fit,
@@ -44,16 +46,17 @@ def refitted_with(fit: Fit, term: AbstractTerm, start: Array, hopeless: float = 
                 strict=True,
             )
         ),
-        hopeless,
+        patience or Patience(_STEPS),
     )
 
 
-def refitted_without(fit: Fit, name: str) -> Fit:
+def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
     """The fit of the model without the term of that name, from where `fit` ended."""
-    return _refitted(fit, fit.simulator.model.without(name), {}, np.inf)
+    model = fit.simulator.model.without(name)
+    return _refitted(fit, model, {}, patience or Patience(_STEPS))
 
 
-def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], hopeless: float) -> Fit:
+def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], patience: Patience) -> Fit:
     known = {p.name: p for p in fit.coordinates.parameters}
     parameters = [known.get(p.name, p) for p in model.parameters]
     here = dict(zip(fit.coordinates.names, fit.values, strict=True)) | added
@@ -72,8 +75,9 @@ def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], hopeless: fl
             coordinates.of(values),
             states,
             plain,
-            Patience(_STEPS, hopeless),
-        )
+            patience,
+        ),
+        patience,
     )
 
 
@@ -89,14 +93,15 @@ def _states(fit: Fit, model: MotorModel, k: int) -> Array:
     return np.array([fresh[name] for name in model.state_names])
 
 
-def refined(fit: Fit) -> Fit:
+def refined(fit: Fit, patience: Patience | None = None) -> Fit:
     """The fit with sample intervals divided until their error is far below the noise.
 
     The step is of second order in nonlinear terms.  What half the interval would change is
     measured on the fitted model itself; where it exceeds a twentieth of the residual, the
     intervals are halved and the fit is repeated.
     """
-    while fit.simulator.plan.parts < _MOST_PARTS:
+    patience = patience or Patience(_STEPS)
+    while fit.simulator.plan.parts < _MOST_PARTS and not patience.over:
         simulator = Simulator.fitting(
             fit.simulator.model, fit.simulator.records, fit.values, 2 * fit.simulator.plan.parts
         )
@@ -113,5 +118,5 @@ def refined(fit: Fit) -> Fit:
         change = np.sqrt(squares / np.maximum(fit.weighting.counts, 1.0))
         if np.all(change < _TOLERATED * fit.weighting.deviation):
             return fit
-        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting)
+        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
     return fit

@@ -11,6 +11,7 @@ serve as well are kept as alternatives with their probabilities.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -25,13 +26,14 @@ from identification.effects.refit import refined, refitted_with, refitted_withou
 from identification.effects.screen import Score, screened
 from identification.fit.campaign import Campaign
 from identification.fit.noise import effective_shares
-from identification.fit.solve import Fit
+from identification.fit.solve import Fit, Patience
 
 __all__ = ["Alternative", "Found", "Outcome", "Searched", "search"]
 
 Array = NDArray[np.float64]
 
 _REFITTED: Final = 7
+_STEPS: Final = 20
 _MOST_EFFECTS: Final = 4
 _WORTH: Final = 2.0
 _KEPT: Final = 0.005
@@ -98,6 +100,16 @@ class _State:
     current: Judged
     searched: list[Searched] = field(default_factory=list)
     tried: int = 1
+    until: float = np.inf
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return time.monotonic() > self.until
+
+    def patience(self, hopeless: float = np.inf) -> Patience:
+        """What a refit may take."""
+        return Patience(_STEPS, hopeless, self.until)
 
 
 @dataclass(frozen=True)
@@ -108,15 +120,20 @@ class Outcome:
         fit: Fit of the final model.
         effects: Its effects, strongest evidence first.
         searched: Everything that was looked at.
+        complete: Whether it ended by itself and not because its time was up.
     """
 
     fit: Fit
     effects: tuple[Found, ...]
     searched: tuple[Searched, ...]
+    complete: bool = True
 
 
 def search(
-    declared: Fit, campaign: Campaign, progress: Callable[[float], None] | None = None
+    declared: Fit,
+    campaign: Campaign,
+    progress: Callable[[float], None] | None = None,
+    seconds: float = np.inf,
 ) -> Outcome:
     """Search the catalogue for what the declared model lacks.
 
@@ -124,19 +141,21 @@ def search(
         declared: Fit of the declared model.
         campaign: Records of training and of runs left out.
         progress: Told the fraction done.
+        seconds: Time after which nothing new is begun; what passed until then stands [s].
     """
     tell = progress or (lambda fraction: None)
-    state = _State(campaign, _judged(declared, campaign))
+    state = _State(campaign, _judged(declared, campaign), until=time.monotonic() + seconds)
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 1))
-        if not _forward(state, round_):
+        if state.over or not _forward(state, round_):
             break
         if round_ > 1:
             _backward(state)
             _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 1))
+    complete = not state.over
     effects = _explained(state)
-    return Outcome(state.current.fit, tuple(effects), tuple(state.searched))
+    return Outcome(state.current.fit, tuple(effects), tuple(state.searched), complete)
 
 
 def _judged(fit: Fit, campaign: Campaign) -> Judged:
@@ -185,11 +204,11 @@ def _forward(state: _State, round_: int) -> bool:
     state.tried = sum(max(c.starts.shape[1] // c.joint, 1) for c in candidates)
     needed = _worth_a_refit(current, state.tried)
     promising = [s for s in _promising(scores, _REFITTED) if current.share * s.gain > needed]
-    trials = list(zip(promising, _refitted(current.fit, promising), strict=True))
+    trials = list(zip(promising, _refitted(state, promising), strict=True))
     trials.sort(key=lambda trial: trial[1].cost)
     # Only those in reach of the leader are worth the finer steps that a nonlinear term needs.
     reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost) if trials else 0.0
-    near = [(s, refined(f)) for s, f in trials if f.cost <= reach]
+    near = [(s, refined(f, state.patience())) for s, f in trials if f.cost <= reach]
     near.sort(key=lambda trial: trial[1].cost)
     outcomes = [(s, _judged(f, state.campaign)) for s, f in near]
     outcomes += [(s, judged(f, state.campaign, current.share)) for s, f in trials[len(near) :]]
@@ -232,13 +251,15 @@ def _worth_a_refit(current: Judged, tried: int) -> float:
     return float(max(chance / 2, size / _UNDERSTATED))
 
 
-def _refitted(fit: Fit, scores: Sequence[Score]) -> list[Fit]:
+def _refitted(state: _State, scores: Sequence[Score]) -> list[Fit]:
     """Refits of prototypes; those that fall far behind the best so far are cut short."""
+    fit = state.current.fit
     fits: list[Fit] = []
     best = fit.cost
     for score in scores:
         slack = max(_SLACK, _REACH * (fit.cost - best))
-        fits.append(refitted_with(fit, score.candidate.final, score.start, best + slack))
+        patience = state.patience(best + slack)
+        fits.append(refitted_with(fit, score.candidate.final, score.start, patience))
         best = min(best, fits[-1].cost)
     return fits
 
@@ -246,9 +267,11 @@ def _refitted(fit: Fit, scores: Sequence[Score]) -> list[Fit]:
 def _backward(state: _State) -> None:
     """Take effects away that do not pass any more beside the others."""
     for term in state.current.fit.simulator.model.terms:
-        if len(state.current.fit.simulator.model.terms) < 2:
+        if len(state.current.fit.simulator.model.terms) < 2 or state.over:
             return
-        simpler = _judged(refitted_without(state.current.fit, term.name), state.campaign)
+        simpler = _judged(
+            refitted_without(state.current.fit, term.name, state.patience()), state.campaign
+        )
         if not state.current.gates(simpler, state.tried).passed:
             state.current = simpler
 
@@ -256,11 +279,13 @@ def _backward(state: _State) -> None:
 def _exchange(state: _State) -> None:
     """Replace effects for which another kind serves better beside the others."""
     for term in state.current.fit.simulator.model.terms:
+        if state.over:
+            return
         rivals = _rivals(state, term.name, 3)
         if not rivals:
             continue
         best = min(rivals, key=lambda rival: rival.score())
-        finer = _judged(refined(best.fit), state.campaign)
+        finer = _judged(refined(best.fit, state.patience()), state.campaign)
         if finer.score() < state.current.score():
             state.current = finer
 
@@ -268,11 +293,11 @@ def _exchange(state: _State) -> None:
 def _rivals(state: _State, name: str, count: int) -> list[Judged]:
     """Models in which another kind stands in the place of an effect."""
     current = state.current
-    simpler = refitted_without(current.fit, name)
+    simpler = refitted_without(current.fit, name, state.patience())
     scores = screened(simpler, _candidates(simpler, without=(name,)))
     hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.cost - current.fit.cost))
     fits = [
-        refitted_with(simpler, score.candidate.final, score.start, hopeless)
+        refitted_with(simpler, score.candidate.final, score.start, state.patience(hopeless))
         for score in _promising(scores, count)
     ]
     return [judged(fit, state.campaign, current.share) for fit in fits if fit.cost <= hopeless]
@@ -285,7 +310,8 @@ def _explained(state: _State) -> list[Found]:
     for term in current.fit.simulator.model.terms:
         simpler = judged(refitted_without(current.fit, term.name), state.campaign, current.share)
         gates = current.gates(simpler, state.tried)
-        rivals = [r for r in _rivals(state, term.name, 4) if r.gates(simpler, state.tried).passed]
+        looked = [] if state.over else _rivals(state, term.name, 4)
+        rivals = [r for r in looked if r.gates(simpler, state.tried).passed]
         odds = probabilities([current.score(), *(r.score() for r in rivals)])
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
-from identification.fit.solve import Fit, solve
+from identification.fit.solve import Fit, Patience, solve
 from identification.fit.start import starting_values
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record
@@ -28,6 +28,8 @@ __all__ = ["fit_declared", "replanned", "settled"]
 Array = NDArray[np.float64]
 
 _STARTS: Final = 3
+_LEG: Final = 5
+_LEGS: Final = 11
 _LEAST_INDUCTANCE: Final = 2e-3
 
 
@@ -49,7 +51,7 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             break
         simulator = Simulator.fitting(model, records, values)
         coordinates = _bounded(simulator, records, values)
-        fit = replanned(solve(simulator, coordinates, coordinates.of(values)))
+        fit = _followed(simulator, coordinates, coordinates.of(values))
         if best is None or fit.cost < best.cost:
             best = fit
     if best is None or not np.isfinite(best.cost):
@@ -58,6 +60,26 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             "expected finite currents and speeds: check units and the sign of each channel"
         )
     return settled(best)
+
+
+def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -> Fit:
+    """A fit in legs of a few steps, each with a step plan that suits where it begins.
+
+    Far from its start the inductance may be so much smaller that the series of the plan does not
+    hold any more; there it builds a wall that the fit would creep along to its last step.
+    """
+    fit = solve(simulator, coordinates, position, patience=Patience(steps=_LEG))
+    for _ in range(_LEGS):
+        if fit.converged:
+            break
+        model, records, plan = fit.simulator.model, fit.simulator.records, fit.simulator.plan
+        simulator = fit.simulator
+        if not plan.suits(Simulator.rate(model, records, fit.values)):
+            simulator = Simulator.fitting(model, records, fit.values, plan.parts)
+        fit = solve(
+            simulator, coordinates, fit.position, fit.states, fit.weighting, Patience(steps=_LEG)
+        )
+    return replanned(fit)
 
 
 def settled(fit: Fit) -> Fit:
@@ -69,16 +91,17 @@ def settled(fit: Fit) -> Fit:
     return solve(fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting)
 
 
-def replanned(fit: Fit) -> Fit:
+def replanned(fit: Fit, patience: Patience | None = None) -> Fit:
     """The fit with a step plan that suits where it ended; unchanged if the plan did already."""
+    patience = patience or Patience()
     for _ in range(3):
         simulator = fit.simulator
         model, records, plan = simulator.model, simulator.records, simulator.plan
         rate = Simulator.rate(model, records, fit.values)
-        if plan.suits(rate):
+        if plan.suits(rate) or patience.over:
             return fit
         simulator = Simulator.fitting(model, records, fit.values, plan.parts)
-        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting)
+        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
     return fit
 
 

@@ -14,6 +14,7 @@ acceleration), which turns hundreds of short steps into a few.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -45,10 +46,17 @@ class Patience:
     Args:
         steps: Steps after which to stop in any case.
         hopeless: Cost of a rival; the fit stops where it is not going to come near it.
+        until: Moment of the monotonic clock at which to stop [s].
     """
 
     steps: int = 60
     hopeless: float = np.inf
+    until: float = np.inf
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return time.monotonic() > self.until
 
 
 @dataclass(frozen=True)
@@ -124,6 +132,8 @@ def solve(
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
     patience = patience or Patience()
     for number in range(patience.steps):
+        if patience.over:
+            break
         if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
             break
         trial = _ladder(equations, coordinates, at, x0)

@@ -122,12 +122,14 @@ def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]
         return np.asarray(signal.lfilter(rate, poles, x - x[0]))
 
     one = np.ones_like(current)
+    # Samples closer together than the low-pass tells apart say the same thing.
     skip = min(int(6.0 / (cutoff * interval)), record.rows // 2)
+    kept = slice(skip, None, max(1, int(0.3 / (cutoff * interval))))
     i, w, ti = low(current), low(speed), low(heat * current)
     v, tw = low(record.column("voltage")), low(heat * speed)
-    electrical = np.column_stack([v, i, ti, w, tw, slope(current)])[skip:]
+    electrical = np.column_stack([v, i, ti, w, tw, slope(current)])[kept]
     dry = low(np.sign(np.where(np.abs(w) > 1e-9 * (np.abs(w).max() + 1e-300), w, 0.0)))
-    mechanical = np.column_stack([i, ti, slope(speed), w, one, dry])[skip:]
+    mechanical = np.column_stack([i, ti, slope(speed), w, one, dry])[kept]
     return electrical, mechanical
 
 

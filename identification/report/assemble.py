@@ -238,6 +238,11 @@ def _warnings(findings: Findings) -> list[str]:
             "the fit stopped before it converged; its values are the best found, and its intervals "
             "may be too narrow"
         )
+    if findings.outcome is not None and not findings.outcome.complete:
+        messages.append(
+            "the search for effects ran out of time; there may be effects that it did not reach, "
+            "and alternatives to those it names"
+        )
     sample = findings.sample
     if sample is not None and not sample.convergence.reached:
         messages.append(
