@@ -1,6 +1,6 @@
 """Limits that a process puts on itself before it touches what a stranger sent.
 
-Used by the processes that read uploads and by those that compute fits; nothing here can be undone
+Used by the processes that read uploads and those that compute fits; nothing here can be undone
 by the process that called it.
 """
 
@@ -74,12 +74,14 @@ def prefer_as_victim() -> None:
         return
 
 
-def child_environment(temporary: Path, threads: int) -> dict[str, str]:
-    """Environment of a process that computes: this one's without secrets, and few threads.
+def child_environment(temporary: Path) -> dict[str, str]:
+    """Environment of a process that forks others: this one's without secrets, and one thread.
+
+    Numerical libraries start their threads when they are loaded, and a process with threads cannot
+    be forked soundly.
 
     Args:
         temporary: Where it may put temporary files.
-        threads: Most threads of the numerical libraries.
     """
     root = str(Path(__file__).parents[1])
     kept = {name: value for name, value in os.environ.items() if name not in _SECRETS}
@@ -87,8 +89,5 @@ def child_environment(temporary: Path, threads: int) -> dict[str, str]:
     return kept | {
         "PYTHONPATH": os.pathsep.join(paths),
         "TMPDIR": str(temporary),
-        **{
-            f"{library}_NUM_THREADS": str(threads)
-            for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")
-        },
+        **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")},
     }

@@ -18,6 +18,7 @@ from app.fits.service import FitService
 from app.fits.supervisor import Supervisor
 from app.health.service import HealthService
 from app.metrics import Metrics
+from app.nursery.client import Nursery
 from app.runs import repository as runs
 from app.runs.reading import RunReader
 from app.runs.service import RunService
@@ -41,7 +42,7 @@ class Services:
         fits: Calls about fits.
         batches: Calls about batches.
         health: Calls about health.
-        reader: The process that reads uploads.
+        nurseries: Processes that fork those that read uploads and those that compute fits.
         supervisor: The thread that has fits computed.
         reading: Bounds how many uploads are read at once.
         stopping: Set when the service wants to stop.
@@ -56,7 +57,7 @@ class Services:
     fits: FitService
     batches: BatchService
     health: HealthService
-    reader: RunReader
+    nurseries: tuple[Nursery, ...]
     supervisor: Supervisor
     reading: CapacityLimiter
     stopping: threading.Event = field(default_factory=threading.Event)
@@ -67,13 +68,12 @@ class Services:
         database = Database(settings.sqlalchemy_url)
         storage = Storage(settings.data_dir, settings.node)
         metrics = Metrics()
-        reader = RunReader(
-            Limits(settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s),
-            settings.max_rows,
-            storage.incoming,
-        )
-        engine = LocalEngine(threads=1 if settings.workers > 1 else 2)
-        supervisor = Supervisor(database, storage, engine, settings, metrics)
+        pipeline = settings.pipeline.partition(":")[0]
+        readers = Nursery("app.runs.parser", temporary=storage.incoming)
+        workers = Nursery("app.fits.worker", pipeline, temporary=storage.incoming)
+        limits = Limits(settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s)
+        reader = RunReader(readers, limits, settings.max_rows)
+        supervisor = Supervisor(database, storage, LocalEngine(workers), settings, metrics)
         return cls(
             settings=settings,
             database=database,
@@ -84,7 +84,7 @@ class Services:
             fits=FitService(database, storage, supervisor),
             batches=BatchService(database, supervisor),
             health=HealthService(database, storage, supervisor, metrics),
-            reader=reader,
+            nurseries=(readers, workers),
             supervisor=supervisor,
             reading=CapacityLimiter(settings.readers),
         )
@@ -100,13 +100,15 @@ class Services:
         self.database.migrate()
         with self.database.reading() as session:
             self.storage.sweep(runs.all_ids(session), fits.all_ids(session))
-        self.reader.start()
+        for nursery in self.nurseries:
+            nursery.start()
         self.supervisor.start()
 
     def stop(self) -> None:
         """Stop working; fits that run wait for the next start."""
         self.stopping.set()
         self.supervisor.stop()
-        self.reader.stop()
+        for nursery in self.nurseries:
+            nursery.stop()
         self.database.close()
         self.storage.unlock()

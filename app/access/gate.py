@@ -111,10 +111,13 @@ def _refuse_other_sites(method: str, headers: Headers) -> None:
         return
     site = headers.get("sec-fetch-site")
     origin = headers.get("origin")
-    foreign = site is not None and site not in ("same-origin", "none")
-    if origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower():
-        foreign = True
-    if foreign:
+    if site is not None:
+        # Said by all browsers of today; the origin may be withheld even from one's own site.
+        is_foreign = site not in ("same-origin", "none")
+    else:
+        own = headers.get("host", "").lower()
+        is_foreign = origin is not None and urlsplit(origin).netloc.lower() != own
+    if is_foreign:
         raise CrossSite("a page of another site sent this request; use the page of this service")
 
 

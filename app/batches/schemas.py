@@ -8,8 +8,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.batches.service import Batch
+from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
-from app.fits.service import FitRequest
 from app.runs.schemas import moment
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchSummary"]

@@ -16,7 +16,7 @@ from app.batches import repository
 from app.database import Database
 from app.errors import KeyReused, NotFound
 from app.fits import repository as fits
-from app.fits.service import FitRequest, check_runs, checked_key, new_row, request_hash
+from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id, new_id
 from app.paging import cursor_of, position_of

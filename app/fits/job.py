@@ -1,21 +1,22 @@
-"""What a computing process is told: one attempt at one fit, as a file of JSON.
+"""What a computing process is told: one attempt at one fit.
 
-A process that computes knows no database, no keys and no settings; it reads this, writes into one
+A process that computes knows no database, no keys and no settings; it gets this, writes into one
 directory and reports over a pipe.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import json
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Self
 
-__all__ = ["OUTPUTS", "Job", "RunFile"]
+__all__ = ["LOG", "OUTPUTS", "Job", "RunFile"]
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Files that a fit may leave; the last only where the posterior was sampled."""
+
+LOG = "worker.log"
+"""File that holds what a process printed."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +56,11 @@ class Job:
     options: dict[str, Any]
     pipeline: str
 
-    def save(self, path: Path) -> None:
-        """Write the job to a file."""
-        path.write_text(json.dumps(dataclasses.asdict(self)), encoding="utf-8")
-
     @classmethod
-    def load(cls, path: Path) -> Self:
-        """The job in a file."""
-        fields = json.loads(path.read_text(encoding="utf-8"))
-        for role in ("training", "validation"):
-            fields[role] = tuple(RunFile(**run) for run in fields[role])
-        return cls(**fields)
+    def of(cls, fields: Mapping[str, Any]) -> Self:
+        """A job from its fields as JSON has them."""
+        runs = {
+            role: tuple(RunFile(**run) for run in fields[role])
+            for role in ("training", "validation")
+        }
+        return cls(**{**fields, **runs})

@@ -175,12 +175,12 @@ def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: fl
     )
 
 
-def held(session: Session, owner: str) -> set[tuple[str, int]]:
-    """Fits and attempts that run under an owner."""
-    query = select(FitRow.id, FitRow.attempt).where(
+def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
+    """Fits and attempts that run under an owner, and how many attempts failed before."""
+    query = select(FitRow.id, FitRow.attempt, FitRow.failures).where(
         FitRow.status == "running", FitRow.owner == owner
     )
-    return {(fit_id, attempt) for fit_id, attempt in session.execute(query)}
+    return {(fit_id, attempt): failures for fit_id, attempt, failures in session.execute(query)}
 
 
 def renew(

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from app.fits.service import Fit, FitRequest
+from app.fits.request import FitRequest
+from app.fits.service import Fit
 from app.runs.schemas import moment
 from app.tables import FitRow
 from identification.options import FitOptions
@@ -35,8 +36,8 @@ Motor = Annotated[str, StringConstraints(max_length=200)]
 _DEFAULT = FitOptions()
 _FIT: dict[str, Any] = {
     "id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
-    "status": "running",
-    "progress": {"stage": "posterior", "fraction": 0.42},
+    "status": "succeeded",
+    "progress": {"stage": "done", "fraction": 1.0},
     "motor": "bench 4, motor 17",
     "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
     "validation": [],
@@ -49,12 +50,11 @@ _FIT: dict[str, Any] = {
         "controllers": ["P:1"],
     },
     "attempt": 1,
-    "error": None,
-    "batch": None,
+    "batch": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
     "links": {"self": "/api/v1/fits/fit_k5x2qv7wr3m4hd6ytnobczs5fi"},
     "created_at": "2026-11-21T12:00:00.000000Z",
     "started_at": "2026-11-21T12:00:00.120000Z",
-    "ended_at": None,
+    "ended_at": "2026-11-21T12:00:30.250000Z",
 }
 
 
@@ -170,7 +170,9 @@ class FitSummary(BaseModel):
 class FitOut(FitSummary):
     """A fit, with its result once it succeeded."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_FIT | {"result": None}]})
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [_FIT | {"result": {"schema_version": 1}}]}
+    )
 
     result: dict[str, Any] | None = Field(
         description="Content of result.json once the fit succeeded, else null."

@@ -16,32 +16,29 @@ happens so often that the fit itself must be suspected.
 from __future__ import annotations
 
 import logging
-import secrets
 import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from sqlalchemy.orm import Session
 
 from app.database import Database
 from app.fits import repository
-from app.fits.engine import AbstractEngine, AbstractRunning
-from app.fits.job import Job, RunFile
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning
+from app.fits.job import Job
+from app.fits.queue import FitQueue
 from app.metrics import Metrics
 from app.settings import Settings
 from app.storage import Storage
-from app.tables import FitRow
 
 __all__ = ["Supervisor"]
 
 _BUSY_S = 0.1
 _IDLE_S = 1.0
 _LOOK_S = 0.5
-_MOST_INTERRUPTIONS = 50
 _log = logging.getLogger(__name__)
 
 
@@ -85,8 +82,9 @@ class Supervisor:
         self._engine = engine
         self._settings = settings
         self._metrics = metrics
-        self._node = storage.node
-        self._owner = f"{self._node}/{secrets.token_hex(8)}"
+        self._queue = FitQueue(
+            database, storage, lease_s=settings.lease_s, pipeline=settings.pipeline
+        )
         self._attempts: dict[str, _Attempt] = {}
         self._looked = 0.0
         self._wake = threading.Event()
@@ -130,8 +128,8 @@ class Supervisor:
             self._attend(attempt)
         if time.monotonic() - self._looked >= _LOOK_S:
             self._looked = time.monotonic()
-            self._drop_lost()
-            self._take_over()
+            self._compare()
+            self._queue.take_over()
         while len(self._attempts) < self._settings.workers and self._begin():
             pass
 
@@ -162,7 +160,7 @@ class Supervisor:
                 session,
                 job.fit_id,
                 job.attempt,
-                lease_until=time.time() + self._settings.lease_s,
+                lease_until=self._queue.lease(),
                 progress=attempt.news,
             )
         attempt.renewed = time.monotonic()
@@ -176,6 +174,8 @@ class Supervisor:
             self._succeed(attempt)
         elif "failed" in told:
             self._fail(attempt, told["failed"])
+        elif end == LOST:
+            self._interrupt(attempt)
         else:
             self._crash(attempt, end)
 
@@ -223,8 +223,14 @@ class Supervisor:
             detail = f"the computation ended without a result {times}, at last with {end}"
             self._fail(attempt, {"code": "crashed", "detail": detail})
             return
-        with self._database.writing() as session:
-            repository.put_back(session, job.fit_id, job.attempt, failures=failures)
+        self._queue.put_back(job.fit_id, job.attempt, failures)
+        self._drop(attempt)
+
+    def _interrupt(self, attempt: _Attempt) -> None:
+        """Let a fit wait again whose engine was ended, which is no fault of the fit."""
+        job = attempt.job
+        _log.warning("an attempt was interrupted", extra={"fit": job.fit_id})
+        self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
         self._drop(attempt)
 
     def _close(self, attempt: _Attempt, status: str, **details: object) -> None:
@@ -242,105 +248,47 @@ class Supervisor:
         self._storage.remove_attempt(attempt.job.fit_id, attempt.job.attempt)
         self._attempts.pop(attempt.job.fit_id, None)
 
-    def _drop_lost(self) -> None:
-        """End what was cancelled, or taken over by another server."""
-        if not self._attempts:
-            return
-        with self._database.reading() as session:
-            held = repository.held(session, self._owner)
-        for attempt in list(self._attempts.values()):
-            if (attempt.job.fit_id, attempt.job.attempt) not in held:
+    def _compare(self) -> None:
+        """Bring what runs here and what the tables say runs here together."""
+        held = self._queue.held()
+        running = {(a.job.fit_id, a.job.attempt): a for a in self._attempts.values()}
+        for key, attempt in running.items():
+            if key not in held:
+                # Cancelled, or taken over by another server.
                 self._drop(attempt)
                 _log.info("fit given up", extra={"fit": attempt.job.fit_id})
-
-    def _take_over(self) -> None:
-        """Let fits wait again whose server is gone."""
-        now = time.time()
-        with self._database.reading() as session:
-            rows = repository.expired(session, node=self._node, owner=self._owner, now=now)
-        for row in rows:
-            with self._database.writing() as session:
-                if row.attempt - row.failures > _MOST_INTERRUPTIONS:
-                    repository.finish(
-                        session,
-                        row.id,
-                        row.attempt,
-                        status="failed",
-                        now=now,
-                        error={
-                            "code": "interrupted",
-                            "detail": f"the service ended {_MOST_INTERRUPTIONS} times during it",
-                        },
-                    )
-                else:
-                    repository.put_back(session, row.id, row.attempt, failures=row.failures)
-            _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
+        for fit_id, number in held.keys() - running.keys():
+            # Claimed, and then an error kept it from being started or given back.
+            self._queue.put_back(fit_id, number, held[fit_id, number])
+            _log.warning("fit found without a process", extra={"fit": fit_id})
 
     def _begin(self) -> bool:
         """Begin the fit that waits longest; False where none waits or none can be begun."""
-        # Read first: most looks find nothing, and a write would keep other writers waiting.
-        with self._database.reading() as session:
-            if repository.next_queued(session) is None:
-                return False
-        now = time.time()
-        with self._database.writing() as session:
-            row = repository.next_queued(session)
-            if row is None:
-                return False
-            job = self._job(session, row)
-            if not repository.claim(session, row, self._owner, now, now + self._settings.lease_s):
-                return True
-        self._start(row, job)
-        return True
-
-    def _job(self, session: Session, row: FitRow) -> Job:
-        """The next attempt at a fit."""
-        attempt = row.attempt + 1
-
-        def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
-            return tuple(
-                RunFile(str(self._storage.run(run.id)), run.file, run.mapping)
-                for run in repository.runs_of(session, row.id, role)
-            )
-
-        return Job(
-            fit_id=row.id,
-            attempt=attempt,
-            directory=str(self._storage.attempt(row.id, attempt)),
-            training=files("training"),
-            validation=files("validation"),
-            options=row.options,
-            pipeline=self._settings.pipeline,
-        )
-
-    def _start(self, row: FitRow, job: Job) -> None:
+        claimed = self._queue.claim()
+        if claimed is None:
+            return False
+        job, failures = claimed
         try:
             Path(job.directory).mkdir(parents=True, exist_ok=True)
             running = self._engine.start(job)
-        except OSError as error:
+        except OSError:
             # No space, no process to be had: the fit waits, and so does this thread.
-            _log.exception("a fit could not be started", extra={"fit": row.id})
-            with self._database.writing() as session:
-                repository.put_back(session, job.fit_id, job.attempt, failures=row.failures)
-            self._stop.wait(_IDLE_S if error.errno else 0.0)
-            return
-        self._attempts[row.id] = _Attempt(
-            running, began=time.monotonic(), failures=row.failures, renewed=time.monotonic()
-        )
-        _log.info("fit begun", extra={"fit": row.id, "attempt": job.attempt})
+            _log.exception("a fit could not be started", extra={"fit": job.fit_id})
+            self._queue.put_back(job.fit_id, job.attempt, failures)
+            self._stop.wait(_IDLE_S)
+            return False
+        now = time.monotonic()
+        self._attempts[job.fit_id] = _Attempt(running, began=now, failures=failures, renewed=now)
+        _log.info("fit begun", extra={"fit": job.fit_id, "attempt": job.attempt})
+        return True
 
     def _release(self) -> None:
         """End what runs here, without counting it against the fits."""
         for attempt in list(self._attempts.values()):
             attempt.running.kill()
+            job = attempt.job
             try:
-                with self._database.writing() as session:
-                    repository.put_back(
-                        session,
-                        attempt.job.fit_id,
-                        attempt.job.attempt,
-                        failures=attempt.failures,
-                    )
+                self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
             except (OperationalError, PoolTimeout):
                 # The next server finds the lease of one that is gone.
                 _log.exception("a fit could not be given back")

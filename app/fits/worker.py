@@ -1,38 +1,93 @@
-"""The process that computes one fit: `python -m app.fits.worker JOB PIPE PARENT`.
-
-It ends with its supervisor, whatever happens: that is seen to before anything else is imported.
-It tells of its progress in lines of JSON on the pipe:
+"""Computes one attempt at one fit in a child of a nursery, and tells of it in lines of JSON.
 
     {"progress": {"stage": "posterior", "fraction": 0.42}}
     {"done": true}                            all outputs are on the disk
     {"failed": {"code", "detail", ...}}       the input or the calculation; another try is no use
 
-If it ends without one of the last two it has crashed, and the fit is tried again.
+If it ends without one of the last two it has crashed, and the fit is tried again.  This is the only
+place where the service runs the pipeline.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 import json
 import os
-import sys
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.confine import die_with_parent, prefer_as_victim
-from app.fits.job import Job
+from app.fits.job import LOG, OUTPUTS, Job, RunFile
+from app.storage import sync_directory
+from identification.errors import ComputationError, InputError, RunFileError
+from identification.ingest import Run, read_run
+from identification.options import FitOptions
 
-__all__ = ["main"]
+__all__ = ["compute", "handle"]
 
 _INTERVAL_S = 0.2
 _NICENESS = 5
 
 
+def handle(task: dict[str, Any], answer: int) -> None:
+    """Compute a job and report on the pipe.
+
+    Args:
+        task: Fields of a job.
+        answer: Pipe to the supervisor.
+    """
+    job = Job.of(task)
+    _move_to(Path(job.directory))
+    messages = _Messages(answer)
+    try:
+        compute(job, messages.progress)
+    except InputError as error:
+        messages.send({"failed": _input_problem(error)})
+    except ComputationError as error:
+        messages.send({"failed": {"code": "computation", "detail": str(error)}})
+    else:
+        messages.send({"done": True})
+
+
+def compute(job: Job, progress: Callable[[str, float], None]) -> None:
+    """Compute a job, and leave its outputs on the disk.
+
+    Args:
+        job: What to compute, and where its outputs go.
+        progress: Told the stage and the fraction of the whole that is done.
+
+    Raises:
+        InputError: The runs or the options are at fault.
+        ComputationError: They were sound, and the calculation still did not succeed.
+    """
+    progress("reading", 0.0)
+    identify = _function(job.pipeline)
+    training = [_read(run) for run in job.training]
+    validation = [_read(run) for run in job.validation]
+    known = {field.name for field in dataclasses.fields(FitOptions)}
+    chosen: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in job.options.items()
+        if name in known
+    }
+    directory = Path(job.directory)
+    identify(training, validation, FitOptions(**chosen), progress).write(directory)
+    progress("writing", 1.0)
+    for name in OUTPUTS:
+        if (directory / name).exists():
+            with (directory / name).open("rb") as file:
+                os.fsync(file.fileno())
+    sync_directory(directory)
+
+
 class _Messages:
     """The pipe to the supervisor; progress is thinned out."""
 
-    def __init__(self, handle: int) -> None:
-        self._handle = handle
+    def __init__(self, pipe: int) -> None:
+        self._pipe = pipe
         self._stage = ""
         self._sent = 0.0
 
@@ -44,25 +99,31 @@ class _Messages:
             self.send({"progress": news})
 
     def send(self, message: dict[str, Any]) -> None:
-        os.write(self._handle, json.dumps(message).encode() + b"\n")
+        os.write(self._pipe, json.dumps(message).encode() + b"\n")
 
 
-def main(job: Path, handle: int, parent: int) -> None:
-    """Compute a job and report on the pipe.
-
-    Args:
-        job: File that describes the job.
-        handle: File descriptor of the pipe.
-        parent: Process of the supervisor.
-    """
-    die_with_parent(parent)
-    prefer_as_victim()
+def _move_to(directory: Path) -> None:
+    """Have what is printed, and temporary files, go to the directory of the attempt."""
     os.nice(_NICENESS)
-    messages = _Messages(handle)
-    from app.fits.computation import outcome
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+    log = os.open(directory / LOG, flags, 0o600)
+    for stream in (1, 2):
+        os.dup2(log, stream)
+    os.environ["TMPDIR"] = str(directory)
+    tempfile.tempdir = None
 
-    messages.send(outcome(Job.load(job), messages.progress))
+
+def _function(name: str) -> Callable[..., Any]:
+    module, _, function = name.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    return found
 
 
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
+def _read(run: RunFile) -> Run:
+    return read_run(run.path, name=run.name, mapping=run.mapping)
+
+
+def _input_problem(error: InputError) -> dict[str, Any]:
+    code = error.code if isinstance(error, RunFileError) else "input"
+    place = {"file": error.file, "row": error.row, "column": error.column}
+    return {"code": code, "detail": str(error)} | {k: v for k, v in place.items() if v is not None}

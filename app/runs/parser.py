@@ -1,127 +1,58 @@
-"""The process that reads uploads: `python -m app.runs.parser FD`.
+"""Reads one upload in a child of a nursery, within limits that the child puts on itself.
 
-Reading what a stranger sent can crash an interpreter or ask for all memory, so it never happens in
-the server.  Starting an interpreter with numpy and pandas for each upload would take seconds of a
-core, so this process starts once, loads them, and forks for each upload a child that puts limits on
-itself, reads, and ends.  It has one thread, which is what makes forking it sound.
-
-The server holds the other end of the socket FD.  One message is one request, with a pipe for the
-answer: one line of JSON from the child and, if the child ended badly, one from here that says how.
-When the server is gone the socket ends, and so does this process.
+What a stranger sent can crash an interpreter or ask for all memory, so it is never read in the
+server; see `app.runs.reading` for the other side.
 """
 
 from __future__ import annotations
 
-import gc
 import json
 import os
-import select
-import signal
-import socket
-import sys
 from typing import Any
 
 import numpy as np
 
-from app.confine import Limits, confine, die_with_parent, prefer_as_victim
+from app.confine import Limits, confine
 from identification.errors import RunFileError
 from identification.ingest import Limits as FileLimits
 from identification.ingest import Run, read_run
 
-__all__ = ["LARGEST_REQUEST", "main"]
-
-LARGEST_REQUEST = 150_000
-"""Longest message of a request [bytes]."""
+__all__ = ["handle"]
 
 
-def main(handle: int) -> None:
-    """Serve requests until the server is gone.
+def handle(task: dict[str, Any], answer: int) -> None:
+    """Read a run and say what is in it.
 
     Args:
-        handle: File descriptor of the socket to the server.
+        task: `path`, `name`, `mapping`, `max_rows` and `limits`.
+        answer: Pipe to the server.
     """
-    requests = socket.socket(fileno=handle)
-    woken, wake = os.pipe()
-    os.set_blocking(wake, False)
-    os.set_blocking(woken, False)
-    signal.set_wakeup_fd(wake)
-    signal.signal(signal.SIGCHLD, lambda number, frame: None)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What is loaded stays shared with the children as long as no collector touches it.
-    gc.freeze()
-    answers: dict[int, int] = {}
-    while True:
-        ready, _, _ = select.select([requests.fileno(), woken], [], [])
-        if woken in ready:
-            os.read(woken, 1024)
-            _reap(answers)
-        if requests.fileno() in ready:
-            message, handles, _, _ = socket.recv_fds(requests, LARGEST_REQUEST, 1)
-            if not message:
-                return
-            answers[_fork(message, handles[0], requests)] = handles[0]
-
-
-def _fork(message: bytes, answer: int, requests: socket.socket) -> int:
-    parent = os.getpid()
-    child = os.fork()
-    if child:
-        return child
-    # From here on this is the child.  It leaves by `_exit` alone: the parent's loop is not its own.
-    status = 1
-    try:
-        die_with_parent(parent)
-        prefer_as_victim()
-        signal.set_wakeup_fd(-1)
-        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        requests.close()
-        os.write(answer, _answer(json.loads(message)) + b"\n")
-        status = 0
-    finally:
-        if status:
-            sys.excepthook(*sys.exc_info())
-        os._exit(status)
-
-
-def _reap(answers: dict[int, int]) -> None:
-    """Say of each child that ended how it ended."""
-    while answers:
-        child, status = os.waitpid(-1, os.WNOHANG)
-        if child == 0:
-            return
-        answer = answers.pop(child)
-        code = os.waitstatus_to_exitcode(status)
-        try:
-            os.write(answer, json.dumps({"exit": code}).encode() + b"\n")
-        except BrokenPipeError:
-            # The server stopped waiting for it.
-            pass
-        os.close(answer)
-
-
-def _answer(request: dict[str, Any]) -> bytes:
-    confine(Limits(**request["limits"]))
+    confine(Limits(**task["limits"]))
     try:
         run = read_run(
-            request["path"],
-            name=request["name"],
-            mapping=request["mapping"],
-            limits=FileLimits(rows=request["max_rows"]),
+            task["path"],
+            name=task["name"],
+            mapping=task["mapping"],
+            limits=FileLimits(rows=task["max_rows"]),
         )
-        found: dict[str, Any] = {"run": _summary(run)}
+        found = {"run": _summary(run)}
     except RunFileError as error:
-        found = {
-            "error": {
-                "message": str(error),
-                "reason": error.code,
-                "file": error.file,
-                "row": error.row,
-                "column": error.column,
-            }
-        }
+        found = {"error": _problem(error)}
     except MemoryError:
-        found = {"exit": "memory"}
-    return json.dumps(found).encode()
+        found = {"error": {"reason": "reader_memory"}}
+    # A pipe takes long lines in pieces.
+    with os.fdopen(answer, "wb") as pipe:
+        pipe.write(json.dumps(found).encode() + b"\n")
+
+
+def _problem(error: RunFileError) -> dict[str, Any]:
+    return {
+        "message": str(error),
+        "reason": error.code,
+        "file": error.file,
+        "row": error.row,
+        "column": error.column,
+    }
 
 
 def _summary(run: Run) -> dict[str, Any]:
@@ -147,7 +78,3 @@ def _summary(run: Run) -> dict[str, Any]:
             for w in run.warnings
         ],
     }
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))

@@ -1,7 +1,6 @@
 """The server's side of reading an upload: hands the file to a process with limits, and waits.
 
-    reader = RunReader(limits, max_rows=10_000_000)
-    reader.start()
+    reader = RunReader(nursery, limits, max_rows=10_000_000)
     summary = reader.read(path, "run1.csv", mapping)     or RunRefused: file, row, column
 
 See `app.runs.parser` for the other side.
@@ -10,56 +9,34 @@ See `app.runs.parser` for the other side.
 from __future__ import annotations
 
 import dataclasses
-import json
-import os
-import select
 import signal
-import socket
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.confine import Limits, child_environment
+from app.confine import Limits
 from app.errors import RunRefused, Unavailable
+from app.nursery.client import Nursery
 
 __all__ = ["RunReader"]
 
-_LARGEST_ANSWER = 2_000_000
-_GRACE_S = 5.0
 _START_S = 60.0
 
 
 class RunReader:
-    """A process that reads runs, started when it is needed.
+    """Has runs read.
 
     Args:
+        nursery: Where they are read, with `app.runs.parser` as its module.
         limits: What one reading may use.
         max_rows: Most samples of a run.
-        temporary: Directory for temporary files; the readings may write none.
     """
 
-    def __init__(self, limits: Limits, max_rows: int, temporary: Path) -> None:
+    def __init__(self, nursery: Nursery, limits: Limits, max_rows: int) -> None:
+        self._nursery = nursery
         self._limits = limits
         self._max_rows = max_rows
-        self._temporary = temporary
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._socket: socket.socket | None = None
-
-    def start(self) -> None:
-        """Start the process, so that the first upload need not wait for it."""
-        with self._lock:
-            self._running()
-
-    def stop(self) -> None:
-        """End the process; readings that are under way end with it."""
-        with self._lock:
-            if self._process is not None:
-                self._close()
 
     def read(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
         """Read a run and say what is in it.
@@ -74,9 +51,9 @@ class RunReader:
 
         Raises:
             RunRefused: The file is no run, or reading it took more than the limits allow.
-            Unavailable: The process could not be started.
+            Unavailable: It cannot be read now.
         """
-        request = json.dumps(
+        found = self._ask(
             {
                 "path": str(path),
                 "name": name,
@@ -84,90 +61,33 @@ class RunReader:
                 "max_rows": self._max_rows,
                 "limits": dataclasses.asdict(self._limits),
             }
-        ).encode()
-        answer = self._ask(request)
-        lines = [json.loads(line) for line in answer.splitlines() if line.endswith(b"}")]
-        found: dict[str, Any] = {}
-        for line in lines:
-            found |= line
+        )
         if "run" in found:
             return dict(found["run"])
-        if "error" in found:
+        if "message" in found.get("error", {}):
             raise RunRefused(**found["error"])
-        raise self._ended(name, found.get("exit"))
+        raise self._refusal(name, found.get("error", {}).get("reason") or found.get("exit"))
 
-    def _ask(self, request: bytes) -> bytes:
-        incoming, outgoing = os.pipe()
+    def _ask(self, task: dict[str, Any]) -> dict[str, Any]:
+        """Everything that the reading told, and how it ended."""
+        deadline = time.monotonic() + _START_S + self._limits.wall_s
         try:
-            try:
-                self._send(request, outgoing)
-            finally:
-                os.close(outgoing)
-            return self._collect(incoming)
-        finally:
-            os.close(incoming)
+            reading = self._nursery.fork(task)
+        except OSError as error:
+            raise Unavailable("runs cannot be read now; try again in some seconds") from error
+        found: dict[str, Any] = {}
+        while not reading.has_ended and time.monotonic() < deadline:
+            for message in reading.messages(wait_s=deadline - time.monotonic()):
+                found |= message
+        reading.kill()
+        return found
 
-    def _send(self, request: bytes, outgoing: int) -> None:
-        with self._lock:
-            for _ in range(2):
-                connection = self._running()
-                try:
-                    socket.send_fds(connection, [request], [outgoing])
-                except (BrokenPipeError, ConnectionResetError):
-                    # The process was ended from outside; a new one takes the request.
-                    self._close()
-                else:
-                    return
-        raise Unavailable("runs cannot be read now; try again in some seconds")
-
-    def _collect(self, incoming: int) -> bytes:
-        """All that comes until the other side closes."""
-        deadline = time.monotonic() + _START_S + self._limits.wall_s + _GRACE_S
-        answer = bytearray()
-        while len(answer) <= _LARGEST_ANSWER:
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([incoming], [], [], left)[0]:
-                break
-            block = os.read(incoming, 65536)
-            if not block:
-                break
-            answer += block
-        return bytes(answer)
-
-    def _running(self) -> socket.socket:
-        if self._process is not None and self._socket is not None:
-            if self._process.poll() is None:
-                return self._socket
-            self._close()
-        # Message boundaries are kept, so that a request and its pipe stay together.
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.runs.parser", str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env=child_environment(self._temporary, threads=1),
-                cwd="/",
-                start_new_session=True,
-            )
-        self._socket = ours
-        return ours
-
-    def _close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-        self._process = self._socket = None
-
-    def _ended(self, name: str, end: object) -> RunRefused | Unavailable:
+    def _refusal(self, name: str, end: object) -> RunRefused | Unavailable:
         """What it means that a reading ended without an answer."""
         limits = self._limits
         if end is None:
             return Unavailable("the file could not be read now; send it again")
-        if end in ("memory", -signal.SIGKILL):
+        if end in ("reader_memory", -signal.SIGKILL):
             text = f"reading it takes more than {limits.memory_bytes / 1e9:g} GB"
             reason = "reader_memory"
         elif end in (-signal.SIGXCPU, -signal.SIGALRM):

@@ -27,7 +27,7 @@ _EXAMPLE: dict[str, Any] = {
         "speed_rad_s": {"min": -141.2, "max": 139.8},
         "temperature_degC": {"min": 24.9, "max": 41.3},
     },
-    "mapping": None,
+    "mapping": {"speed_rad_s": {"column": "n_ist", "unit": "rpm"}},
     "warnings": [],
     "created_at": "2026-11-21T12:00:00.000000Z",
 }

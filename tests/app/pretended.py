@@ -20,7 +20,7 @@ from identification.ingest import Run
 from identification.options import FitOptions
 
 QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT = range(9)
-"""Seeds.  QUICK succeeds at once; SLOW takes 3 s; KILLED dies by a signal each time; BAD_INPUT and
+"""Seeds.  QUICK succeeds at once; SLOW takes 2 s; KILLED dies by a signal each time; BAD_INPUT and
 NO_SOLUTION fail by their own words; RAISES has a bug; ONCE_KILLED dies in its first attempt only;
 FAMILY starts a process of its own and then does not end; SILENT ends without a result."""
 
@@ -68,7 +68,7 @@ def _quick(progress: Callable[[str, float], None], run: Run) -> None:
 def _slow(progress: Callable[[str, float], None], run: Run) -> None:
     for step in range(30):
         progress("posterior", step / 30)
-        time.sleep(0.1)
+        time.sleep(0.065)
 
 
 def _killed(progress: Callable[[str, float], None], run: Run) -> None:

@@ -71,6 +71,13 @@ def test_signing_in_from_another_site_is_refused(browser: httpx.Client, key: str
     assert "set-cookie" not in answer.headers
 
 
+def test_own_page_may_withhold_its_origin(browser: httpx.Client, key: str) -> None:
+    """What Chromium sends with a form of a page whose policy keeps referrers to itself."""
+    headers = {"Sec-Fetch-Site": "same-origin", "Origin": "null"}
+
+    assert browser.post("/login", data={"key": key}, headers=headers).status_code == 303
+
+
 def test_session_that_was_signed_out_is_over_for_good(browser: httpx.Client, key: str) -> None:
     """The cookie of before is worth nothing."""
     cookie = browser.post("/login", data={"key": key}).cookies["motorid_session"]

@@ -14,7 +14,7 @@ from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
-from tests.motors import Excitation, campaign, motor_named, noiseless
+from tests.motors import Excitation, Motor, campaign, motor_named, noiseless
 
 Array = NDArray[np.float64]
 Hold = Literal["zoh", "foh"]
@@ -78,6 +78,20 @@ def test_a_motor_is_found_from_nothing_but_its_runs(bench: Bench) -> None:
 
     assert fit.converged
     assert np.abs(deviations(fit, motor.vector)).max() < 4.0
+
+
+@pytest.mark.parametrize("ratio", [5.0, 10.0])
+def test_a_winding_faster_than_the_sampling_is_found_from_a_slow_start(ratio: float) -> None:
+    """The start is several times too slow, so the step plan has to follow the fit on its way."""
+    servo = motor_named("servo 100 W")
+    inductance = servo.values[0] * servo.interval / ratio
+    motor = Motor("fast", (*servo.values[:6], inductance), servo.voltage, servo.interval)
+
+    fit = fit_declared(records_of(campaign(motor, seed=61, noise=0.002, rows=2500)), "zoh")
+
+    assert fit.converged
+    assert np.abs(deviations(fit, motor.vector)).max() < 4.0
+    assert fit.simulator.plan.rate > 1.2 * ratio
 
 
 @pytest.mark.parametrize("bench", BENCHES[2:4], ids=lambda bench: bench.motor)

@@ -10,7 +10,7 @@ import pytest
 
 from app.access.service import Caller
 from app.fits import events
-from app.fits.service import FitRequest, new_row
+from app.fits.request import FitRequest, new_row
 from app.tables import FitRow
 
 
@@ -32,6 +32,7 @@ def heard(
     left = iter(rows)
 
     async def listen() -> list[str]:
+        """All parts of the stream."""
         stream = events.stream(
             lambda: next(left, None), version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
         )

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from app.access.service import Caller
 from app.database import Database
 from app.fits import repository
-from app.fits.service import FitRequest, new_row
+from app.fits.request import FitRequest, new_row
 from app.tables import FitRow
 from identification.options import FitOptions
 

@@ -13,9 +13,9 @@ import pytest
 from app.access.service import Caller
 from app.database import Database
 from app.fits import repository
-from app.fits.engine import AbstractEngine, AbstractRunning
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning
 from app.fits.job import Job
-from app.fits.service import FitRequest, new_row
+from app.fits.request import FitRequest, new_row
 from app.fits.supervisor import Supervisor
 from app.metrics import Metrics
 from app.settings import load_settings
@@ -86,6 +86,11 @@ class Bench:
             database, self.storage, self.engine, load_settings(**chosen), self.metrics
         )
         self.supervisor.start()
+
+    @property
+    def owner(self) -> str:
+        """Name under which the server holds fits."""
+        return self.supervisor._queue._owner
 
     def queue(self, **changes: object) -> str:
         """Let a fit wait."""
@@ -168,7 +173,7 @@ def test_job_that_ends_without_its_result_is_tried_three_times(
     assert row.error["code"] == "crashed"
     assert "SIGSEGV" in row.error["detail"]
     assert len(bench.engine.started) == 3
-    assert not bench.storage.fit(fit).exists()
+    until(lambda: not bench.storage.fit(fit).exists())
 
 
 def test_job_that_says_why_it_failed_is_not_tried_again(bench: Bench) -> None:
@@ -182,6 +187,18 @@ def test_job_that_says_why_it_failed_is_not_tried_again(bench: Bench) -> None:
 
     assert (row.status, row.attempt) == ("failed", 1)
     assert row.error == {"code": "computation", "detail": "no solution"}
+
+
+def test_end_of_the_engine_is_not_counted_against_the_fit(bench: Bench) -> None:
+    """Lost five times, more than the crashes that are allowed; then it succeeds."""
+    fit = bench.queue()
+    for number in range(1, 6):
+        bench.started(number).end = LOST
+    bench.started(6).succeed()
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt, row.failures) == ("succeeded", 6, 0)
 
 
 def test_cancelled_fit_is_killed_and_leaves_nothing(bench: Bench) -> None:
@@ -272,6 +289,16 @@ def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench
     row = bench.ended(fit)
 
     assert (row.status, row.error and row.error["code"]) == ("failed", "interrupted")
+
+
+def test_fit_that_was_claimed_and_never_started_is_found(bench: Bench) -> None:
+    """As after an error between the two: this server holds it and no process computes it."""
+    fit = bench.queue(status="running", attempt=1, failures=1, owner=bench.owner, lease_until=1e12)
+
+    running = bench.started(1)
+
+    assert (running.job.fit_id, running.job.attempt) == (fit, 2)
+    assert bench.state(fit).failures == 1
 
 
 def test_job_that_cannot_be_started_waits(bench: Bench) -> None:

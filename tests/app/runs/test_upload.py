@@ -91,7 +91,7 @@ def test_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
 def test_field_that_nobody_knows_is_named(tmp_path: Path) -> None:
     """A misspelt `mapping` would otherwise be a silent loss."""
     with pytest.raises(FieldRefused, match="none of file, motor, mapping"):
-        received(tmp_path / "x", body().replace(b'name="motor"', b'name="maping"'))
+        received(tmp_path / "x", body().replace(b'name="motor"', b'name="mappings"'))
 
 
 @pytest.mark.parametrize(

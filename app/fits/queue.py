@@ -1,0 +1,129 @@
+"""The queue: which fit comes next, and which fall back into it.
+
+    queue.claim()             the next attempt at the fit that waits longest, taken for this server
+    queue.put_back(...)       it waits again
+    queue.take_over()         so do those of a server that is gone
+
+A server holds a fit by a lease that it renews.  Its name begins with that of its machine: a machine
+has one server on a data directory, so whatever a former one held is free when the next one starts.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import time
+from typing import Literal
+
+from sqlalchemy.orm import Session
+
+from app.database import Database
+from app.fits import repository
+from app.fits.job import Job, RunFile
+from app.storage import Storage
+from app.tables import FitRow
+
+__all__ = ["FitQueue"]
+
+_MOST_INTERRUPTIONS = 50
+_log = logging.getLogger(__name__)
+
+
+class FitQueue:
+    """Fits that wait, as one server sees them.
+
+    Args:
+        database: Where the fits are.
+        storage: Where their files are, and the name of this machine.
+        lease_s: How long a fit is held without a heartbeat [s].
+        pipeline: Function that computes, as module:function.
+    """
+
+    def __init__(
+        self, database: Database, storage: Storage, *, lease_s: float, pipeline: str
+    ) -> None:
+        self._database = database
+        self._storage = storage
+        self._lease_s = lease_s
+        self._pipeline = pipeline
+        self._owner = f"{storage.node}/{secrets.token_hex(8)}"
+
+    def lease(self) -> float:
+        """Until when a fit is held that is heard of now [s since 1970]."""
+        return time.time() + self._lease_s
+
+    def held(self) -> dict[tuple[str, int], int]:
+        """Fits and attempts that this server holds, and how many attempts failed before."""
+        with self._database.reading() as session:
+            return repository.held(session, self._owner)
+
+    def claim(self) -> tuple[Job, int] | None:
+        """Take the fit that waits longest.
+
+        Returns:
+            The next attempt at it and how many attempts failed before, or None where no fit waits.
+        """
+        while True:
+            # Read first: most looks find nothing, and a write would keep other writers waiting.
+            with self._database.reading() as session:
+                if repository.next_queued(session) is None:
+                    return None
+            with self._database.writing() as session:
+                row = repository.next_queued(session)
+                if row is None:
+                    return None
+                job = self._job(session, row)
+                # Where another server was faster, the next one is tried.
+                if repository.claim(session, row, self._owner, time.time(), self.lease()):
+                    return job, row.failures
+
+    def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
+        """Let a fit wait again, unless it was interrupted so often that it must be the cause.
+
+        Args:
+            fit_id: The fit.
+            attempt: The attempt that ended.
+            failures: How many attempts failed by themselves.
+        """
+        with self._database.writing() as session:
+            if attempt - failures <= _MOST_INTERRUPTIONS:
+                repository.put_back(session, fit_id, attempt, failures=failures)
+                return
+            detail = f"the service ended {_MOST_INTERRUPTIONS} times during it"
+            repository.finish(
+                session,
+                fit_id,
+                attempt,
+                status="failed",
+                now=time.time(),
+                error={"code": "interrupted", "detail": detail},
+            )
+
+    def take_over(self) -> None:
+        """Let fits wait again whose server is gone."""
+        with self._database.reading() as session:
+            rows = repository.expired(
+                session, node=self._storage.node, owner=self._owner, now=time.time()
+            )
+        for row in rows:
+            self.put_back(row.id, row.attempt, row.failures)
+            _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
+
+    def _job(self, session: Session, row: FitRow) -> Job:
+        attempt = row.attempt + 1
+
+        def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
+            return tuple(
+                RunFile(str(self._storage.run(run.id)), run.file, run.mapping)
+                for run in repository.runs_of(session, row.id, role)
+            )
+
+        return Job(
+            fit_id=row.id,
+            attempt=attempt,
+            directory=str(self._storage.attempt(row.id, attempt)),
+            training=files("training"),
+            validation=files("validation"),
+            options=row.options,
+            pipeline=self._pipeline,
+        )

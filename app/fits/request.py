@@ -1,0 +1,119 @@
+"""What a caller may ask of a fit, checked before anything is kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from app.access.service import Caller
+from app.errors import FieldRefused, NotFound
+from app.identifiers import is_id, new_id
+from app.runs import repository as runs
+from app.runs.service import checked_label
+from app.tables import FitRow
+from identification.options import FitOptions
+
+__all__ = ["FitRequest", "check_runs", "checked_key", "new_row", "request_hash"]
+
+_KEY = re.compile(r"[\x21-\x7e]{1,255}")
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """What a caller asks for.
+
+    Args:
+        training: Ids of the runs to fit, in the order in which they were recorded.
+        validation: Ids of the runs to check the model on.
+        options: Fields of `identification.options.FitOptions`.
+        motor: Which motor it is.
+    """
+
+    training: Sequence[str]
+    validation: Sequence[str]
+    options: Mapping[str, Any]
+    motor: str | None = None
+
+
+def new_row(caller: Caller, request: FitRequest) -> FitRow:
+    """A fit that waits, not yet kept.
+
+    Raises:
+        FieldRefused: The runs or the motor are not accepted.
+        OptionError: An option is not accepted.
+    """
+    ids = [*request.training, *request.validation]
+    if len(set(ids)) < len(ids):
+        raise FieldRefused("a run is named twice; it can be in one role once", "training")
+    values: dict[str, Any] = {
+        n: tuple(v) if isinstance(v, list) else v for n, v in request.options.items()
+    }
+    _check_controllers(FitOptions(**values).controllers)
+    return FitRow(
+        id=new_id("fit"),
+        workspace=caller.workspace,
+        motor=checked_label("motor", request.motor),
+        options=dict(request.options),
+        status="queued",
+        stage="queued",
+        fraction=0.0,
+        version=1,
+        attempt=0,
+        failures=0,
+        owner=None,
+        lease_until=None,
+        error=None,
+        created_at=time.time(),
+        started_at=None,
+        ended_at=None,
+        idempotency_key=None,
+        request_sha256=request_hash(request),
+        batch_id=None,
+        position=0,
+    )
+
+
+def _check_controllers(controllers: Sequence[str]) -> None:
+    # Imported with the first fit: it brings scipy, for which every start would have to wait.
+    from identification.feedback.controller import parse_controllers
+
+    parse_controllers(controllers)
+
+
+def check_runs(session: Session, caller: Caller, request: FitRequest) -> None:
+    """Refuse runs that are not there; those that are stay until the session ends.
+
+    Raises:
+        NotFound: A run is not in the caller's workspace.
+    """
+    ids = [*request.training, *request.validation]
+    known = runs.several(session, caller.workspace, [i for i in ids if is_id("run", i)])
+    for run_id in ids:
+        if run_id not in known:
+            raise NotFound(f"there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
+
+
+def checked_key(key: str | None) -> str | None:
+    """An Idempotency-Key as it may be kept.
+
+    Raises:
+        FieldRefused: It is empty, too long or has other than visible ASCII characters.
+    """
+    if key is not None and not _KEY.fullmatch(key):
+        raise FieldRefused(
+            "Idempotency-Key: expected 1 to 255 visible ASCII characters", "Idempotency-Key"
+        )
+    return key
+
+
+def request_hash(*requests: FitRequest) -> str:
+    """Hash by which the same request is known again, whatever the order of its fields."""
+    content = [[list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,29 @@
+"""Tasks for a nursery; each is named by the task itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+
+def handle(task: dict[str, Any], answer: int) -> None:
+    """Do what the task says."""
+    if "echo" in task:
+        os.write(answer, json.dumps({"echo": task["echo"]}).encode() + b"\n")
+    if "signal" in task:
+        os.kill(os.getpid(), task["signal"])
+    if "exit" in task:
+        sys.exit(task["exit"])
+    if "family" in task:
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        os.write(answer, json.dumps({"pids": [os.getpid(), child.pid]}).encode() + b"\n")
+        if task["family"] == "stays":
+            time.sleep(60)
+    if "half" in task:
+        os.write(answer, b'{"half": ')
+        os.kill(os.getpid(), signal.SIGKILL)

@@ -1,0 +1,41 @@
+"""The whole way with the real pipeline: run files of a known motor in, its parameters out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from jsonschema import Draft202012Validator
+
+from identification.report.result import result_schema
+from tests.app.service import Caller, serving
+
+CAMPAIGN = Path(__file__).parents[2] / "data" / "clean_servo"
+
+
+def test_motor_is_identified_from_its_run_files_over_http(data_dir: Path) -> None:
+    """Three runs of the clean campaign at three temperatures, against the motor that made them.
+
+    Without a posterior and without a search, which have tests of their own; each parameter within
+    five standard deviations of the truth that the bench simulator wrote down, or within 0.5 %.
+    """
+    truth = json.loads((CAMPAIGN / "truth.json").read_text(encoding="utf-8"))["parameters"]
+    with (
+        serving(data_dir, "--no-auth", PIPELINE="identification.pipeline:identify") as server,
+        Caller(server) as caller,
+    ):
+        runs = [
+            caller.upload((CAMPAIGN / f"training_{n}.csv").read_bytes(), f"training_{n}.csv")["id"]
+            for n in (1, 2, 3)
+        ]
+        fit = caller.begin(*runs, posterior=False, effects=False)
+        fit = caller.wait(fit["id"], seconds=120)
+        report = caller.http.get(f"/fits/{fit['id']}/report").text
+
+    assert fit["status"] == "succeeded", fit["error"]
+    Draft202012Validator(result_schema()).validate(fit["result"])
+    for name, entry in fit["result"]["parameters"].items():
+        value = truth[name]["value"] if isinstance(truth[name], dict) else truth[name]
+        assert abs(entry["median"] - value) < max(5 * entry["sd"], 0.005 * abs(value)), name
+    assert report.lower().startswith("<!doctype html>")
+    assert "training_1.csv" in report
