@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -222,9 +224,14 @@ def test_log_holds_requests_and_no_keys(server: Server, alice: Caller) -> None:
     secret = alice.http.headers["authorization"].removeprefix("Bearer ")
     alice.http.get("/runs", headers={"X-Request-ID": "request-of-this-test"})
 
-    lines = [line for line in list(server.log) if line.startswith("{")]
-    entries = [json.loads(line) for line in lines]
-    ours = [entry for entry in entries if entry.get("request_id") == "request-of-this-test"]
+    # The line is written after the answer and read by a thread of its own.
+    deadline = time.monotonic() + 20.0
+    ours: list[dict[str, Any]] = []
+    while not ours and time.monotonic() < deadline:
+        time.sleep(0.02)
+        lines = [line for line in list(server.log) if line.startswith("{")]
+        entries = [json.loads(line) for line in lines]
+        ours = [entry for entry in entries if entry.get("request_id") == "request-of-this-test"]
     assert [(entry["method"], entry["path"], entry["status"]) for entry in ours] == [
         ("GET", "/api/v1/runs", 200)
     ]
