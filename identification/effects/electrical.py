@@ -74,98 +74,85 @@ class BrushDrop(AbstractVoltage):
 
 
 @dataclass(frozen=True)
-class FluxSaturation(AbstractCoefficient):
+class _Saturation(AbstractCoefficient):
+    """A coefficient that falls with the size of the current, alike in both directions.
+
+        x -> x / (1 + c (|i| / i_0)^n)
+
+    Args:
+        reference: Current i_0 at which it has fallen by the factor 1 / (1 + c) [A].
+    """
+
+    reference: float
+
+    equation: ClassVar[str] = "electrical"
+    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    scale: ClassVar[float]
+    most: ClassVar[float]
+    width: ClassVar[float]
+    tried: ClassVar[float]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Fall at the reference current, and its exponent."""
+        meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
+        return (
+            Parameter(
+                "fall",
+                "-",
+                meaning,
+                scale=self.scale,
+                lower=0.0,
+                upper=self.most,
+                prior_sd=self.width,
+            ),
+            shape("exponent", "-", "power of the current", 0.8, 6.0),
+        )
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on the coefficient [-]."""
+        ratio = signals.current / self.reference
+        size = ratio * ratio + 1e-4
+        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, two exponents."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((cls.tried, 1.3), (cls.tried, 2.5)))]
+
+
+@dataclass(frozen=True)
+class FluxSaturation(_Saturation):
     """The field weakens as armature current grows: Kt falls with the size of the current.
 
         Kt -> Kt / (1 + c (|i| / i_0)^n)                                    [N m/A]
 
     Even in the current and instantaneous, unlike demagnetisation.
-
-    Args:
-        reference: Current i_0 at which Kt has fallen by the factor 1 / (1 + c) [A].
     """
 
-    reference: float
-
     name: ClassVar[str] = "flux_saturation"
-    equation: ClassVar[str] = "electrical"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
     source: ClassVar[str] = (
         "Fitzgerald, Kingsley and Umans, Electric Machinery, section on armature reaction"
     )
     coefficient: ClassVar[str] = "Kt"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall at the reference current, and its exponent."""
-        return (
-            Parameter(
-                "fall",
-                "-",
-                f"relative fall of Kt at {self.reference:.4g} A",
-                scale=0.05,
-                lower=0.0,
-                upper=3.0,
-                prior_sd=5.0,
-            ),
-            shape("exponent", "-", "power of the current", 0.8, 6.0),
-        )
-
-    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on Kt [-]."""
-        ratio = signals.current / self.reference
-        size = ratio * ratio + 1e-4
-        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two exponents."""
-        term = cls(1.5 * survey.current)
-        return [Candidate(term, columns((0.05, 1.3), (0.05, 2.5)))]
+    scale: ClassVar[float] = 0.05
+    most: ClassVar[float] = 3.0
+    width: ClassVar[float] = 5.0
+    tried: ClassVar[float] = 0.05
 
 
 @dataclass(frozen=True)
-class InductanceSaturation(AbstractCoefficient):
+class InductanceSaturation(_Saturation):
     """The iron saturates: L falls with the size of the current.
 
-        L -> L / (1 + c (|i| / i_0)^n)                                      [H]
-
-    Args:
-        reference: Current i_0 at which L has fallen by the factor 1 / (1 + c) [A].
+    L -> L / (1 + c (|i| / i_0)^n)                                      [H]
     """
 
-    reference: float
-
     name: ClassVar[str] = "inductance_saturation"
-    equation: ClassVar[str] = "electrical"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
     source: ClassVar[str] = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
     coefficient: ClassVar[str] = "L"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall at the reference current, and its exponent."""
-        return (
-            Parameter(
-                "fall",
-                "-",
-                f"relative fall of L at {self.reference:.4g} A",
-                scale=0.2,
-                lower=0.0,
-                upper=20.0,
-                prior_sd=10.0,
-            ),
-            shape("exponent", "-", "power of the current", 0.8, 6.0),
-        )
-
-    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on L [-]."""
-        ratio = signals.current / self.reference
-        size = ratio * ratio + 1e-4
-        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two exponents."""
-        term = cls(1.5 * survey.current)
-        return [Candidate(term, columns((0.3, 1.3), (0.3, 2.5)))]
+    scale: ClassVar[float] = 0.2
+    most: ClassVar[float] = 20.0
+    width: ClassVar[float] = 10.0
+    tried: ClassVar[float] = 0.3

@@ -32,69 +32,57 @@ _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- 
 
 
 @dataclass(frozen=True)
-class CurrentOffset(AbstractSensor):
-    """A zero error of the current sensor: logged current = i + offset [A].
+class _ZeroError(AbstractSensor):
+    """A zero error of a sensor: logged = true + offset.
 
     Args:
-        size: Natural current [A].
+        size: Natural size of the channel, in its unit.
     """
 
     size: float
 
-    name: ClassVar[str] = "current_offset"
     equation: ClassVar[str] = "sensor"
     drivers: ClassVar[tuple[str, ...]] = ()
     source: ClassVar[str] = _SOURCE
-    channel: ClassVar[str] = "current"
+    unit: ClassVar[str]
+    tried: ClassVar[float]  # prototype over the natural size
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The zero error."""
-        return (amplitude("offset", "A", "zero error", self.size, signed=True),)
+        return (amplitude("offset", self.unit, "zero error", self.size, signed=True),)
 
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Logged current [A]."""
+        """Logged value, in the unit of the channel."""
         return before + values.offset
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure."""
-        return [Candidate(cls(survey.current), columns((0.05 * survey.current,)))]
+        size = float(getattr(survey, cls.channel))
+        return [Candidate(cls(size), columns((cls.tried * size,)))]
 
 
 @dataclass(frozen=True)
-class SpeedOffset(AbstractSensor):
-    """A zero error of the speed sensor: logged speed = w + offset [rad/s].
+class CurrentOffset(_ZeroError):
+    """A zero error of the current sensor: logged current = i + offset [A]."""
 
-    Args:
-        size: Natural speed [rad/s].
-    """
+    name: ClassVar[str] = "current_offset"
+    channel: ClassVar[str] = "current"
+    unit: ClassVar[str] = "A"
+    tried: ClassVar[float] = 0.05
 
-    size: float
+
+@dataclass(frozen=True)
+class SpeedOffset(_ZeroError):
+    """A zero error of the speed sensor: logged speed = w + offset [rad/s]."""
 
     name: ClassVar[str] = "speed_offset"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = _SOURCE
     channel: ClassVar[str] = "speed"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error."""
-        return (amplitude("offset", "rad/s", "zero error", self.size, signed=True),)
-
-    def logged(
-        self, before: Expression, signals: Signals, states: Values, values: Values
-    ) -> Expression:
-        """Logged speed [rad/s]."""
-        return before + values.offset
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
-        return [Candidate(cls(survey.speed), columns((0.02 * survey.speed,)))]
+    unit: ClassVar[str] = "rad/s"
+    tried: ClassVar[float] = 0.02
 
 
 @dataclass(frozen=True)

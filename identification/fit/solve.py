@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -192,14 +192,6 @@ def _bent(
         for k, state_bend in enumerate(state_bends):
             states[k][:, lane] += state_bend
     return position, states
-
-
-def refit(fit: Fit, **changes: object) -> Fit:
-    """The fit with another simulator or weighting, started where it ended."""
-    changed = replace(fit, **changes)  # type: ignore[arg-type]
-    return solve(
-        changed.simulator, changed.coordinates, changed.position, changed.states, changed.weighting
-    )
 
 
 def _ladder(
