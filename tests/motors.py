@@ -21,6 +21,7 @@ __all__ = [
     "Motor",
     "campaign",
     "drive",
+    "driven",
     "motor_named",
     "noiseless",
     "run_of",
@@ -237,3 +238,12 @@ def campaign(
             )
         )
     return logged
+
+
+def driven(motor: Motor, rows: int, seed: int, warming: float) -> Run:
+    """A run with nothing but inputs: steps of voltage while the motor warms from 60 degC on."""
+    voltage = drive(motor, "steps", rows, np.random.default_rng(seed))
+    temperature = 60.0 + warming * motor.interval * np.arange(rows, dtype=np.float64)
+    nothing = np.zeros(rows)
+    time = motor.interval * np.arange(rows, dtype=np.float64)
+    return Run("run.csv", "0" * 64, time, voltage, nothing, nothing, temperature)

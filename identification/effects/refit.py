@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.accuracy import TOLERATED, accurate, change_between
 from identification.fit.declared import replanned
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.composite import MotorModel
@@ -20,9 +21,8 @@ __all__ = ["refined", "refitted_with", "refitted_without"]
 
 Array = NDArray[np.float64]
 
-_MOST_PARTS: Final = 16
 _STEPS: Final = 20
-_TOLERATED: Final = 0.05
+_ATTEMPTS: Final = 3
 
 
 def refitted_with(
@@ -63,7 +63,7 @@ def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], patience: Pa
     coordinates = Coordinates(parameters)
     values = np.array([here[name] for name in coordinates.names])
     records = fit.simulator.records
-    simulator = Simulator.fitting(model, records, values, fit.simulator.plan.parts)
+    simulator = Simulator.fitting(model, records, values, fit.simulator.divisions)
     states = [_states(fit, model, k) for k in range(len(records))]
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
@@ -96,27 +96,15 @@ def _states(fit: Fit, model: MotorModel, k: int) -> Array:
 def refined(fit: Fit, patience: Patience | None = None) -> Fit:
     """The fit with sample intervals divided until their error is far below the noise.
 
-    The step is of second order in nonlinear terms.  What half the interval would change is
-    measured on the fitted model itself; where it exceeds a twentieth of the residual, the
-    intervals are halved and the fit is repeated.
+    Which intervals have to be divided depends on where the fit ended, so it is measured there and
+    the fit is repeated where it had not been enough.
     """
     patience = patience or Patience(_STEPS)
-    while fit.simulator.plan.parts < _MOST_PARTS and not patience.over:
-        simulator = Simulator.fitting(
-            fit.simulator.model, fit.simulator.records, fit.values, 2 * fit.simulator.plan.parts
-        )
-        halved = simulator.logged(fit.values[:, None], fit.states)
-        squares = np.sum(
-            [
-                np.sum(record.weight * (y[:, :, 0] - known) ** 2, axis=0)
-                for record, y, known in zip(
-                    simulator.records, halved, fit.equations.logged, strict=True
-                )
-            ],
-            axis=0,
-        )
-        change = np.sqrt(squares / np.maximum(fit.weighting.counts, 1.0))
-        if np.all(change < _TOLERATED * fit.weighting.deviation):
+    for _ in range(_ATTEMPTS):
+        deviation = fit.weighting.deviation
+        simulator = accurate(fit.simulator, fit.values, fit.states, deviation)
+        change = change_between(fit.simulator, simulator, fit.values, fit.states)
+        if patience.over or np.all(change < TOLERATED * deviation):
             return fit
         fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
     return fit

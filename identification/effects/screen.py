@@ -119,7 +119,7 @@ def _deviations(fit: Fit, candidate: Candidate) -> list[Array]:
     count = max(candidate.starts.shape[1], 1)
     values = np.repeat(fit.values[:, None], count, axis=1)
     values = np.concatenate([values, candidate.starts.reshape(-1, count)])
-    simulator = Simulator.fitting(model, records, values[:, 0], fit.simulator.plan.parts)
+    simulator = Simulator.fitting(model, records, values[:, 0], fit.simulator.divisions)
     states = [
         np.concatenate([state, initial_states(model, record)[state.size :]])
         for state, record in zip(fit.states, records, strict=True)

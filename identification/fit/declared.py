@@ -75,7 +75,7 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
         model, records, plan = fit.simulator.model, fit.simulator.records, fit.simulator.plan
         simulator = fit.simulator
         if not plan.suits(Simulator.rate(model, records, fit.values)):
-            simulator = Simulator.fitting(model, records, fit.values, plan.parts)
+            simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
         fit = solve(
             simulator, coordinates, fit.position, fit.states, fit.weighting, Patience(steps=_LEG)
         )
@@ -100,7 +100,7 @@ def replanned(fit: Fit, patience: Patience | None = None) -> Fit:
         rate = Simulator.rate(model, records, fit.values)
         if plan.suits(rate) or patience.over:
             return fit
-        simulator = Simulator.fitting(model, records, fit.values, plan.parts)
+        simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
         fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
     return fit
 

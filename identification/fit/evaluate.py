@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
@@ -48,9 +49,9 @@ def simulate_unseen(fit: Fit, records: Sequence[Record]) -> list[Simulated]:
     """Records that were not fitted, from their inputs and their first samples alone."""
     if not records:
         return []
-    simulator = Simulator.fitting(
-        fit.simulator.model, records, fit.values, fit.simulator.plan.parts
-    )
+    simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
+    if fit.simulator.divisions is not None:
+        simulator = accurate(simulator, fit.values, states, fit.weighting.deviation)
     logged = simulator.logged(fit.values[:, None], states)
     return [Simulated(record, y[:, :, 0]) for record, y in zip(records, logged, strict=True)]

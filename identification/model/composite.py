@@ -46,8 +46,12 @@ INPUTS: Final = (
     "time",
     "run",
     "peak_temperature",
+    "part",
+    "parts",
 )
-"""Inputs of one sample interval, in the order of the columns of `Record.inputs`."""
+"""Inputs of one sample interval, in the order of the columns of `Record.inputs`.
+
+A sample interval may be computed in equal parts (`division.py`); `part` counts them from zero."""
 
 
 @dataclass(frozen=True)

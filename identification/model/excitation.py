@@ -124,6 +124,8 @@ def _record(
         "time": time,
         "run": np.full(time.size, float(number)),
         "peak_temperature": highest[span],
+        "part": np.zeros(time.size),
+        "parts": np.ones(time.size),
     }
     clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]
     weight = np.column_stack(

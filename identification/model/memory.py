@@ -1,7 +1,8 @@
 """What a delayed channel remembers: the last few sample intervals as cubics.
 
 Of every interval value and slope at both ends are kept, so that a delay by any fraction of an
-interval is exact to the fourth order although the slope jumps where the voltage does.
+interval is exact to the fourth order although the slope jumps where the voltage does.  Where an
+interval is computed in parts, what it began with waits until its last part ends.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.composite import MotorModel
+from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import AbstractDelay, Expression
 
 __all__ = ["memory_size", "memory_start", "remembered"]
@@ -20,7 +21,7 @@ _CHANNELS = ("current", "speed")
 
 def memory_size(model: MotorModel) -> int:
     """Numbers in the carry behind the state."""
-    return sum(4 * int(term.depth) * len(_delayed(term)) for term in model.delays)
+    return sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
 
 
 def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -34,7 +35,12 @@ def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.f
         (n_memory,)
     """
     parts = [
-        np.tile([logged[channel], logged[channel], 0.0, 0.0], int(term.depth))
+        np.concatenate(
+            [
+                [logged[channel], 0.0],
+                np.tile([logged[channel], logged[channel], 0.0, 0.0], int(term.depth)),
+            ]
+        )
         for term in model.delays
         for channel in _delayed(term)
     ]
@@ -62,7 +68,9 @@ def remembered(
     Returns:
         (n_memory,) and (2,).
     """
-    interval = inputs[0][0]
+    part, count = (inputs[0][INPUTS.index(name)] for name in ("part", "parts"))
+    begins, ends = part < 0.5, part > count - 1.5
+    interval = inputs[0][0] * count
     values, slopes = [], []
     for x, u in zip(states, inputs, strict=True):
         value, slope = _value_and_slope(model, x, u, parameter)
@@ -74,12 +82,19 @@ def remembered(
         lag = model.lag(term, parameter)
         depth = int(term.depth)
         for channel in _delayed(term):
-            past = memory[start : start + 4 * depth]
-            start += 4 * depth
-            now = ca.vertcat(
-                values[0][channel], values[1][channel], slopes[0][channel], slopes[1][channel]
-            )
-            kept += [now] + ([past[: 4 * (depth - 1)]] if depth > 1 else [])
+            waiting = memory[start : start + 2]
+            past = memory[start + 2 : start + 2 + 4 * depth]
+            start += 2 + 4 * depth
+            began = [
+                ca.if_else(begins, now, before)
+                for now, before in (
+                    (values[0][channel], waiting[0]),
+                    (slopes[0][channel], waiting[1]),
+                )
+            ]
+            whole = ca.vertcat(began[0], values[1][channel], began[1], slopes[1][channel])
+            moved = ca.vertcat(whole, past[: 4 * (depth - 1)])
+            kept += [*began, ca.if_else(ends, moved, past)]
             delayed[channel] = _looked_up(past, depth, lag, delayed[channel])
     return ca.vertcat(*kept), ca.vertcat(*delayed)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
+from identification.model.division import Counts, begins
 from identification.model.excitation import Record
 from identification.model.loop import STRIDE
 from identification.model.scan import Scan, scan_of
@@ -40,22 +41,32 @@ class MisfitLoop:
         scan: The loop.
         columns: Columns of the inputs that the model depends on.
         weighted: Whether a weight of each channel is read with each sample.
+        divided: Whether sample intervals are computed in parts, so that not every row is a sample.
     """
 
     scan: Scan
     columns: tuple[int, ...]
     weighted: bool
+    divided: bool
 
-    def rows(self, inputs: Array, measured: Array, weights: Array) -> Array:
+    def rows(
+        self, inputs: Array, measured: Array, weights: Array, counts: Counts | None = None
+    ) -> Array:
         """What the loop reads, (n_sample, n_column).
 
         Args:
-            inputs: (n_sample, n_input).
+            inputs: (n_row, n_input).
             measured: (n_sample, 2).
             weights: (n_sample, 2); left out where the loop is not weighted.
+            counts: (n_sample,) rows of each sample; None for one.
         """
-        parts = [inputs[:, self.columns], measured]
-        return np.column_stack([*parts, weights] if self.weighted else parts)
+        compared = np.column_stack([measured, weights]) if self.weighted else measured
+        if counts is None:
+            return np.column_stack([inputs[:, self.columns], compared])
+        is_sample = np.zeros(inputs.shape[0])
+        is_sample[begins(counts)] = 1.0
+        repeated = np.repeat(compared, counts, axis=0)
+        return np.column_stack([inputs[:, self.columns], repeated, is_sample])
 
 
 def misfit_loop(
@@ -65,6 +76,7 @@ def misfit_loop(
     *,
     weighted: bool,
     interpolated: bool,
+    divided: bool = False,
 ) -> MisfitLoop:
     """The loop for one kind of noise.
 
@@ -74,11 +86,13 @@ def misfit_loop(
         whitening: Coefficients of the whitening filter of each channel.
         weighted: Whether samples have weights.
         interpolated: Whether the transition is interpolated; for the declared model only.
+        divided: Whether sample intervals are computed in parts.
     """
     columns, advancing, prepare = _reduced(model, plan, interpolated)
     x = ca.SX.sym("x", advancing.numel_in(0))
     u, p = ca.SX.sym("u", len(columns)), ca.SX.sym("p", advancing.numel_in(2))
     measured, weight, sums = (ca.SX.sym(name, 2) for name in ("y", "w", "s"))
+    is_sample = ca.SX.sym("is_sample")
     following, logged = advancing(x, u, p)
     carried, ends, total = [x, sums], [], []
     for channel, taps in enumerate(whitening):
@@ -86,10 +100,12 @@ def misfit_loop(
         now = ca.vertcat(measured[channel] - logged[channel], past)
         white = ca.dot(ca.DM(list(taps)), now)
         counted = weight[channel] * white * white if weighted else white * white
-        total.append(sums[channel] + counted)
+        total.append(sums[channel] + (is_sample * counted if divided else counted))
         carried.append(past)
-        ends += [now[lag] for lag in range(len(taps) - 1)]
+        shifted = ca.vertcat(*[now[lag] for lag in range(len(taps) - 1)])
+        ends.append(ca.if_else(is_sample > 0.5, shifted, past) if divided else shifted)
     row = ca.vertcat(u, measured, weight) if weighted else ca.vertcat(u, measured)
+    row = ca.vertcat(row, is_sample) if divided else row
     nothing = ca.SX(0, 1)
     step = ca.Function(
         "misfit", [ca.vertcat(*carried), row, p], [ca.vertcat(following, *total, *ends), nothing]
@@ -98,7 +114,7 @@ def misfit_loop(
     if prepare is not None:
         own = ca.SX.sym("p", prepare.numel_in(2))
         wide = ca.Function("prepare", [nothing, row, own], list(prepare(nothing, u, own)))
-    return MisfitLoop(scan_of(step, wide), columns, weighted)
+    return MisfitLoop(scan_of(step, wide), columns, weighted, divided)
 
 
 def is_slow(record: Record) -> bool:

@@ -10,8 +10,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Final
 
 import casadi as ca
@@ -19,6 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
+from identification.model.division import (
+    Counts,
+    begins,
+    divided,
+    evenly,
+    halves,
+    more_parts,
+)
 from identification.model.excitation import Record
 from identification.model.memory import memory_size, memory_start
 from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
@@ -35,7 +43,9 @@ __all__ = ["Simulator", "initial_states", "rate_of"]
 
 Array = NDArray[np.float64]
 
-_SAMPLED: Final = 200
+_SAMPLED: Final = 100
+_LOOKS: Final = 6
+_STRUCTURES: Final = 128
 
 
 def rate_of(
@@ -49,12 +59,10 @@ def rate_of(
         values: (n_parameter,) physical.
         states: For each record (n_point, n_state) states to look at.
     """
-    x, u, p = _symbols(model)
-    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])
     largest = 0.0
     for record, points in zip(records, states, strict=True):
         rows = np.linspace(0, record.rows - 1, points.shape[0]).astype(int)
-        each = jacobian.map(points.shape[0])
+        each = _rate_jacobian(model, points.shape[0])
         columns = np.repeat(values[:, None], points.shape[0], axis=1)
         found = np.asarray(each(points.T, record.inputs[rows].T, columns))
         n = points.shape[1]
@@ -94,17 +102,36 @@ class Simulator:
     Args:
         model: The model.
         records: What drives it.
-        plan: How a sample interval is computed; see `plan_for`.
+        plan: How a part of a sample interval is computed; see `plan_for`.
+        divisions: For each record (n_sample,) parts of each sample interval; None for one.
     """
 
     model: MotorModel
     records: tuple[Record, ...]
     plan: Plan
+    divisions: tuple[Counts, ...] | None = None
 
     @cached_property
     def inputs(self) -> list[Array]:
-        """Inputs of each record (n_sample, n_input)."""
-        return [self._shifted(record.inputs) for record in self.records]
+        """Inputs of each record (n_row, n_input), a row for each part of a sample interval."""
+        shifted = [self._shifted(record.inputs) for record in self.records]
+        if self.divisions is None:
+            return shifted
+        return [
+            divided(inputs, counts, self.model.held)
+            for inputs, counts in zip(shifted, self.divisions, strict=True)
+        ]
+
+    @cached_property
+    def _begins(self) -> list[NDArray[np.intp]] | None:
+        """For each record the rows at which samples lie; None where every row is a sample."""
+        return None if self.divisions is None else [begins(c) for c in self.divisions]
+
+    def _sampled(self, rows: list[Array]) -> list[Array]:
+        """Of arrays with a value for each part, those at the samples."""
+        if self._begins is None:
+            return rows
+        return [y[at] for y, at in zip(rows, self._begins, strict=True)]
 
     def _shifted(self, inputs: Array) -> Array:
         """Inputs with the voltage as many samples ahead as the model asks."""
@@ -135,13 +162,45 @@ class Simulator:
         model: MotorModel,
         records: Sequence[Record],
         values: Array,
-        parts: int = 1,
+        divisions: tuple[Counts, ...] | None = None,
         margin: float = 1.5,
     ) -> Simulator:
         """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
         rate = Simulator.rate(model, records, values)
-        plan = plan_for(margin * rate, parts, linear=not model.terms)
-        return Simulator(model, tuple(records), plan)
+        plan = plan_for(margin * rate, linear=not model.terms)
+        return Simulator(model, tuple(records), plan, divisions)
+
+    def divided_for(self, values: Array, states: Sequence[Array], tolerance: Array) -> Simulator:
+        """This simulator with its sample intervals divided until each is accurate.
+
+        The error of a part is what two halves of it change, measured at `values`.
+
+        Args:
+            values: (n_parameter,) physical.
+            states: For each record (n_state,) at its first sample.
+            tolerance: (2,) error of current and speed that one interval may have [A, rad/s].
+        """
+        simulator = self
+        divisions = evenly([record.rows for record in self.records], 1)
+        for _ in range(_LOOKS):
+            simulator = replace(self, divisions=divisions)
+            errors = simulator._errors_of_parts(values, states)
+            more = tuple(
+                more_parts(counts, error, tolerance)
+                for counts, error in zip(divisions, errors, strict=True)
+            )
+            if all(np.array_equal(a, b) for a, b in zip(more, divisions, strict=True)):
+                break
+            divisions = more
+        if all((counts == 1).all() for counts in divisions):
+            return replace(self, divisions=None)
+        return replace(self, divisions=divisions)
+
+    def _errors_of_parts(self, values: Array, states: Sequence[Array]) -> list[Array]:
+        """For each record (n_row, 2) what halving changes in current and speed over each part."""
+        carries = [_lanes(state, 1) for state in states]
+        errors = _errors_scan(self.model, self.plan)(self.inputs, values[:, None], carries)[1]
+        return [error[:, :, 0] for error in errors]
 
     @staticmethod
     def rate(model: MotorModel, records: Sequence[Record], values: Array) -> float:
@@ -171,11 +230,7 @@ class Simulator:
             For each record (n_sample, 2, n_lane) [A, rad/s].
         """
         carries = self._carries(states, values.shape[1])
-        return self._logged_scan(self.inputs, values, carries)[1]
-
-    @cached_property
-    def _logged_scan(self) -> Scan:
-        return scan_of(step_function(self.model, self.plan))
+        return self._sampled(_logged_scan(self.model, self.plan)(self.inputs, values, carries)[1])
 
     def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
@@ -211,10 +266,17 @@ class Simulator:
                 tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
                 weighted=any(np.any(weight != 1.0) for weight in weights),
                 interpolated=self._interpolates,
+                divided=self.divisions is not None,
             )
             rows = [
-                loop.rows(inputs, record.measured, weight)
-                for inputs, record, weight in zip(self.inputs, self.records, weights, strict=True)
+                loop.rows(inputs, record.measured, weight, counts)
+                for inputs, record, weight, counts in zip(
+                    self.inputs,
+                    self.records,
+                    weights,
+                    self.divisions or [None] * len(self.records),
+                    strict=True,
+                )
             ]
             kept = self._kept["compared"] = (key, (loop, rows))
         return kept[1]
@@ -230,16 +292,14 @@ class Simulator:
         It may for the declared model, where samples are even in time and the temperature is as
         smooth as it should be after `smooth_temperature`.
         """
-        if self.model.terms or self.plan.parts != 1:
+        if self.model.terms or self.divisions is not None:
             return False
         return all(is_slow(record) for record in self.records)
 
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
         """All states over time, for each record (n_sample, n_state, n_lane)."""
-        x, u, p = _symbols(self.model)
-        step = ca.Function("states", [x, u, p], [advance(self.model, self.plan, x, u, p), x])
         carries = [_lanes(state, values.shape[1]) for state in states]
-        return scan_of(step)(self.inputs, values, carries)[1]
+        return self._sampled(_states_scan(self.model, self.plan)(self.inputs, values, carries)[1])
 
     def tangent(
         self, values: Array, states: Sequence[Array], directions: Array
@@ -265,25 +325,54 @@ class Simulator:
         parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
         start = np.concatenate([np.zeros((size, m)), np.eye(size, n)], axis=1)
         carries = [np.concatenate([carry, start]) for carry in self._carries(states, lanes)]
-        _, outputs = self._tangent_scan(self.inputs, parameter, carries)
+        scan = _tangent_scan(self.model, self.plan)
+        outputs = self._sampled(scan(self.inputs, parameter, carries)[1])
         return [y[:, :2, 0] for y in outputs], [y[:, 2:, :] for y in outputs]
 
-    @cached_property
-    def _tangent_scan(self) -> Scan:
-        _, u, p = _symbols(self.model)
-        x = ca.SX.sym("x", self.n_state + memory_size(self.model))
-        dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
-        both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
-        following, logged = step_function(self.model, self.plan)(x, u, p)
-        step = ca.Function(
-            "tangent",
-            [ca.vertcat(x, dx), u, ca.vertcat(p, dp)],
-            [
-                ca.vertcat(following, ca.jtimes(following, both, seeds)),
-                ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
-            ],
-        )
-        return scan_of(step)
+
+@lru_cache(_STRUCTURES)
+def _logged_scan(model: MotorModel, plan: Plan) -> Scan:
+    return scan_of(step_function(model, plan))
+
+
+@lru_cache(_STRUCTURES)
+def _states_scan(model: MotorModel, plan: Plan) -> Scan:
+    x, u, p = _symbols(model)
+    return scan_of(ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]))
+
+
+@lru_cache(_STRUCTURES)
+def _errors_scan(model: MotorModel, plan: Plan) -> Scan:
+    """The loop that goes on in halves and puts out what the whole would change."""
+    x, u, p = _symbols(model)
+    step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
+    first, second = halves(u, model.held)
+    end = step(step(x, first, p), second, p)
+    return scan_of(ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]))
+
+
+@lru_cache(_STRUCTURES)
+def _tangent_scan(model: MotorModel, plan: Plan) -> Scan:
+    _, u, p = _symbols(model)
+    x = ca.SX.sym("x", len(model.state_names) + memory_size(model))
+    dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
+    both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
+    following, logged = step_function(model, plan)(x, u, p)
+    step = ca.Function(
+        "tangent",
+        [ca.vertcat(x, dx), u, ca.vertcat(p, dp)],
+        [
+            ca.vertcat(following, ca.jtimes(following, both, seeds)),
+            ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
+        ],
+    )
+    return scan_of(step)
+
+
+@lru_cache(_STRUCTURES)
+def _rate_jacobian(model: MotorModel, points: int) -> ca.Function:
+    x, u, p = _symbols(model)
+    return ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)]).map(points)
 
 
 def _lanes(state: Array, count: int) -> Array:

@@ -6,24 +6,29 @@ An exponential Rosenbrock step linearises the equations where the interval begin
 
 and is exact for a linear motor with held or linear voltage, however stiff, since the
 electrical time constant enters through the matrix functions and not through the step size.
-For the nonlinear terms of effects it is of second order in h, and unlike Runge-Kutta methods it
-stays stable when an effect adds stiffness (a steep brush drop, friction near standstill), since A
-contains the effect.
+Unlike Runge-Kutta methods it stays stable when an effect adds stiffness (a steep brush drop,
+friction near standstill), since A contains the effect.  Where the model is not linear, what the
+linearisation misses at the end of the interval,
 
-The phi functions act on two vectors only, so their Taylor series costs one product of matrix and
-vector a term.  Where h |A| is large the interval is divided, and where it is very large the
-matrix functions themselves are formed by scaling and squaring,
+    d = f(x_1) - f(x) - A (x_1 - x) - h df/dt,     x(t + h) = x_1 + 2 h phi3(h A) d,
 
-    phi0(2z) = phi0(z)^2,  phi1(2z) = (phi0(z) + 1) phi1(z) / 2,
-    phi2(2z) = (phi1(z)^2 + 2 phi2(z)) / 4.
+makes the step one of third order.
+
+The phi functions act on a few vectors only, so their Taylor series costs one product of matrix and
+vector a term.  Where h |A| is large the matrix functions themselves are formed by scaling and
+squaring,
+
+    phi_l(2z) = (phi0(z) phi_l(z) + sum_{k=1..l} phi_k(z) / (l - k)!) / 2^l.
 
 Source: Hochbruck and Ostermann, Acta Numerica 19 (2010), 209-286, section 2.4 (exponential
-Rosenbrock methods); Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011), 488-511 (Taylor action).
+Rosenbrock methods, here the pair called exprb32); Al-Mohy and Higham, SIAM J. Sci. Comput. 33
+(2011), 488-511 (Taylor action).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,7 +46,8 @@ TOLERANCE: Final = 1e-8
 Sensors resolve 1e-2 to 1e-5 of the signal; this keeps the discretisation far below that even
 after it has added up over a time constant."""
 
-_LARGEST_DIVIDED: Final = 12.0
+_LARGEST_ACTION: Final = 12.0
+"""Largest h |A| for which the series acts on vectors."""
 
 _SCALED: Final = 0.3
 """Size of the matrix whose functions are formed by series before they are doubled."""
@@ -56,13 +62,11 @@ class Plan:
     """How one sample interval is computed.
 
     Args:
-        parts: Equal parts the interval is divided into; A is formed anew in each.
         terms: Terms of the Taylor series.
         squarings: Doublings of scaling and squaring; 0 uses the action on vectors.
         rate: Largest h |A| that the plan is made for [-].
     """
 
-    parts: int
     terms: int
     squarings: int = 0
     rate: float = 1.0
@@ -72,29 +76,21 @@ class Plan:
         return 0.2 * self.rate <= rate <= self.rate
 
 
-def plan_for(rate: float, parts: int = 1, *, linear: bool = False) -> Plan:
-    """The cheapest plan for an interval with h |A| of `rate` [-] and at least `parts` parts.
+def plan_for(rate: float, *, linear: bool = False) -> Plan:
+    """The cheapest plan for an interval with h |A| of `rate` [-].
 
     Args:
         rate: Largest h |A| [-].
-        parts: Parts that are asked for.
         linear: Whether the model is the declared one: then a term of the series costs two
-            multiplications, and dividing the interval would gain nothing.
+            multiplications.
     """
-    reach = _LARGEST_SERIES if linear else _LARGEST_DIVIDED
-    if not math.isfinite(rate) or rate > reach * max(parts, 1):
-        bounded = min(rate, 1e12) if math.isfinite(rate) else 1e12
-        scaled = _LARGEST_SERIES if linear else _SCALED
-        doublings = max(1, math.ceil(math.log2(bounded / parts / scaled)))
-        return Plan(parts, _terms(bounded / parts / 2**doublings), doublings, bounded)
-    if linear:
-        return Plan(parts, _terms(rate / parts), 0, rate)
-    costs = []
-    for count in range(parts, parts + 16):
-        terms = _terms(rate / count)
-        costs.append((count * (2 * terms + 5), count, terms))
-    _, count, terms = min(costs)
-    return Plan(count, terms, 0, rate)
+    reach = _LARGEST_SERIES if linear else _LARGEST_ACTION
+    if math.isfinite(rate) and rate <= reach:
+        return Plan(_terms(rate), 0, rate)
+    bounded = min(rate, 1e12) if math.isfinite(rate) else 1e12
+    scaled = _LARGEST_SERIES if linear else _SCALED
+    doublings = max(1, math.ceil(math.log2(bounded / scaled)))
+    return Plan(_terms(bounded / 2**doublings), doublings, bounded)
 
 
 def _terms(z: float) -> int:
@@ -119,7 +115,8 @@ def step_function(model: MotorModel, plan: Plan) -> ca.Function:
     advanced = advance(model, plan, state, inputs, parameter)
     logged = model.logged(state, inputs, parameter)
     if model.delays:
-        end = _inputs_within(model, inputs, 1, 1)[0]
+        now, slopes = _inputs_within(model, inputs)
+        end = now + inputs[0] * slopes
         memory, logged = remembered(
             model, (state, advanced), carry[n:], (inputs, end), parameter, logged
         )
@@ -136,85 +133,106 @@ def advance(
         for name, symbol in (("x", state), ("u", inputs), ("p", parameter))
     )
     rates = model.rates(x, u, p)
+    jacobian = ca.jacobian(rates, x)
     slope = ca.SX.sym("du", u.numel())
-    linear = ca.Function(
-        "linear",
-        [x, u, p, slope],
-        [rates, ca.jacobian(rates, x), ca.jtimes(rates, u, slope)],
-    )
-    interval = inputs[0] / plan.parts
+    linear = ca.Function("linear", [x, u, p, slope], [rates, jacobian, ca.jtimes(rates, u, slope)])
+    interval = inputs[0]
+    now, slopes = _inputs_within(model, inputs)
+    f, matrix, drift = linear(state, now, parameter, slopes * interval)
     if state.numel() == 2:
-        step = _by_characteristic
+        moves, corrects = _by_characteristic(matrix, interval, plan)
+    elif plan.squarings:
+        moves, corrects = _by_squaring(matrix, interval, plan)
     else:
-        step = _by_squaring if plan.squarings else _by_action
-    for part in range(plan.parts):
-        now, slopes = _inputs_within(model, inputs, part, plan.parts)
-        f, jacobian, drift = linear(state, now, parameter, slopes * interval)
-        state = state + step(jacobian, f, drift, interval, plan)
-    return state
+        moves, corrects = _by_action(matrix, interval, plan)
+    moved = moves(f, drift)
+    if not _is_curved(rates, x, u):
+        return state + moved
+    at_end = ca.Function("rates", [x, u, p], [rates])(
+        state + moved, now + interval * slopes, parameter
+    )
+    return state + moved + corrects(at_end - f - ca.mtimes(matrix, moved) - drift)
 
 
-def _inputs_within(
-    model: MotorModel, inputs: Expression, part: int, parts: int
-) -> tuple[Expression, Expression]:
-    """Inputs where a part of the interval begins, and their slopes [per second].
+def _is_curved(rates: Expression, state: Expression, inputs: Expression) -> bool:
+    """Whether the rates are more than linear in the state and what moves within an interval."""
+    moving = [inputs[k] for k, name in enumerate(INPUTS) if name in ("voltage", "angle", "time")]
+    moved = ca.vertcat(state, *moving)
+    return bool(ca.depends_on(ca.jacobian(rates, moved), moved))
 
-    The slope is multiplied by the length of a part before use, so an interval of zero length (the
-    last sample of a record) never divides by zero.
+
+def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, Expression]:
+    """Inputs where the interval begins, and their slopes [per second].
+
+    The slope is multiplied by the interval before use, so an interval of zero length (the last
+    sample of a record) never divides by zero.
     """
     column = {name: inputs[k] for k, name in enumerate(INPUTS)}
     # The reciprocal of an interval of zero length is replaced by zero: nothing moves in it.
     inverse = ca.if_else(column["interval"] > 0, 1 / column["interval"], 0)
-    fraction = part / parts
     now, slope = [], []
     for name in INPUTS:
-        following = f"{name}_next"
-        change = column.get(following, column[name]) - column[name]
+        change = column.get(f"{name}_next", column[name]) - column[name]
         if name == "temperature":
-            # Held at its value in the middle of the part: with the linear change entering through
-            # df/dt alone, A would be that of the start, an error of first order in the heating.
-            now.append(column[name] + (fraction + 0.5 / parts) * change)
+            # Held at its value in the middle: with the linear change entering through df/dt
+            # alone, A would be that of the start, an error of first order in the heating.
+            now.append(column[name] + 0.5 * change)
             slope.append(ca.SX(0))
         elif name in ("voltage", "angle") and not (name == "voltage" and model.held == "zoh"):
-            now.append(column[name] + fraction * change)
+            now.append(column[name])
             slope.append(change * inverse)
-        elif name == "time":
-            now.append(column[name] + fraction * column["interval"])
-            slope.append(ca.SX(1))
         else:
             now.append(column[name])
-            slope.append(ca.SX(0))
+            slope.append(ca.SX(1 if name == "time" else 0))
     return ca.vertcat(*now), ca.vertcat(*slope)
 
 
-def _by_action(
-    jacobian: Expression, f: Expression, drift: Expression, interval: Expression, plan: Plan
-) -> Expression:
-    """The increment by the Taylor series acting on vectors.
+_Increments = tuple[
+    Callable[[Expression, Expression], Expression], Callable[[Expression], Expression]
+]
+"""The increment h (phi1 f + phi2 h df/dt), and the correction 2 h phi3 d."""
 
-    `drift` is h df/dt, so that the interval appears to the same power in both vectors.
+
+def _by_action(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+    """Increments by Taylor series acting on vectors, by Horner's rule.
+
+    The drift is h df/dt, so that the interval appears to the same power in both vectors.
     """
-    scaled = interval * jacobian
-    # Horner's rule: the last vector of the sum, f + h df/dt / 2 + ..., is built from the inside.
-    second = ca.mtimes(scaled, f) + drift
-    total = second / plan.terms
-    for k in range(plan.terms - 1, 1, -1):
-        total = (second + ca.mtimes(scaled, total)) / k
-    return interval * (f + total)
+    scaled = interval * matrix
+
+    def moves(f: Expression, drift: Expression) -> Expression:
+        second = ca.mtimes(scaled, f) + drift
+        total = second / plan.terms
+        for k in range(plan.terms - 1, 1, -1):
+            total = (second + ca.mtimes(scaled, total)) / k
+        return interval * (f + total)
+
+    def corrects(missed: Expression) -> Expression:
+        total = missed
+        for k in range(plan.terms + 2, 3, -1):
+            total = missed + ca.mtimes(scaled, total) / k
+        return interval * total / 3
+
+    return moves, corrects
 
 
-def _by_characteristic(
-    jacobian: Expression, f: Expression, drift: Expression, interval: Expression, plan: Plan
-) -> Expression:
-    """The increment for two states, where Z^2 = tr(Z) Z - det(Z).
+def _by_characteristic(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+    """Increments for two states, where Z^2 = tr(Z) Z - det(Z).
 
     Every power of Z = hA, and so every truncated series, is a + b Z with two scalars, and Horner's
     rule costs two multiplications a term.  The scalars do not depend on the state of a linear
     motor, so they are computed while the processor waits for the state of the step before.
     """
-    z, _, phi1, phi2 = _pairs(jacobian, interval, plan)
-    moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
-    return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
+    z, _, phi1, phi2, phi3 = _pairs(matrix, interval, plan)
+
+    def moves(f: Expression, drift: Expression) -> Expression:
+        moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
+        return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
+
+    def corrects(missed: Expression) -> Expression:
+        return 2 * interval * (phi3[0] * missed + phi3[1] * ca.mtimes(z, missed))
+
+    return moves, corrects
 
 
 _Pair = tuple[Expression, Expression]
@@ -223,8 +241,8 @@ _Pair = tuple[Expression, Expression]
 
 def _pairs(
     jacobian: Expression, interval: Expression, plan: Plan
-) -> tuple[Expression, _Pair, _Pair, _Pair]:
-    """Z, which is h A over the doublings of the plan, and phi0, phi1, phi2 of h A by Z."""
+) -> tuple[Expression, _Pair, _Pair, _Pair, _Pair]:
+    """Z, which is h A over the doublings of the plan, and phi0 to phi3 of h A by Z."""
     z = jacobian * (interval / 2.0**plan.squarings)
     trace, determinant = z[0, 0] + z[1, 1], z[0, 0] * z[1, 1] - z[0, 1] * z[1, 0]
 
@@ -235,18 +253,23 @@ def _pairs(
             x[0] * y[1] + x[1] * y[0] + both * trace,
         )
 
-    phi2 = (ca.SX(1 / math.factorial(plan.terms)), ca.SX(0))
-    for k in range(plan.terms - 1, 1, -1):
-        phi2 = (1 / math.factorial(k) - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
-    phi1 = (1 - phi2[1] * determinant, phi2[0] + phi2[1] * trace)
-    phi0 = (1 - phi1[1] * determinant, phi1[0] + phi1[1] * trace)
+    def through(constant: float, x: _Pair) -> _Pair:
+        """The constant + Z x."""
+        return (constant - x[1] * determinant, x[0] + x[1] * trace)
+
+    phi3 = (ca.SX(1 / math.factorial(plan.terms + 1)), ca.SX(0))
+    for k in range(plan.terms, 2, -1):
+        phi3 = through(1 / math.factorial(k), phi3)
+    phi2 = through(0.5, phi3)
+    phi1 = through(1.0, phi2)
+    phi0 = through(1.0, phi1)
     for _ in range(plan.squarings):
-        square = product(phi1, phi1)
-        phi2 = ((square[0] + 2 * phi2[0]) * 0.25, (square[1] + 2 * phi2[1]) * 0.25)
-        doubled = product((phi0[0] + 1, phi0[1]), phi1)
-        phi1 = (0.5 * doubled[0], 0.5 * doubled[1])
+        by = [product(phi0, phi) for phi in (phi1, phi2, phi3)]
+        phi3 = tuple((by[2][j] + phi1[j] / 2 + phi2[j] + phi3[j]) / 8 for j in range(2))
+        phi2 = tuple((by[1][j] + phi1[j] + phi2[j]) / 4 for j in range(2))
+        phi1 = tuple((by[0][j] + phi1[j]) / 2 for j in range(2))
         phi0 = product(phi0, phi0)
-    return z, phi0, phi1, phi2
+    return z, phi0, phi1, phi2, phi3
 
 
 def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca.Function]:
@@ -263,14 +286,14 @@ def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca
         ca.SX.sym("u", len(INPUTS)),
         ca.SX.sym("p", len(model.parameters)),
     )
-    now, _ = _inputs_within(model, u, 0, 1)
+    now, _ = _inputs_within(model, u)
     rates = model.rates(x, u, p)
     column = INPUTS.index("voltage")
     linear = ca.Function(
         "linear", [x, u, p], [ca.jacobian(rates, x), ca.jacobian(rates, u)[:, column]]
     )
     jacobian, gain = linear(ca.DM.zeros(2), now, p)
-    z, phi0, phi1, phi2 = _pairs(jacobian, u[0], plan)
+    z, phi0, phi1, phi2, _ = _pairs(jacobian, u[0], plan)
     one, pushed = ca.SX.eye(2), ca.mtimes(z, gain)
     parts = [ca.vec(phi0[0] * one + phi0[1] * z), u[0] * (phi1[0] * gain + phi1[1] * pushed)]
     if model.held == "foh":
@@ -286,21 +309,27 @@ def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca
     return prepare, ca.Function("step", [x, u, q], [following, x])
 
 
-def _by_squaring(
-    jacobian: Expression, f: Expression, drift: Expression, interval: Expression, plan: Plan
-) -> Expression:
-    """The increment by scaling and squaring of the matrix functions themselves."""
-    n = jacobian.shape[0]
-    one = ca.SX.eye(n)
-    z = jacobian * (interval / 2.0**plan.squarings)
-    phi2 = one / math.factorial(plan.terms + 2)
-    for k in range(plan.terms + 1, 1, -1):
-        phi2 = ca.mtimes(z, phi2) + one / math.factorial(k)
-    phi1 = one + ca.mtimes(z, phi2)
-    phi0 = one + ca.mtimes(z, phi1)
+def _by_squaring(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+    """Increments by scaling and squaring of the matrix functions themselves."""
+    one = ca.SX.eye(matrix.shape[0])
+    z = matrix * (interval / 2.0**plan.squarings)
+    phi3 = one / math.factorial(plan.terms + 3)
+    for k in range(plan.terms + 2, 2, -1):
+        phi3 = ca.mtimes(z, phi3) + one / math.factorial(k)
+    phi2 = ca.mtimes(z, phi3) + one / 2
+    phi1 = ca.mtimes(z, phi2) + one
+    phi0 = ca.mtimes(z, phi1) + one
     for k in range(plan.squarings):
-        phi2 = (ca.mtimes(phi1, phi1) + 2 * phi2) / 4
+        phi3 = (ca.mtimes(phi0, phi3) + phi1 / 2 + phi2 + phi3) / 8
+        phi2 = (ca.mtimes(phi0, phi2) + phi1 + phi2) / 4
         phi1 = ca.mtimes(phi0 + one, phi1) / 2
         if k < plan.squarings - 1:
             phi0 = ca.mtimes(phi0, phi0)
-    return interval * (ca.mtimes(phi1, f) + ca.mtimes(phi2, drift))
+
+    def moves(f: Expression, drift: Expression) -> Expression:
+        return interval * (ca.mtimes(phi1, f) + ca.mtimes(phi2, drift))
+
+    def corrects(missed: Expression) -> Expression:
+        return 2 * interval * ca.mtimes(phi3, missed)
+
+    return moves, corrects

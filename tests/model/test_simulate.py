@@ -241,7 +241,7 @@ def test_the_rate_is_the_spectral_radius_of_the_interval() -> None:
 def test_a_plan_with_room_to_spare_gives_the_same_simulation() -> None:
     """More terms than needed change nothing above the tolerance of the series."""
     simulator, values, states = case(SERVO, "zoh", (), ())
-    generous = replace(simulator, plan=Plan(parts=1, terms=18))
+    generous = replace(simulator, plan=Plan(terms=18))
 
     plain = simulator.logged(values[:, None], states)[0]
 

@@ -44,16 +44,15 @@ def by_exponential(values: Array, row: Array, state: Array, hold: str) -> Array:
     return np.asarray(extended[:2])
 
 
-@given(rate=st.floats(1e-6, 60.0), parts=st.integers(1, 6))
+@given(rate=st.floats(1e-6, 60.0))
 @settings(max_examples=200, deadline=None)
-def test_a_series_is_cut_below_the_tolerance(rate: float, parts: int) -> None:
+def test_a_series_is_cut_below_the_tolerance(rate: float) -> None:
     """Term k of phi1 is z^(k-1)/k!: the first one left out has to be below the tolerance."""
     for linear in (False, True):
-        plan = plan_for(rate, parts, linear=linear)
+        plan = plan_for(rate, linear=linear)
 
-        z = rate / plan.parts / 2**plan.squarings
+        z = rate / 2**plan.squarings
         left_out = z**plan.terms / math.factorial(plan.terms + 1)
-        assert plan.parts >= parts
         assert left_out < TOLERANCE
 
 
@@ -119,8 +118,8 @@ def test_action_and_squaring_give_the_same_interval(hold: str) -> None:
     row = one_interval(SERVO.interval, 10.0, -4.0)
     state = np.array([3.0, 100.0, 50.0])
 
-    action = step_function(model, Plan(parts=1, terms=16))(state, row, values)[0]
-    squaring = step_function(model, Plan(parts=1, terms=12, squarings=3))(state, row, values)[0]
+    action = step_function(model, Plan(terms=16))(state, row, values)[0]
+    squaring = step_function(model, Plan(terms=12, squarings=3))(state, row, values)[0]
 
     np.testing.assert_allclose(np.asarray(squaring), np.asarray(action), rtol=1e-11)
 
@@ -130,7 +129,7 @@ def test_a_state_that_acts_on_nothing_leaves_the_motor_alone(hold: str) -> None:
     """The closed form for two states and the general one for three give the same motor."""
     plain = MotorModel(hold="foh" if hold == "foh" else "zoh")
     row = one_interval(SERVO.interval, 10.0, -4.0)
-    plan = Plan(parts=1, terms=14)
+    plan = Plan(terms=14)
 
     two = step_function(plain, plan)([3.0, 100.0], row, SERVO.vector)[0]
     three = step_function(plain.adding(Lag()), plan)(
@@ -140,29 +139,17 @@ def test_a_state_that_acts_on_nothing_leaves_the_motor_alone(hold: str) -> None:
     np.testing.assert_allclose(np.asarray(three)[:2], np.asarray(two), rtol=1e-12)
 
 
-def test_parts_of_a_linear_interval_change_nothing() -> None:
-    """The flow of a linear motor over two halves is the flow over the whole."""
-    model = MotorModel(hold="foh")
-    row = one_interval(SERVO.interval, 10.0, -4.0)
-
-    one = step_function(model, Plan(parts=1, terms=14))([3.0, 100.0], row, SERVO.vector)[0]
-    three = step_function(model, Plan(parts=3, terms=14))([3.0, 100.0], row, SERVO.vector)[0]
-
-    np.testing.assert_allclose(np.asarray(three), np.asarray(one), rtol=1e-11)
-
-
-@pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize("squarings", [0, 4])
 @pytest.mark.parametrize("terms", [(), (MagneticDrag(),), (Lag(),)], ids=["linear", "drag", "lag"])
 def test_an_interval_of_zero_length_moves_nothing(
-    parts: int, squarings: int, terms: tuple[MagneticDrag | Lag, ...]
+    squarings: int, terms: tuple[MagneticDrag | Lag, ...]
 ) -> None:
     """The last sample of a record has no interval behind it."""
     model = MotorModel(terms, hold="foh")
     values = np.concatenate([SERVO.vector, [1e-6] if terms else []])
     row = one_interval(0.0, 10.0, 10.0)
     state = np.arange(3.0, 3.0 + len(model.state_names))
-    plan = Plan(parts=parts, terms=9, squarings=squarings)
+    plan = Plan(terms=9, squarings=squarings)
 
     after, logged = step_function(model, plan)(state, row, values)
 
@@ -171,7 +158,7 @@ def test_an_interval_of_zero_length_moves_nothing(
 
 
 def test_the_step_is_a_casadi_function_of_carry_inputs_and_parameters() -> None:
-    """Sizes follow from the declared motor: two states, ten inputs, seven parameters."""
+    """Sizes follow from the declared motor: two states, the inputs, seven parameters."""
     step = step_function(MotorModel(), plan_for(0.4, linear=True))
 
     assert isinstance(step, ca.Function)

@@ -1,0 +1,126 @@
+"""Sample intervals computed in parts: where, and what that leaves unchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.effects.friction import CoulombFriction
+from identification.effects.sensor import ChannelDelay
+from identification.model.composite import INPUTS, Hold, MotorModel
+from identification.model.division import MOST_PARTS, begins, divided, evenly, more_parts
+from identification.model.excitation import records_of
+from identification.model.simulate import Simulator
+from identification.model.weighting import Weighting
+from tests.motors import driven, motor_named
+
+SERVO = motor_named("servo 100 W")
+ROWS = 400
+START = np.array([1.0, 50.0])
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_parts_of_a_linear_motor_change_nothing(hold: Hold) -> None:
+    """The flow over an interval is the flow over its parts, one after the other."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=1, warming=0.0)]))
+    whole = Simulator.fitting(MotorModel(hold=hold), records, SERVO.vector)
+    counts = np.random.default_rng(1).integers(1, 6, ROWS)
+    parts = replace(whole, divisions=(counts,))
+
+    expected = whole.logged(SERVO.vector[:, None], [START])[0]
+    found = parts.logged(SERVO.vector[:, None], [START])[0]
+
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_the_misfit_counts_samples_and_not_parts() -> None:
+    """With parts the sums of squares, coloured noise included, are those of the samples alone."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=2, warming=0.0)]))
+    whole = Simulator.fitting(MotorModel(hold="foh"), records, SERVO.vector)
+    counts = np.random.default_rng(2).integers(1, 4, ROWS)
+    parts = replace(whole, divisions=(counts,))
+    weighting = replace(Weighting.white(records), whitening=((1.0, -0.4), (1.0, -0.2, 0.1)))
+    values = 1.05 * SERVO.vector[:, None]
+
+    expected = whole.misfit(values, [START], weighting)
+    found = parts.misfit(values, [START], weighting)
+
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("channel", ["current", "speed", "voltage"])
+def test_a_delay_is_one_of_samples_however_they_are_divided(channel: str) -> None:
+    """Parts of an interval are no samples: the same motor lags by the same time."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=3, warming=0.0)]))
+    model = MotorModel(hold="foh").adding(ChannelDelay(channel, 4, SERVO.interval))
+    values = np.append(SERVO.vector, 1.3 * SERVO.interval)
+    whole = Simulator.fitting(model, records, values)
+    parts = replace(whole, divisions=(np.random.default_rng(3).integers(1, 4, ROWS),))
+
+    expected = whole.logged(values[:, None], [START])[0]
+    found = parts.logged(values[:, None], [START])[0]
+
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_only_reversals_are_divided_for_dry_friction() -> None:
+    """A sign that jumps at standstill asks for parts near standstill and nowhere else."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=4, warming=0.0)]))
+    rated = SERVO.voltage / SERVO.values[2]
+    model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
+    values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
+    simulator = Simulator.fitting(model, records, values)
+
+    fine = simulator.divided_for(values, [START], np.array([1e-3, 1e-5 * rated]))
+
+    assert fine.divisions is not None
+    speed = simulator.logged(values[:, None], [START])[0][:, 1, 0]
+    many = np.flatnonzero(fine.divisions[0] > 1)
+    assert many.size
+    assert np.abs(speed[many]).max() < 0.3 * np.abs(speed).max()
+    assert fine.divisions[0].mean() < 2.0
+
+
+def test_dividing_converges_to_even_division() -> None:
+    """Known answer: every interval in as many parts as are ever made."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=5, warming=0.0)]))
+    rated = SERVO.voltage / SERVO.values[2]
+    model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
+    values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
+    simulator = Simulator.fitting(model, records, values)
+    exact = replace(simulator, divisions=evenly([ROWS], MOST_PARTS))
+    reference = exact.logged(values[:, None], [START])[0]
+
+    def error(share: float) -> float:
+        fine = simulator.divided_for(values, [START], share * np.array([1e-2, 1e-3 * rated]))
+        return float(np.abs(fine.logged(values[:, None], [START])[0] - reference)[:, 1].max())
+
+    assert error(1e-3) < 0.1 * error(10.0)
+    assert error(1e-3) < 1e-4 * rated
+
+
+def test_divided_inputs_cover_the_interval() -> None:
+    """Lengths add up to the interval, and a part begins with what the one before ended with."""
+    record = records_of([driven(SERVO, 10, seed=6, warming=20.0)])[0]
+    counts = np.array([1, 3, 2, 1, 4, 1, 1, 2, 1, 1])
+
+    rows = divided(record.inputs, counts, "foh")
+
+    column = {name: k for k, name in enumerate(INPUTS)}
+    summed = np.add.reduceat(rows[:, column["interval"]], begins(counts))
+    np.testing.assert_allclose(summed, record.inputs[:, column["interval"]], rtol=1e-12)
+    inside = rows[1:, column["part"]] > 0
+    for name in ("voltage", "temperature", "angle"):
+        ends, starts = rows[:-1, column[f"{name}_next"]], rows[1:, column[name]]
+        np.testing.assert_allclose(ends[inside], starts[inside], rtol=1e-12)
+
+
+def test_a_part_that_is_not_finite_is_divided_and_never_without_end() -> None:
+    """Bound as documented: at most `MOST_PARTS`."""
+    counts = np.array([1, 32, 64])
+
+    more = more_parts(counts, np.full((97, 2), np.nan), np.ones(2))
+
+    assert list(more) == [8, MOST_PARTS, MOST_PARTS]
