@@ -2,68 +2,84 @@
 
     python -m benchmarks.attribution [--campaigns 400] [--rows 1500]
 
-The independent bench simulator hides an effect, or none, in a motor; the search is given the runs
-and nothing else.  One line of JSON a campaign is appended to the log as soon as it is known, so a
-run that was cut off goes on where it ended; the table is made from the whole log.
+The independent bench simulator hides an effect, or none, in a motor drawn at random; the search is
+given the runs and nothing else.  One line of JSON a campaign is appended to the log as soon as it
+is known, so a run that was cut off goes on where it ended; the tables are made from the whole log.
+Campaigns are dealt out in turn to as many processes as there are cores, one thread each.
 
-Counted for each kind of campaign: *exact*, the effects named are those hidden and no others;
-*held*, the hidden ones are among those named or their alternatives.
+An effect that raises the error of the best declared model on the runs left out by less than a
+twentieth of the noise counts as one that does not show, and is listed apart.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
+import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from bench import EFFECTS, MOTORS, EffectRequest, Noise, make_campaign
+from bench import EFFECTS, EffectRequest, Noise, make_campaign
+from bench.visibility import size_for_rise
 from benchmarks.coverage import run_of
+from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.search import search
-from identification.fit.campaign import campaign_of
+from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import simulate_unseen
+from identification.fit.solve import Fit
 
 __all__ = ["main", "plan", "tried"]
 
-Kind = Literal["white", "coloured", "spiky"]
-KINDS: tuple[Kind, ...] = ("white", "coloured", "spiky")
+KINDS = ("white", "coloured", "spiky")
+POSITIONS = ("none", "absolute", "none", "incremental")
+SECONDS = 60.0
+"""Time that a search may take; what it found until then counts."""
 
 
 def plan(count: int) -> Iterator[dict[str, Any]]:
-    """What to measure: clean motors, each effect by each of its laws, and pairs, by turns.
+    """What to measure, in such an order that any beginning of it is a fair mixture.
 
     Args:
         count: Number of campaigns.
     """
-    motors = sorted(MOTORS)
     rng = np.random.default_rng(2026)
-    singles = [(name, law) for name in CATALOGUE for law in EFFECTS[name].laws]
-    names = sorted(CATALOGUE)
+    listed = [name for name in EFFECTS if name in CATALOGUE]
+    unlisted = [name for name in EFFECTS if name not in CATALOGUE]
+    other = [(name, law) for name in listed for law in list(EFFECTS[name].laws)[1:]]
+    strange = [(name, law) for name in unlisted for law in EFFECTS[name].laws]
+    turns = {"clean": 0, "large": 0, "small": 0, "two": 0, "law": 0, "unlisted": 0}
+    order = ["large", "clean", "law", "unlisted", "two", "large", "small", "unlisted", "law"]
+    order.append("clean")
     for number in range(count):
-        turn = number % 10
-        if turn < 2:
-            effects: list[tuple[str, str | None]] = []
-            group = f"clean, {KINDS[(number // 10) % 3]} noise"
-        elif turn < 9:
-            name, law = singles[(number // 10 * 7 + turn - 2) % len(singles)]
-            effects = [(name, law)]
-            textbook = law == next(iter(EFFECTS[name].laws))
-            group = "one effect" if textbook else "one effect, another law"
-        else:
-            pair = rng.choice(len(names), size=2, replace=False)
-            effects = [(names[int(k)], None) for k in pair]
-            group = "two effects"
+        group = order[number % len(order)]
+        turn = turns[group]
+        turns[group] += 1
+        effects: list[tuple[str, str | None]] = []
+        if group in ("large", "small"):
+            effects = [(listed[turn % len(listed)], None)]
+        elif group == "law":
+            effects = [other[turn % len(other)]]
+        elif group == "unlisted":
+            effects = [strange[turn % len(strange)]]
+        elif group == "two":
+            pair = rng.choice(len(listed), size=2, replace=False)
+            effects = [(listed[int(k)], None) for k in pair]
         yield {
             "number": number,
             "group": group,
-            "motor": motors[number % len(motors)],
+            "motor": 10_000 + number,
             "effects": effects,
-            "kind": KINDS[(number // 10) % 3] if not effects else "white",
+            "share": float(rng.uniform(0.4, 1.0)),
+            "rise": float(rng.uniform(0.08, 0.3)),
+            "noise": KINDS[(number // len(order)) % 3],
+            "position": POSITIONS[(number // len(order)) % 4],
         }
 
 
@@ -74,47 +90,79 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
         item: An item of `plan`.
         rows: Samples a run.
     """
-    requests = [EffectRequest(name=name, law=law) for name, law in item["effects"]]
-    measured = make_campaign(
-        item["motor"], requests, seed=item["number"], rows=rows, noise=Noise(kind=item["kind"])
-    )
+    noise = Noise(kind=item["noise"])
+    settings = {"seed": item["number"], "rows": rows, "noise": noise, "position": item["position"]}
+    requests = []
+    for name, law in item["effects"]:
+        low, high = EFFECTS[name].typical
+        size = low * (high / low) ** item["share"]
+        if item["group"] == "small":
+            found = size_for_rise(item["motor"], name, item["rise"], law, **settings)
+            if found is None:
+                return item | {"skipped": "no size of it shows by the wanted amount"}
+            size = found
+        requests.append(EffectRequest(name=name, size=size, law=law))
+    measured = make_campaign(item["motor"], requests, **settings)
     campaign = campaign_of(
         [run_of(r, f"training_{k}.csv") for k, r in enumerate(measured.training, 1)],
         [run_of(r, f"validation_{k}.csv") for k, r in enumerate(measured.validation, 1)],
     )
     began = time.perf_counter()
-    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+    declared = fit_declared(campaign.training, "zoh")
+    outcome = search(declared, campaign, seconds=SECONDS)
+    seconds = time.perf_counter() - began
+    noise_sd = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
+    equations = {
+        term.name: [term.equation, *term.drivers] for term in outcome.fit.simulator.model.terms
+    }
     return item | {
+        "sizes": [request.size for request in requests],
         "named": [found.name for found in outcome.effects],
         "alternatives": sorted({a.name for f in outcome.effects for a in f.alternatives}),
-        "seconds": round(time.perf_counter() - began, 2),
+        "where": [equations[found.name] for found in outcome.effects],
+        "before": _ratios(declared, campaign, noise_sd),
+        "after": _ratios(outcome.fit, campaign, noise_sd),
+        "off": _off(outcome.fit, measured.truth["parameters"]),
+        "seconds": round(seconds, 2),
+        "complete": outcome.complete,
     }
 
 
-def _table(done: Sequence[dict[str, Any]]) -> list[str]:
-    lines = ["| campaigns | number | exact | held |", "|---|---|---|---|"]
-    for group in sorted({d["group"] for d in done}):
-        some = [d for d in done if d["group"] == group]
-        exact = [sorted(d["named"]) == sorted(n for n, _ in d["effects"]) for d in some]
-        held = [{n for n, _ in d["effects"]} <= {*d["named"], *d["alternatives"]} for d in some]
-        shares = f"{100 * np.mean(exact):.0f} % | {100 * np.mean(held):.0f} %"
-        lines.append(f"| {group} | {len(some)} | {shares} |")
-    lines += ["", "| hidden | number | named (times) |", "|---|---|---|"]
-    for name in CATALOGUE:
-        some = [d for d in done if [n for n, _ in d["effects"]] == [name]]
-        answers: dict[str, int] = {}
-        for d in some:
-            answer = " + ".join(sorted(d["named"])) or "nothing"
-            answers[answer] = answers.get(answer, 0) + 1
-        if some:
-            text = ", ".join(f"{a} ({c})" for a, c in sorted(answers.items(), key=lambda x: -x[1]))
-            lines.append(f"| `{name}` | {len(some)} | {text} |")
-    seconds = np.median([d["seconds"] for d in done])
-    return [*lines, "", f"Median time of the search: {seconds:.1f} s."]
+def _ratios(fit: Fit, campaign: Campaign, noise: Sequence[float]) -> list[float]:
+    """Error on the runs left out over the true noise, current and speed."""
+    own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
+    squares, counts = np.zeros(2), np.zeros(2)
+    for s in simulate_unseen(fit, campaign.validation, whole=own):
+        squares += np.sum(s.record.weight * s.residual**2, axis=0)
+        counts += s.record.weight.sum(axis=0)
+    return [round(float(r), 4) for r in np.sqrt(squares / counts) / np.array(noise)]
+
+
+def _off(fit: Fit, truth: dict[str, float]) -> float:
+    """Largest deviation of a declared parameter from the truth, in standard deviations."""
+    deviations = np.sqrt(np.diag(fit.equations.covariance()))
+    at = dict(zip(fit.coordinates.names, range(fit.position.size), strict=True))
+    wanted = fit.values.copy()
+    for name, value in truth.items():
+        wanted[at[name]] = value
+    gap = np.abs(fit.coordinates.of(wanted) - fit.position)[[at[name] for name in truth]]
+    return round(float(np.max(gap / deviations[[at[name] for name in truth]])), 2)
+
+
+def _begin(cores: Any) -> None:
+    """Keep a worker to one core, so that campaigns side by side do not share threads."""
+    os.sched_setaffinity(0, {cores.get()})
+
+
+def _job(task: tuple[dict[str, Any], int]) -> dict[str, Any]:
+    try:
+        return tried(*task)
+    except Exception as error:  # noqa: BLE001  one campaign must not end the benchmark
+        return task[0] | {"failed": f"{type(error).__name__}: {error}"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing from the log and write the table."""
+    """Run what is missing from the log and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--campaigns", type=int, default=400)
     parser.add_argument("--rows", type=int, default=1500)
@@ -126,26 +174,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if chosen.log.exists():
         done = [json.loads(line) for line in chosen.log.read_text().splitlines() if line]
     known = {d["number"] for d in done}
-    for item in plan(chosen.campaigns):
-        if item["number"] in known:
-            continue
-        outcome = tried(item, chosen.rows)
-        done.append(outcome)
-        with chosen.log.open("a", encoding="utf-8") as log:
-            log.write(json.dumps(outcome) + "\n")
-        print(json.dumps(outcome), flush=True)  # noqa: T201
-    text = "\n".join(
-        [
-            "# Attribution of hidden effects",
-            "",
-            f"Made by `python -m benchmarks.attribution --campaigns {chosen.campaigns} "
-            f"--rows {chosen.rows}`: motors of the bench simulator, 5 training and 2 validation "
-            "runs each, sizes in the middle of each effect's typical range.",
-            "",
-            *_table(done),
-            "",
-        ]
-    )
+    tasks = [(item, chosen.rows) for item in plan(chosen.campaigns) if item["number"] not in known]
+    context = multiprocessing.get_context("spawn")
+    cores = context.Queue()
+    available = sorted(os.sched_getaffinity(0))
+    for core in available:
+        cores.put(core)
+    with context.Pool(len(available), _begin, (cores,), maxtasksperchild=None) as pool:
+        for outcome in pool.imap_unordered(_job, tasks):
+            done.append(outcome)
+            with chosen.log.open("a", encoding="utf-8") as log:
+                log.write(json.dumps(outcome) + "\n")
+            print(json.dumps(outcome), flush=True)  # noqa: T201
+    options = f"--campaigns {chosen.campaigns} --rows {chosen.rows}"
+    command = f"python -m benchmarks.attribution {options}"
+    text = tables(done, command, list(CATALOGUE))
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     chosen.out.write_text(text, encoding="utf-8")
     print(text)  # noqa: T201

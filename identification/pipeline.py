@@ -14,9 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.detection import detect
+from identification.diagnosis.localise import Localisation, localise
 from identification.effects.search import Outcome, search
 from identification.errors import InputError
 from identification.feedback import feedback_metrics, parse_controllers
+from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_shares, with_noise_model
@@ -85,7 +88,9 @@ def identify(
     campaign = campaign_of(training, validation)
     declared = _declared(campaign, options)
     outcome: Outcome | None = None
+    found: Localisation | None = None
     if options.effects:
+        found = localise(declared)
         tell("effects", 0.15)
         outcome = search(
             declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done), _SEARCH_SECONDS
@@ -105,18 +110,29 @@ def identify(
         draws = normal_draws(posterior, options.seed)
     tell("feedback", 0.85)
     metrics = feedback_metrics(draws, options.temperatures, options.controllers)
+    declared_draws = _declared_draws(declared, outcome, draws, options)
+    changed = outcome is not None and bool(outcome.effects)
+    left = localise(final) if found and changed else found
     tell("report", 0.9)
     findings = Findings(
         campaign=campaign,
         options=options,
         declared=declared,
-        declared_draws=_declared_draws(declared, outcome, draws, options),
+        declared_draws=declared_draws,
         final=final,
         shares=shares,
         draws=draws,
         sample=chain,
         feedback=metrics,
         outcome=outcome,
+        feedback_before=feedback_metrics(declared_draws, options.temperatures, options.controllers)
+        if changed
+        else [],
+        loops=tuple(simulated_loops(final, draws, options.temperatures, options.controllers)),
+        localisation=found,
+        left=left,
+        before=detect(declared, campaign, found.noise) if found else None,
+        after=detect(final, campaign, left.noise) if left else None,
     )
     result = assemble(findings)
     tell("done", 1.0)

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.unlisted import unlisted_term
 from identification.errors import InputError
+from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
@@ -67,6 +69,8 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
         ]
     )
     states = fitted_initial_states(simulator, values, deviation)
+    if model.terms:
+        simulator = accurate(simulator, values, states, deviation)
     logged = simulator.logged(values[:, None], states)
     series = np.full((run.rows, 2), np.nan)
     for record, y in zip(records, logged, strict=True):
@@ -121,6 +125,8 @@ def _value(name: str, entry: Mapping[str, Any] | None) -> float:
 
 
 def _term(effect: Mapping[str, Any]) -> AbstractTerm:
+    if effect["name"] == "unlisted":
+        return unlisted_term(effect["equation"], effect["settings"])
     kind = CATALOGUE.get(effect["name"])
     if kind is None:
         raise InputError(

@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from identification.fit import noise
+
 __all__ = ["autoregression", "effective_samples", "spectrum"]
 
 Array = NDArray[np.float64]
 
 
 def autoregression(residual: Array) -> Array:
-    """Coefficients of the autoregression, by Levinson's recursion on the biased covariance.
+    """Coefficients of the autoregression, its order by Akaike's criterion.
 
-    The biased covariance makes every order stable, which least squares does not promise.
+    A noise model pays for each order, a band must not forget one: the criterion is more generous
+    than that of `identification.fit.noise.autoregression`, which does the work.
 
     Args:
         residual: (n_sample,) any unit; its mean is not taken away.
@@ -34,24 +37,8 @@ def autoregression(residual: Array) -> Array:
         H. Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723.
     """
     size = residual.size
-    highest = min(int(10.0 * np.log10(size)), size // 4)
-    covariance = _covariance(residual, highest)
-    best = coefficients = np.zeros(0)
-    innovation = covariance[0]
-    if innovation <= 0.0:
-        return best
-    lowest = size * np.log(innovation)
-    for order in range(1, highest + 1):
-        predicted = float(coefficients @ covariance[order - 1 : 0 : -1])
-        reflection = (covariance[order] - predicted) / innovation
-        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
-        innovation *= 1.0 - reflection**2
-        if innovation <= 1e-12 * covariance[0]:
-            return coefficients
-        criterion = size * np.log(innovation) + 2.0 * order
-        if criterion < lowest:
-            lowest, best = criterion, coefficients
-    return best
+    largest = min(int(10.0 * np.log10(size)), size // 4)
+    return -noise.autoregression([residual], largest, penalty=2.0)[1:]
 
 
 def spectrum(coefficients: Array, length: int) -> Array:
@@ -83,10 +70,3 @@ def effective_samples(residual: Array) -> float:
     length = fft.next_fast_len(max(2 * residual.size, 4096))
     power = spectrum(autoregression(residual), length)
     return float(max(residual.size / power[0], 1.0))
-
-
-def _covariance(residual: Array, max_lag: int) -> Array:
-    """Biased covariance (max_lag + 1,) at lags from zero on."""
-    length = fft.next_fast_len(residual.size + max_lag, real=True)
-    power = np.abs(fft.rfft(residual, length)) ** 2
-    return np.asarray(fft.irfft(power, length)[: max_lag + 1] / residual.size, dtype=np.float64)

@@ -29,6 +29,7 @@ __all__ = [
     "Whiteness",
     "autocorrelation",
     "cross_correlation",
+    "lagged_products",
     "whiteness",
 ]
 
@@ -96,7 +97,7 @@ def autocorrelation(
     runs = _checked(residuals)
     lag = _max_lag(runs, max_lag)
     lags = np.arange(1, lag + 1)
-    products = sum((_lagged_products(run, run, lag)[lag + 1 :] for run in runs), np.zeros(lag))
+    products = sum((lagged_products(run, run, lag)[lag + 1 :] for run in runs), np.zeros(lag))
     energy = sum(_energy(run) for run in runs)
     variance = np.zeros(lag)
     for run in runs:
@@ -151,7 +152,7 @@ def cross_correlation(
     products = np.zeros(lags.size)
     variance = np.zeros(lags.size)
     for run, signal in zip(runs, inputs, strict=True):
-        products += _lagged_products(run, signal, lag)
+        products += lagged_products(run, signal, lag)
         variance += _energy(run) / run.size * _energy(signal) * _colour_factor(run, signal)
     scale = np.sqrt(sum(_energy(run) for run in runs) * sum(_energy(signal) for signal in inputs))
     return _correlation(lags, products, variance, float(scale), level)
@@ -214,8 +215,17 @@ def _quantile(level: float) -> float:
     return float(special.ndtri(0.5 + 0.5 * level))
 
 
-def _lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
-    """sum_t e(t) u(t-k) for k from -max_lag to max_lag; zero where the lag exceeds the run."""
+def lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
+    """sum_t e(t) u(t-k) for k from -max_lag to max_lag; zero where the lag exceeds the run.
+
+    Args:
+        run: (n_sample,) e.
+        signal: (n_sample,) u.
+        max_lag: Last lag [samples].
+
+    Returns:
+        (2 max_lag + 1,)
+    """
     length = fft.next_fast_len(run.size + max_lag, real=True)
     spectrum = fft.rfft(run, length) * np.conj(fft.rfft(signal, length))
     circular = fft.irfft(spectrum, length)

@@ -8,8 +8,10 @@ near standstill is not the effect's shape.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,9 @@ from numpy.typing import NDArray
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractTerm
+from identification.model.term import AbstractDelay, AbstractHold, AbstractTerm
 
-__all__ = ["Candidate", "Survey", "amplitude", "columns", "shape", "survey_of"]
+__all__ = ["AbstractForced", "Candidate", "Survey", "amplitude", "columns", "shape", "survey_of"]
 
 Array = NDArray[np.float64]
 
@@ -77,12 +79,46 @@ class Candidate:
         fitted: The term that is fitted, where it differs from the one that is scanned: its
             parameters are the first of the scanned term's, and its states hold the rest, free in
             each record.  Such starts are scored record by record.
+        by_run: Whether the term concerns one run, its field `run`.  It is scanned in all runs at
+            once, with `run` None, and scored for each.
     """
 
     term: AbstractTerm
     starts: Array
     joint: int = 1
     fitted: AbstractTerm | None = None
+    by_run: bool = False
+
+    @property
+    def lanes(self) -> int:
+        """Number of starts; one where there is nothing to start from."""
+        return max(int(self.starts.shape[1]), 1)
+
+    @property
+    def prototypes(self) -> int:
+        """Number of prototypes that are scored by themselves, in one run where runs differ."""
+        return max(self.lanes // self.joint, 1)
+
+    @property
+    def can_rest(self) -> bool:
+        """Whether the term can be in a model without doing anything there."""
+        if self.term.states or isinstance(self.term, AbstractDelay | AbstractHold):
+            return False
+        return any(parameter.vanishes for parameter in self.term.parameters)
+
+    @property
+    def resting(self) -> Array:
+        """(n_parameter,) values at which the term does nothing, where it can rest."""
+        first = self.starts.reshape(-1, self.lanes)[:, 0].copy()
+        for row, parameter in enumerate(self.term.parameters):
+            if parameter.vanishes:
+                first[row] = 0.0
+        return first
+
+    def in_run(self, run: int) -> Candidate:
+        """The candidate of one run."""
+        term: Any = self.term
+        return replace(self, term=replace(term, run=run), by_run=False)
 
     @property
     def final(self) -> AbstractTerm:
@@ -93,6 +129,24 @@ class Candidate:
     def by_record(self) -> bool:
         """Whether amplitudes are free in each record."""
         return bool(self.final.states) and self.final is not self.term
+
+
+class AbstractForced(AbstractTerm):
+    """A term that is a force over time, in proportion to what is scored, and nothing else."""
+
+    @abstractmethod
+    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
+        """Torque [N m] or voltage [V] along a trajectory.
+
+        Args:
+            record: The record.
+            current: (n_sample,) [A].
+            speed: (n_sample,) [rad/s].
+            starts: (n_parameter, n_start) values of the parameters.
+
+        Returns:
+            (n_sample, n_start).
+        """
 
 
 def survey_of(fit: Fit) -> Survey:

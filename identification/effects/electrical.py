@@ -17,6 +17,9 @@ from identification.model.term import (
     Values,
 )
 
+_SMALLEST = 1e-4
+"""Current over the knee below which its size is rounded off."""
+
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
 
@@ -24,10 +27,11 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractVoltage):
     """Voltage lost at the brush contacts, with the sign of the current.
 
-        v = -V_b i / (|i|^p + i_b^p)^(1/p),   p = 2                         [V]
+        v = -V_b (1 + a s) s,   s = i / (|i|^p + i_b^p)^(1/p)               [V]
 
     `i_b` is where the knee lies: far below the current the drop is a step, near it a contact
-    whose resistance falls as the current grows.
+    whose resistance falls as the current grows.  `p` says how sharp the knee is (one: hyperbolic,
+    two and more: near an exponential or a tanh), `a` how far the two directions differ.
 
     Args:
         voltage_size: Natural voltage [V].
@@ -56,12 +60,25 @@ class BrushDrop(AbstractVoltage):
                 3e-3 * self.current_size,
                 1.5 * self.current_size,
             ),
+            shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
+            Parameter(
+                "asymmetry",
+                "-",
+                "half the difference between the directions over their mean",
+                scale=0.1,
+                lower=-0.6,
+                upper=0.6,
+                prior_sd=2.0,
+            ),
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage lost [V]."""
-        current = signals.current
-        return -values.voltage * current / ca.sqrt(current * current + values.knee**2)
+        power = values.sharpness
+        relative = signals.current / values.knee
+        size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
+        share = relative / ca.exp(ca.log(1 + size) / power)
+        return -values.voltage * (1 + values.asymmetry * share) * share
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
@@ -69,7 +86,10 @@ class BrushDrop(AbstractVoltage):
         term = cls(survey.voltage, survey.current)
         knees = (0.02, 0.1, 0.4)
         return [
-            Candidate(term, columns(*[(0.03 * survey.voltage, k * survey.current) for k in knees]))
+            Candidate(
+                term,
+                columns(*[(0.03 * survey.voltage, k * survey.current, 2.0, 0.0) for k in knees]),
+            )
         ]
 
 

@@ -7,10 +7,13 @@ pass three gates, none of which was tuned on a simulator:
 1. *Chance.*  Twice the gain of the log likelihood, counted in effective samples (the share that
    correlated residuals leave), has to exceed what the best of all prototypes reaches by chance:
    k log N (Schwarz) plus twice the logarithm of the number of prototypes tried (union bound).
-2. *Size.*  The simulation error of the two channels together has to fall by at least half a per
-   cent; less is of no use to anybody and within the reach of the model's other imperfections.
+2. *Size.*  The simulation error has to fall by at least two per cent, summed over the two channels;
+   less, a hundredth of each, is of no use to anybody and within the reach of what is left of other
+   imperfections: an inexact law, a smoothed temperature.
 3. *Prediction.*  On runs that were left out, the error has to fall too, by at least a quarter of
-   what it fell by on the training runs; an effect of a single run only must not make it worse.
+   what it fell by on the training runs, or of what it could fall by before it reached the noise,
+   where that is less; an effect of a single run only must not make it worse.  Amplitudes that every
+   record has for itself are fitted to the runs left out: a phase is no prediction.
 
 Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Kass and Raftery, J. American Statistical
 Association 90 (1995), 773-795 (probabilities from differences of BIC).
@@ -29,13 +32,15 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 
-__all__ = ["LEAST_SIZE", "Gates", "Judged", "judged", "probabilities"]
+__all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities"]
 
 Array = NDArray[np.float64]
 
-LEAST_SIZE: Final = 0.005
+LEAST_SIZE: Final = 0.02
 _LEAST_SHARE: Final = 0.25
-_LOCAL: Final = frozenset({"load_step", "inertia_change"})
+_SCATTER: Final = 0.002
+"""Relative change of an error that is none."""
+LOCAL: Final = frozenset({"load_step", "inertia_change"})
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class Gates:
         needed: Gain that chance reaches.
         training: Relative fall of the error on training runs [-].
         validation: Relative fall on runs left out, None where there are none [-].
+        possible: Relative fall on runs left out that would leave nothing but noise [-].
         local: Whether the effect concerns single runs only.
     """
 
@@ -54,6 +60,7 @@ class Gates:
     needed: float
     training: float
     validation: float | None
+    possible: float
     local: bool
 
     @property
@@ -76,7 +83,8 @@ class Gates:
             )
         if self.validation is None:
             return ""
-        least = -0.25 * self.training if self.local else _LEAST_SHARE * self.training
+        expected = _LEAST_SHARE * min(self.training, max(self.possible, 0.0))
+        least = -_LEAST_SHARE * self.training if self.local else expected - _SCATTER
         if not self.validation > least:
             return (
                 f"not supported by the runs left out: their error changes by "
@@ -116,17 +124,21 @@ class Judged:
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
         fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
-        unseen = None
+        unseen, possible = None, 0.0
         if self.unseen is not None and simpler.unseen is not None:
+            floor = self.fit.weighting.deviation**2
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratio = 0.5 * np.log(simpler.unseen / self.unseen)
+                excess = 0.5 * np.log(simpler.unseen / floor)
             unseen = float(np.sum(ratio[counts > 0]))
+            possible = float(np.sum(excess[counts > 0]))
         return Gates(
             gain=self.share * (simpler.fit.cost - self.fit.cost),
             needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
             training=float(np.sum(fall[counts > 0])),
             validation=unseen,
-            local=bool(names) and names <= _LOCAL,
+            possible=possible,
+            local=bool(names) and names <= LOCAL,
         )
 
     def score(self) -> float:
@@ -146,7 +158,8 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
     """
     if not campaign.validation:
         return Judged(fit, share, None)
-    simulated = simulate_unseen(fit, campaign.validation)
+    own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
+    simulated = simulate_unseen(fit, campaign.validation, whole=own)
     total, count = np.zeros(2), np.zeros(2)
     for s in simulated:
         total += np.sum(s.record.weight * s.residual**2, axis=0)

@@ -163,7 +163,7 @@ class QuadraticDrag(AbstractTorque):
         """Torque at the reference speed and exponent."""
         return (
             amplitude("torque", "N m", f"drag at {self.reference:.4g} rad/s", self.torque_size),
-            shape("exponent", "-", "power of the speed", 1.5, 3.2),
+            shape("exponent", "-", "power of the speed", 1.4, 2.8),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:

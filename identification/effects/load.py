@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
@@ -31,6 +31,15 @@ _HARMONICS = {
 }
 
 __all__ = ["CoggingTorque", "InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
+
+
+def _in_run(signals: Signals, run: int | None) -> Expression:
+    """One in the run, zero elsewhere."""
+    return ca.SX(1) if run is None else ca.fabs(signals.run - run) < 0.5
+
+
+def _run_name(run: int | None) -> str:
+    return "a run" if run is None else f"run {run + 1}"
 
 
 @dataclass(frozen=True)
@@ -74,13 +83,13 @@ class LoadStep(AbstractTorque):
     The edges are smoothed over one sample interval, so that the times can be fitted.
 
     Args:
-        run: Number of the run it happens in.
+        run: Number of the run it happens in; None for all, as it is scanned.
         torque_size: Natural torque [N m].
         edge: Width of an edge [s].
-        duration: Length of the run [s].
+        duration: Length of the longest run [s].
     """
 
-    run: int
+    run: int | None
     torque_size: float
     edge: float
     duration: float
@@ -102,7 +111,7 @@ class LoadStep(AbstractTorque):
         }
         return (
             amplitude(
-                "torque", "N m", f"load in run {self.run + 1}", self.torque_size, signed=True
+                "torque", "N m", f"load in {_run_name(self.run)}", self.torque_size, signed=True
             ),
             Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
             Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
@@ -110,7 +119,7 @@ class LoadStep(AbstractTorque):
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""
-        here = ca.fabs(signals.run - self.run) < 0.5
+        here = _in_run(signals, self.run)
 
         def passed(moment: Expression) -> Expression:
             late = (signals.time - moment) / self.edge
@@ -120,19 +129,21 @@ class LoadStep(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure a run; spans of three lengths are scanned over it."""
-        found = []
-        for run in survey.runs:
-            last = max(float(r.time[-1]) for r in survey.records if r.run == run)
-            starts: list[Sequence[float]] = []
+        """One structure for each run; spans of three lengths are scanned over runs."""
+        lengths = sorted({record.run: float(record.time[-1]) for record in survey.records}.values())
+        starts: list[Sequence[float]] = []
+        scanned = 0.0
+        for last in lengths:
+            if last < 1.2 * scanned:
+                continue
+            scanned = last
             for parts in (2, 4, 8):
                 length = last / parts
                 for k in range(2 * parts - 1):
                     begin = 0.5 * k * length
                     starts.append((0.1 * survey.torque, begin, begin + length))
-            term = cls(run, survey.torque, 2 * survey.interval, last)
-            found.append(Candidate(term, columns(*starts)))
-        return found
+        term = cls(None, survey.torque, 2 * survey.interval, survey.duration)
+        return [Candidate(term, columns(*starts), by_run=True)]
 
 
 @dataclass(frozen=True)
@@ -176,8 +187,14 @@ class CoggingTorque(AbstractTorque):
         return (
             ()
             if self.logged
-            else tuple(State(name, "N m", scale=self.torque_size) for name in _HARMONICS)
+            else tuple(
+                State(name, "N m", scale=self.torque_size, is_own=True) for name in _HARMONICS
+            )
         )
+
+    def expecting(self, size: float) -> CoggingTorque:
+        """The term with amplitudes of records expected to be of this size [N m]."""
+        return replace(self, torque_size=size)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Amplitudes do not move."""
@@ -219,10 +236,10 @@ class InertiaChange(AbstractCoefficient):
         J -> J (1 + d)   in run r                                           [kg m^2]
 
     Args:
-        run: Number of the run.
+        run: Number of the run; None for all, as it is scanned.
     """
 
-    run: int
+    run: int | None
 
     name: ClassVar[str] = "inertia_change"
     equation: ClassVar[str] = "mechanical"
@@ -237,7 +254,7 @@ class InertiaChange(AbstractCoefficient):
             Parameter(
                 "change",
                 "-",
-                f"relative change of the inertia in run {self.run + 1}",
+                f"relative change of the inertia in {_run_name(self.run)}",
                 scale=0.1,
                 lower=-0.9,
                 upper=20.0,
@@ -247,32 +264,34 @@ class InertiaChange(AbstractCoefficient):
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on J [-]."""
-        here = ca.fabs(signals.run - self.run) < 0.5
+        here = _in_run(signals, self.run)
         return 1 + values.change * here
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure a run, where there is another to compare with."""
+        """One structure for each run, where there is another to compare with."""
         if len(survey.runs) < 2:
             return []
-        return [Candidate(cls(run), columns((0.2,), (-0.15,))) for run in survey.runs]
+        return [Candidate(cls(None), columns((0.2,), (-0.15,)), by_run=True)]
 
 
 @dataclass(frozen=True)
 class ShaftCompliance(AbstractTorque):
     """A second inertia behind a springy shaft.
 
-        tau = -k (theta) - c (w - w_2),   J_2 dw_2/dt = k theta + c (w - w_2),
-        dtheta/dt = w - w_2
+        tau = -k g theta - c (w - w_2),   J_2 dw_2/dt = k g theta + c (w - w_2),
+        dtheta/dt = w - w_2,              g = 1 + h (k theta / T)^2
 
     with J_2 = r J, k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load
-    against a held rotor.
+    against a held rotor; `h` says by how much the coupling stiffens at the natural torque T.
 
     Args:
+        torque_size: Natural torque T [N m].
         slowest: Lowest resonance that can be told from a rigid shaft [rad/s].
         fastest: Highest that the sampling shows [rad/s].
     """
 
+    torque_size: float
     slowest: float
     fastest: float
 
@@ -291,20 +310,35 @@ class ShaftCompliance(AbstractTorque):
                 "resonance", "rad/s", "resonance of the second inertia", self.slowest, self.fastest
             ),
             shape("damping", "-", "damping ratio", 0.002, 2.0),
+            Parameter(
+                "hardening",
+                "-",
+                f"relative rise of the stiffness at {self.torque_size:.4g} N m",
+                scale=0.1,
+                lower=-0.2,
+                upper=50.0,
+                prior_sd=10.0,
+            ),
         )
+
+    def _pull(self, states: Values, values: Values) -> Expression:
+        """Torque of the spring over the second inertia [rad/s^2]."""
+        stiffness = values.resonance**2
+        torque = values.ratio * values.J * stiffness * states.twist / self.torque_size
+        return stiffness * states.twist * (1 + values.hardening * torque * torque)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the shaft on the rotor [N m]."""
-        stiffness = values.ratio * values.J * values.resonance**2
-        damping = 2 * values.damping * values.ratio * values.J * values.resonance
-        return -stiffness * states.twist - damping * (signals.speed - states.speed)
+        inertia = values.ratio * values.J
+        damping = 2 * values.damping * inertia * values.resonance
+        return -inertia * self._pull(states, values) - damping * (signals.speed - states.speed)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rates of twist and of the second speed."""
         slip = signals.speed - states.speed
         return [
             slip,
-            values.resonance**2 * states.twist + 2 * values.damping * values.resonance * slip,
+            self._pull(states, values) + 2 * values.damping * values.resonance * slip,
         ]
 
     @classmethod
@@ -313,6 +347,6 @@ class ShaftCompliance(AbstractTorque):
         slowest, fastest = 20.0 / survey.duration, 2.5 / survey.interval
         if fastest < 2 * slowest:
             return []
-        term = cls(slowest, fastest)
+        term = cls(survey.torque, slowest, fastest)
         scanned = np.geomspace(1.5 * slowest, 0.7 * fastest, 16)
-        return [Candidate(term, columns(*[(0.2, w, 0.3) for w in scanned]))]
+        return [Candidate(term, columns(*[(0.2, w, 0.3, 0.0) for w in scanned]))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -17,16 +18,21 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 
-__all__ = ["refined", "refitted_with", "refitted_without"]
+__all__ = ["refined", "refitted_with", "refitted_without", "with_known_amplitudes"]
 
 Array = NDArray[np.float64]
 
 _STEPS: Final = 20
 _ATTEMPTS: Final = 3
+_SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
 
 
 def refitted_with(
-    fit: Fit, term: AbstractTerm, start: Array, patience: Patience | None = None
+    fit: Fit,
+    term: AbstractTerm,
+    start: Array,
+    patience: Patience | None = None,
+    own: Sequence[Array] = (),
 ) -> Fit:
     """The fit of the model with `term` added, from where `fit` ended.
 
@@ -35,6 +41,7 @@ def refitted_with(
         term: What is added.
         start: (n_parameter,) physical values of the term's parameters.
         patience: When to give up.
+        own: For each record initial values of the term's states; the usual ones where empty.
     """
     return _refitted(
         fit,
@@ -47,6 +54,7 @@ def refitted_with(
             )
         ),
         patience or Patience(_STEPS),
+        own,
     )
 
 
@@ -56,7 +64,33 @@ def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> F
     return _refitted(fit, model, {}, patience or Patience(_STEPS))
 
 
-def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], patience: Patience) -> Fit:
+def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:
+    """The fit with the amplitudes that records have for themselves expected where they were found.
+
+    A run that was not fitted then starts from amplitudes as large as those of the others, and not
+    from any that its first samples leave possible.
+    """
+    model, at = fit.simulator.model, 2
+    terms = []
+    for term in model.terms:
+        own = [at + k for k, state in enumerate(term.states) if state.is_own]
+        at += len(term.states)
+        if own:
+            size = float(np.sqrt(np.mean([state[own] ** 2 for state in fit.states])))
+            term = term.expecting(size)  # type: ignore[attr-defined]
+        terms.append(term)
+    if tuple(terms) == model.terms:
+        return fit
+    return _refitted(fit, replace(model, terms=tuple(terms)), {}, patience or Patience(_STEPS))
+
+
+def _refitted(
+    fit: Fit,
+    model: MotorModel,
+    added: dict[str, float],
+    patience: Patience,
+    own: Sequence[Array] = (),
+) -> Fit:
     known = {p.name: p for p in fit.coordinates.parameters}
     parameters = [known.get(p.name, p) for p in model.parameters]
     here = dict(zip(fit.coordinates.names, fit.values, strict=True)) | added
@@ -65,20 +99,35 @@ def _refitted(fit: Fit, model: MotorModel, added: dict[str, float], patience: Pa
     records = fit.simulator.records
     simulator = Simulator.fitting(model, records, values, fit.simulator.divisions)
     states = [_states(fit, model, k) for k in range(len(records))]
+    for state, values_of_record in zip(states, own, strict=False):
+        state[-values_of_record.size :] = values_of_record
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
     )
-    return replanned(
-        solve(
-            simulator,
-            coordinates,
-            coordinates.of(values),
-            states,
-            plain,
-            patience,
-        ),
-        patience,
+    position = coordinates.of(_shortened(simulator, values, set(added), states, plain))
+    return replanned(solve(simulator, coordinates, position, states, plain, patience), patience)
+
+
+def _shortened(
+    simulator: Simulator,
+    values: Array,
+    added: set[str],
+    states: Sequence[Array],
+    weighting: Weighting,
+) -> Array:
+    """The start, with the sizes of what is added made smaller where that is better.
+
+    A size that is right to first order may be far too large where the effect is not small.
+    """
+    is_size = np.array(
+        [p.name in added and p.vanishes for p in simulator.model.parameters], dtype=bool
     )
+    if not is_size.any():
+        return values
+    lanes = np.repeat(values[:, None], _SHARES.size, axis=1)
+    lanes[is_size] *= _SHARES
+    cost = weighting.sized(simulator.misfit(lanes, states, weighting))[1]
+    return lanes[:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:

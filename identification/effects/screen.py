@@ -18,12 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate
+from identification.effects.effect import AbstractForced, Candidate
+from identification.effects.forcing import responses
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
+from identification.model.lowering import LANES
+from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
 
 __all__ = ["Score", "screened"]
+
+_MANY = 1_000_000
+"""Samples times prototypes above which better code pays for itself in one run."""
 
 Array = NDArray[np.float64]
 
@@ -36,11 +42,17 @@ class Score:
         candidate: The structure.
         start: (n_parameter,) its parameters, scaled to the size that explains most [unit].
         gain: Promised gain of the log likelihood.
+        covariance: (n_joint, n_joint) of the amplitudes that were scored together, as multiples of
+            their prototypes, everything else fitted along [-]; None where they are a record's own.
+        own: For each record the amplitudes that are its own, in the order of the term's states;
+            empty where there are none.
     """
 
     candidate: Candidate
     start: Array
     gain: float
+    covariance: Array | None = None
+    own: tuple[Array, ...] = ()
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -50,28 +62,102 @@ def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
         fit: The current model at its optimum.
         candidates: Structures to try.
     """
-    scores: list[Score] = []
     residuals = [
         record.measured - logged
         for record, logged in zip(fit.simulator.records, fit.equations.logged, strict=True)
     ]
-    for candidate in candidates:
-        scores += _scores(fit, candidate, residuals)
+    scores: list[Score] = []
+    forced = [candidate for candidate in candidates if isinstance(candidate.term, AbstractForced)]
+    for candidate, deviations in zip(forced, _forced(fit, forced), strict=True):
+        scores += _scores(fit, candidate, deviations, residuals)
+    for group in _groups([c for c in candidates if not isinstance(c.term, AbstractForced)]):
+        for candidate, deviations in zip(group, _deviations(fit, group), strict=True):
+            scores += _scores(fit, candidate, deviations, residuals)
     return sorted(scores, key=lambda score: -score.gain)
 
 
-def _scores(fit: Fit, candidate: Candidate, residuals: Sequence[Array]) -> list[Score]:
-    deviations = _deviations(fit, candidate)
+def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
+    """Candidates that share one simulation: those with few prototypes that can be switched off.
+
+    Lanes come in blocks, and every structure has to be compiled, so that several small structures
+    in one model cost little more than one of them.
+    """
+    groups: list[list[Candidate]] = []
+    small: list[Candidate] = []
+    for candidate in sorted(candidates, key=lambda c: c.lanes):
+        names = {other.term.name for other in small}
+        if not candidate.can_rest or candidate.term.name in names:
+            groups.append([candidate])
+        elif sum(other.lanes for other in small) + candidate.lanes <= LANES:
+            small.append(candidate)
+        else:
+            groups += [small] if small else []
+            small = [candidate]
+    return groups + ([small] if small else [])
+
+
+def _forced(fit: Fit, candidates: Sequence[Candidate]) -> list[list[Array]]:
+    """For each candidate and record deviations of terms that push and nothing else."""
+    if not candidates:
+        return []
+    trajectories = fit.simulator.states(fit.values[:, None], fit.states)
+    forces = []
+    for record, states in zip(fit.simulator.records, trajectories, strict=True):
+        columns = [
+            candidate.term.forces(record, states[:, 0, 0], states[:, 1, 0], candidate.starts)  # type: ignore[attr-defined]
+            for candidate in candidates
+        ]
+        force = np.zeros((record.rows, 2, sum(column.shape[1] for column in columns)))
+        start = 0
+        for candidate, column in zip(candidates, columns, strict=True):
+            row = 0 if candidate.term.equation == "electrical" else 1
+            force[:, row, start : start + column.shape[1]] = column
+            start += column.shape[1]
+        forces.append(force)
+    moved = responses(fit, forces)
+    ends = np.cumsum([candidate.lanes for candidate in candidates])
+    return [
+        [response[:, :, end - candidate.lanes : end] for response in moved]
+        for candidate, end in zip(candidates, ends, strict=True)
+    ]
+
+
+def _scores(
+    fit: Fit, candidate: Candidate, deviations: list[Array], residuals: Sequence[Array]
+) -> list[Score]:
+    if candidate.by_run:
+        return [
+            score
+            for run in dict.fromkeys(record.run for record in fit.simulator.records)
+            for score in _scores_together(
+                fit,
+                candidate.in_run(run),
+                [
+                    deviation if record.run == run else np.zeros_like(deviation)
+                    for deviation, record in zip(deviations, fit.simulator.records, strict=True)
+                ],
+                residuals,
+            )
+        ]
     if candidate.by_record:
         return _scores_by_record(fit, candidate, deviations, residuals)
-    lanes = max(candidate.starts.shape[1], 1)
+    return _scores_together(fit, candidate, deviations, residuals)
+
+
+def _scores_together(
+    fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
+) -> list[Score]:
+    """Scores of starts whose amplitudes are the same in all records."""
+    lanes = candidate.lanes
     projections, products = _normal(fit, deviations, residuals)
     scores = []
     for first in range(0, lanes, candidate.joint):
         span = slice(first, first + candidate.joint)
         gain, weights = _gain(products[span, span], projections[span])
         if np.isfinite(gain):
-            scores.append(Score(candidate, _sized(candidate, first, weights), gain))
+            inverse = np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True)
+            sized = _sized(candidate, first, weights)
+            scores.append(Score(candidate, sized, gain, np.asarray(inverse, dtype=np.float64)))
     return scores
 
 
@@ -79,25 +165,24 @@ def _scores_by_record(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
     """Scores of starts whose amplitudes are free in each record; what else may move is held."""
-    lanes, group = candidate.starts.shape[1], candidate.joint
-    gains = np.zeros(lanes // group)
-    for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
-        right = gradient_of(residual, deviation, fit.weighting, k)
-        for number in range(gains.size):
-            span = slice(number * group, (number + 1) * group)
+    group, count = candidate.joint, len(candidate.final.parameters)
+    scores = []
+    for first in range(0, candidate.lanes, group):
+        span = slice(first, first + group)
+        total, own = 0.0, []
+        for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
+            part = deviation[:, :, span]
+            right = gradient_of(residual, part, fit.weighting, k)
             square = np.column_stack(
-                [
-                    gradient_of(deviation[:, :, j], deviation[:, :, span], fit.weighting, k)
-                    for j in range(span.start, span.stop)
-                ]
+                [gradient_of(part[:, :, j], part, fit.weighting, k) for j in range(group)]
             )
-            gains[number] += _gain(square, right[span])[0]
-    count = len(candidate.final.parameters)
-    return [
-        Score(candidate, candidate.starts[:count, number * group].copy(), float(gain))
-        for number, gain in enumerate(gains)
-        if np.isfinite(gain)
-    ]
+            gain, weights = _gain(square, right)
+            total += gain
+            own.append(candidate.starts[count:, span] @ weights)
+        if np.isfinite(total):
+            start = candidate.starts[:count, first].copy()
+            scores.append(Score(candidate, start, total, None, tuple(own)))
+    return scores
 
 
 def _gain(square: Array, right: Array) -> tuple[float, Array]:
@@ -112,25 +197,40 @@ def _gain(square: Array, right: Array) -> tuple[float, Array]:
     return 0.5 * float(weights @ right), weights
 
 
-def _deviations(fit: Fit, candidate: Candidate) -> list[Array]:
-    """For each record (n_sample, 2, n_start) deviation of the prototypes from the current model."""
-    model = fit.simulator.model.adding(candidate.term)
+def _deviations(fit: Fit, group: Sequence[Candidate]) -> list[list[Array]]:
+    """For each candidate of a group and each record (n_sample, 2, n_start) deviations.
+
+    All terms of the group are in one model; in the lanes of one the others are switched off.
+    """
+    model = fit.simulator.model.adding(*[candidate.term for candidate in group])
     records = fit.simulator.records
-    count = max(candidate.starts.shape[1], 1)
-    values = np.repeat(fit.values[:, None], count, axis=1)
-    values = np.concatenate([values, candidate.starts.reshape(-1, count)])
-    simulator = Simulator.fitting(model, records, values[:, 0], fit.simulator.divisions)
+    ends = np.cumsum([candidate.lanes for candidate in group])
+    rows = [np.repeat(fit.values[:, None], ends[-1], axis=1)]
+    for candidate, end in zip(group, ends, strict=True):
+        own = np.repeat(candidate.resting[:, None], ends[-1], axis=1)
+        own[:, end - candidate.lanes : end] = candidate.starts.reshape(-1, candidate.lanes)
+        rows.append(own)
+    values = np.concatenate(rows)
+    stiffest = [values[:, end - 1] for end in ends]
+    plans = [Simulator.fitting(model, records, lane, fit.simulator.divisions) for lane in stiffest]
+    simulator = max(plans, key=lambda one: one.plan.rate)
     states = [
         np.concatenate([state, initial_states(model, record)[state.size :]])
         for state, record in zip(fit.states, records, strict=True)
     ]
+    samples = sum(record.rows for record in records)
+    effort: Effort = "once" if samples * int(ends[-1]) < _MANY else "some"
     with np.errstate(over="ignore", invalid="ignore"):
-        return [
+        deviations = [
             logged - known[:, :, None]
             for logged, known in zip(
-                simulator.logged(values, states), fit.equations.logged, strict=True
+                simulator.logged(values, states, effort), fit.equations.logged, strict=True
             )
         ]
+    return [
+        [deviation[:, :, end - candidate.lanes : end] for deviation in deviations]
+        for candidate, end in zip(group, ends, strict=True)
+    ]
 
 
 def _normal(
@@ -174,7 +274,7 @@ def _sized(candidate: Candidate, first: int, weights: Array) -> Array:
         return np.zeros(0)
     sized = columns[:, 0].copy()
     for row, parameter in enumerate(parameters):
-        if parameter.search == "linear" and parameter.prior_mean == 0.0:
+        if parameter.vanishes:
             factor = np.clip(weights, -30.0, 30.0)
             value = float(columns[row] @ factor)
             reach = 3.0 * parameter.prior_sd * parameter.scale

@@ -7,6 +7,10 @@
 until nothing passes.  Exchange is what guards against proxies: a wrong effect that was taken
 first since it soaked up part of two right ones is replaced once the others are in.  Kinds that
 serve as well are kept as alternatives with their probabilities.
+
+What is left then is looked at once more, with curves that belong to no kind: where one of them
+passes the same gates, nothing in the catalogue explains the motor, and the kinds that had been
+taken in its place have to pass again beside it.
 """
 
 from __future__ import annotations
@@ -17,30 +21,26 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Candidate, survey_of
-from identification.effects.evidence import LEAST_SIZE, Gates, Judged, judged, probabilities
-from identification.effects.refit import refined, refitted_with, refitted_without
-from identification.effects.screen import Score, screened
+from identification.effects.evidence import Gates, Judged, probabilities
+from identification.effects.refit import with_known_amplitudes
+from identification.effects.screen import Score
+from identification.effects.tracing import Trace, traced
+from identification.effects.trials import Trials, promising, variant
 from identification.fit.campaign import Campaign
-from identification.fit.noise import effective_shares
-from identification.fit.solve import Fit, Patience
+from identification.fit.solve import Fit
 
 __all__ = ["Alternative", "Found", "Outcome", "Searched", "search"]
 
-Array = NDArray[np.float64]
-
 _REFITTED: Final = 7
-_STEPS: Final = 20
+_RIVALS: Final = 4
+_CURVES: Final = 4
+_FAR_MORE: Final = 3.0
+_LISTED_SHARE: Final = 0.6
 _MOST_EFFECTS: Final = 4
-_WORTH: Final = 2.0
 _KEPT: Final = 0.005
-_REACH: Final = 0.15
 _NEAR: Final = 0.02
 _SLACK: Final = 30.0
-_UNDERSTATED: Final = 5.0
 
 
 @dataclass(frozen=True)
@@ -96,20 +96,9 @@ class Searched:
 
 @dataclass
 class _State:
-    campaign: Campaign
+    trials: Trials
     current: Judged
     searched: list[Searched] = field(default_factory=list)
-    tried: int = 1
-    until: float = np.inf
-
-    @property
-    def over(self) -> bool:
-        """Whether the time is up."""
-        return time.monotonic() > self.until
-
-    def patience(self, hopeless: float = np.inf) -> Patience:
-        """What a refit may take."""
-        return Patience(_STEPS, hopeless, self.until)
 
 
 @dataclass(frozen=True)
@@ -121,12 +110,15 @@ class Outcome:
         effects: Its effects, strongest evidence first.
         searched: Everything that was looked at.
         complete: Whether it ended by itself and not because its time was up.
+        traces: What the declared model lacks against the signals it may depend on, best first;
+            empty where nothing was found.
     """
 
     fit: Fit
     effects: tuple[Found, ...]
     searched: tuple[Searched, ...]
     complete: bool = True
+    traces: tuple[Trace, ...] = ()
 
 
 def search(
@@ -144,93 +136,44 @@ def search(
         seconds: Time after which nothing new is begun; what passed until then stands [s].
     """
     tell = progress or (lambda fraction: None)
-    state = _State(campaign, _judged(declared, campaign), until=time.monotonic() + seconds)
+    began = time.monotonic()
+    trials = Trials(campaign, until=began + seconds)
+    listed_until = began + _LISTED_SHARE * seconds
+    first = trials.judge(declared)
+    state = _State(trials, first)
+    alone: Judged | None = None
     for round_ in range(1, _MOST_EFFECTS + 1):
-        tell((round_ - 1) / (_MOST_EFFECTS + 1))
-        if state.over or not _forward(state, round_):
+        tell((round_ - 1) / (_MOST_EFFECTS + 2))
+        if time.monotonic() > listed_until or not _forward(state, round_):
             break
-        if round_ > 1:
-            _backward(state)
-            _exchange(state)
-    tell(_MOST_EFFECTS / (_MOST_EFFECTS + 1))
-    complete = not state.over
+        if round_ == 1:
+            alone = _curve_alone(state, first)
+            continue
+        if alone is not None and alone.score() < state.current.score():
+            break
+        _backward(state)
+        _exchange(state)
+    tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
+    _unlisted(state, first, alone)
+    complete = not trials.over
+    tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
     effects = _explained(state)
-    return Outcome(state.current.fit, tuple(effects), tuple(state.searched), complete)
-
-
-def _judged(fit: Fit, campaign: Campaign) -> Judged:
-    return judged(fit, campaign, float(np.min(effective_shares(fit))))
-
-
-def _candidates(fit: Fit, without: Sequence[str] = ()) -> list[Candidate]:
-    """Every structure of every kind that is not in the model yet."""
-    survey = survey_of(fit)
-    present = {term.name for term in fit.simulator.model.terms} | set(without)
-    return [
-        candidate
-        for name, kind in CATALOGUE.items()
-        if name not in present
-        for candidate in kind.candidates(survey)
-    ]
-
-
-def _variant(candidate: Candidate) -> str:
-    term = candidate.term
-    run = getattr(term, "run", None)
-    channel = getattr(term, "channel", "") if term.name == "channel_delay" else ""
-    return f"run {run + 1}" if run is not None else str(channel)
-
-
-def _promising(scores: Sequence[Score], count: int) -> list[Score]:
-    """The best prototypes of the most promising kinds, one a variant."""
-    best: dict[tuple[str, str], Score] = {}
-    for score in scores:
-        best.setdefault((score.candidate.term.name, _variant(score.candidate)), score)
-    kinds: dict[str, int] = {}
-    kept = []
-    for score in best.values():
-        name = score.candidate.term.name
-        kinds[name] = kinds.get(name, 0) + 1
-        if kinds[name] <= 2 and score.gain > _WORTH:
-            kept.append(score)
-    return kept[:count]
+    traces = traced(trials.curves(first)) if effects else ()
+    fit = with_known_amplitudes(state.current.fit)
+    return Outcome(fit, tuple(effects), tuple(state.searched), complete, traces)
 
 
 def _forward(state: _State, round_: int) -> bool:
     """Add the best effect that passes; False where none does."""
-    current = state.current
-    candidates = _candidates(current.fit)
-    scores = screened(current.fit, candidates)
-    state.tried = sum(max(c.starts.shape[1] // c.joint, 1) for c in candidates)
-    needed = _worth_a_refit(current, state.tried)
-    promising = [s for s in _promising(scores, _REFITTED) if current.share * s.gain > needed]
-    trials = list(zip(promising, _refitted(state, promising), strict=True))
-    trials.sort(key=lambda trial: trial[1].cost)
-    # Only those in reach of the leader are worth the finer steps that a nonlinear term needs.
-    reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost) if trials else 0.0
-    near = [(s, refined(f, state.patience())) for s, f in trials if f.cost <= reach]
-    near.sort(key=lambda trial: trial[1].cost)
-    outcomes = [(s, _judged(f, state.campaign)) for s, f in near]
-    outcomes += [(s, judged(f, state.campaign, current.share)) for s, f in trials[len(near) :]]
-    chosen: Judged | None = None
-    for score, outcome in outcomes:
-        gates = outcome.gates(current, state.tried)
-        take = chosen is None and gates.passed
-        if take:
-            chosen = outcome
-        state.searched.append(
-            Searched(
-                score.candidate.term.name,
-                round_,
-                score.gain,
-                gates,
-                take,
-                _variant(score.candidate),
-            )
-        )
-    looked = {(s.candidate.term.name, _variant(s.candidate)) for s, _ in outcomes}
-    for score in _promising(scores, len(scores)):
-        key = (score.candidate.term.name, _variant(score.candidate))
+    trials, current = state.trials, state.current
+    scores = trials.scores(current)
+    wanted = promising(scores, _REFITTED, trials.worth_a_refit(current))
+    chosen = _taken(state, wanted, round_)
+    if chosen is not None and _is_proxy(trials, current, chosen):
+        chosen = None
+    looked = {(s.candidate.term.name, variant(s.candidate.term)) for s in wanted}
+    for score in promising(scores, len(scores)):
+        key = (score.candidate.term.name, variant(score.candidate.term))
         if key not in looked:
             state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
     if chosen is None:
@@ -239,79 +182,120 @@ def _forward(state: _State, round_: int) -> bool:
     return True
 
 
-def _worth_a_refit(current: Judged, tried: int) -> float:
-    """Promised gain below which an effect would fail the gates even if it were five times larger.
+def _is_proxy(trials: Trials, current: Judged, chosen: Judged) -> bool:
+    """Whether a curve in some signal promises several times what the best kind has brought.
 
-    Screening is exact for small effects and understates large ones, whose prototypes have another
-    shape parameter than the motor; five is more than any has been seen to be understated by.
+    Then nothing in the catalogue is what is missing, and more rounds would pile up stand-ins.
     """
-    counts = current.fit.weighting.counts
-    chance = np.log(max(tried, 1)) + 0.5 * np.log(max(counts.sum() * current.share, 2.0))
-    size = LEAST_SIZE * float(counts.max()) * current.share
-    return float(max(chance / 2, size / _UNDERSTATED))
+    gain = current.fit.cost - chosen.fit.cost
+    return any(score.gain > _FAR_MORE * gain for score in trials.curves(current)[:1])
 
 
-def _refitted(state: _State, scores: Sequence[Score]) -> list[Fit]:
-    """Refits of prototypes; those that fall far behind the best so far are cut short."""
-    fit = state.current.fit
-    fits: list[Fit] = []
-    best = fit.cost
-    for score in scores:
-        slack = max(_SLACK, _REACH * (fit.cost - best))
-        patience = state.patience(best + slack)
-        fits.append(refitted_with(fit, score.candidate.final, score.start, patience))
-        best = min(best, fits[-1].cost)
-    return fits
+def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None:
+    """The best of the refits of prototypes that passes the gates."""
+    trials, current = state.trials, state.current
+    fits = trials.refits(current, wanted)
+    near = trials.near(current, fits)
+    far = [Judged(fit, current.share, None) for _, fit in fits[len(near) :]]
+    order = sorted(range(len(near)), key=lambda k: near[k].score())
+    chosen = next((k for k in order if near[k].gates(current, trials.tried).passed), None)
+    if chosen is None and far:
+        # Those in reach of the best have failed; only then is it worth to judge the others.
+        far = [trials.judge(one.fit, current.share) for one in far]
+        passed = [one.gates(current, trials.tried).passed for one in far]
+        chosen = len(near) + passed.index(True) if any(passed) else None
+    judgements = [*near, *far]
+    for k in [*order, *range(len(near), len(fits))]:
+        score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
+        term = score.candidate.term
+        state.searched.append(
+            Searched(term.name, round_, score.gain, gates, k == chosen, variant(term))
+        )
+    return None if chosen is None else judgements[chosen]
 
 
 def _backward(state: _State) -> None:
     """Take effects away that do not pass any more beside the others."""
     for term in state.current.fit.simulator.model.terms:
-        if len(state.current.fit.simulator.model.terms) < 2 or state.over:
+        if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
             return
-        simpler = _judged(
-            refitted_without(state.current.fit, term.name, state.patience()), state.campaign
-        )
-        if not state.current.gates(simpler, state.tried).passed:
+        simpler = state.trials.without(state.current, term)
+        if not state.current.gates(simpler, state.trials.tried).passed:
             state.current = simpler
 
 
 def _exchange(state: _State) -> None:
     """Replace effects for which another kind serves better beside the others."""
     for term in state.current.fit.simulator.model.terms:
-        if state.over:
-            return
-        rivals = _rivals(state, term.name, 3)
-        if not rivals:
+        if state.trials.over or term.name == "unlisted":
             continue
-        best = min(rivals, key=lambda rival: rival.score())
-        finer = _judged(refined(best.fit, state.patience()), state.campaign)
-        if finer.score() < state.current.score():
-            state.current = finer
+        simpler = state.trials.without(state.current, term)
+        rivals = _rivals(state, simpler, term.name)
+        if rivals:
+            best = min(rivals, key=lambda rival: rival.score())
+            if best.score() < state.current.score():
+                state.current = best
 
 
-def _rivals(state: _State, name: str, count: int) -> list[Judged]:
-    """Models in which another kind stands in the place of an effect."""
-    current = state.current
-    simpler = refitted_without(current.fit, name, state.patience())
-    scores = screened(simpler, _candidates(simpler, without=(name,)))
-    hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.cost - current.fit.cost))
-    fits = [
-        refitted_with(simpler, score.candidate.final, score.start, state.patience(hopeless))
-        for score in _promising(scores, count)
-    ]
-    return [judged(fit, state.campaign, current.share) for fit in fits if fit.cost <= hopeless]
+def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
+    """Models in which another kind stands in the place of an effect and comes near it."""
+    trials, current = state.trials, state.current
+    scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
+    hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
+    wanted = promising(scores, _RIVALS, trials.worth_a_refit(simpler))
+    fits = trials.refits(simpler, wanted, hopeless)
+    return trials.near(simpler, [(s, f) for s, f in fits if f.cost <= hopeless])
+
+
+def _is_left(state: _State) -> list[Score]:
+    """Curves that promise something beside what the model has."""
+    needed = state.trials.worth_a_refit(state.current)
+    return [s for s in state.trials.curves(state.current) if s.gain > needed]
+
+
+def _curve_alone(state: _State, declared: Judged) -> Judged | None:
+    """The best curve beside the declared model alone, where the effects found leave something.
+
+    Stand-ins pile up where nothing in the catalogue is what is missing; one curve that does better
+    than two of them ends that.
+    """
+    if state.trials.over or not _is_left(state):
+        return None
+    beside = _State(state.trials, declared)
+    return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
+
+
+def _unlisted(state: _State, declared: Judged, alone: Judged | None) -> None:
+    """Put a curve in the place of the effects of the catalogue, or beside them, where one passes.
+
+    Where something is left beside the effects that were found, they may all be stand-ins: a curve
+    by itself is tried first, then one beside them, after which they have to pass again.
+    """
+    trials, listed = state.trials, state.current
+    left = [] if trials.over else _is_left(state)
+    if left and alone is None and listed is not declared:
+        alone = _curve_alone(state, declared)
+    if alone is not None and alone.score() < listed.score():
+        state.current = alone
+        return
+    if left:
+        round_ = 1 + max((s.round for s in state.searched), default=0)
+        chosen = _taken(state, left[:_CURVES], round_)
+        if chosen is not None:
+            state.current = chosen
+            _backward(state)
 
 
 def _explained(state: _State) -> list[Found]:
     """The effects of the final model, each with what could stand in its place."""
-    current = state.current
+    current, trials = state.current, state.trials
     effects = []
     for term in current.fit.simulator.model.terms:
-        simpler = judged(refitted_without(current.fit, term.name), state.campaign, current.share)
-        gates = current.gates(simpler, state.tried)
-        looked = [] if state.over else _rivals(state, term.name, 4)
-        rivals = [r for r in looked if r.gates(simpler, state.tried).passed]
+        simpler = trials.without(current, term)
+        gates = current.gates(simpler, trials.tried)
+        is_final = trials.over or term.name == "unlisted"
+        looked = [] if is_final else _rivals(state, simpler, term.name)
+        rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
         odds = probabilities([current.score(), *(r.score() for r in rivals)])
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):

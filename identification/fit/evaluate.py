@@ -45,13 +45,20 @@ def simulate_fitted(fit: Fit) -> list[Simulated]:
     ]
 
 
-def simulate_unseen(fit: Fit, records: Sequence[Record]) -> list[Simulated]:
-    """Records that were not fitted, from their inputs and their first samples alone."""
+def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False) -> list[Simulated]:
+    """Records that were not fitted, from their inputs and their first samples alone.
+
+    Args:
+        fit: The fit.
+        records: The records.
+        whole: Whether initial states may be fitted to whole records and not to their heads.
+    """
     if not records:
         return []
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
-    states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
+    deviation = fit.weighting.deviation
+    states = fitted_initial_states(simulator, fit.values, deviation, whole=whole)
     if fit.simulator.divisions is not None:
-        simulator = accurate(simulator, fit.values, states, fit.weighting.deviation)
+        simulator = accurate(simulator, fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
     return [Simulated(record, y[:, :, 0]) for record, y in zip(records, logged, strict=True)]

@@ -28,7 +28,7 @@ _STEPS: Final = 4
 
 
 def fitted_initial_states(
-    simulator: Simulator, values: Array, deviation: Array
+    simulator: Simulator, values: Array, deviation: Array, *, whole: bool = False
 ) -> tuple[Array, ...]:
     """Initial state of every record of `simulator`.
 
@@ -36,11 +36,12 @@ def fitted_initial_states(
         simulator: Model and records.
         values: (n_parameter,) physical.
         deviation: (2,) noise of current and speed [A, rad/s].
+        whole: Whether to look at whole records, where a phase is asked for that no head shows.
 
     Returns:
         For each record (n_state,).
     """
-    heads = tuple(_head(record) for record in simulator.records)
+    heads = simulator.records if whole else tuple(_head(record) for record in simulator.records)
     short = Simulator(simulator.model, heads, simulator.plan)
     weighting = replace(Weighting.white(heads), deviation=deviation)
     states = [initial_states(simulator.model, record) for record in heads]

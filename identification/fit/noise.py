@@ -23,17 +23,23 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, signal, stats
+from scipy import signal, stats
 
 from identification.fit.solve import Fit, solve
 from identification.model.weighting import Weighting
 
-__all__ = ["autoregression", "effective_shares", "noise_deviation", "with_noise_model"]
+__all__ = [
+    "autoregression",
+    "effective_shares",
+    "noise_deviation",
+    "student",
+    "with_noise_model",
+]
 
 Array = NDArray[np.float64]
 
 _LARGEST_ORDER: Final = 12
-_TOLERATED_RISE: Final = 1.01
+_LARGEST_RISE: Final = 0.1
 _DEGREES: Final = (3.0, 4.0, 6.0, 10.0)
 
 
@@ -47,48 +53,87 @@ def with_noise_model(fit: Fit) -> Fit:
         The same fit where the residuals are white and normal; else the one repeated with weights
         and whitening, unless that made the simulation worse.
     """
-    residuals = fit.residuals()
-    weighting = replace(
-        fit.weighting,
-        robust=_student_weights(fit.weighting, residuals),
-        whitening=_whitening(fit.weighting, residuals),
-    )
-    if weighting.robust is None and all(taps.size == 1 for taps in weighting.whitening):
+    changed = _refitted(fit, fit)
+    if changed is fit:
         return fit
-    changed = solve(fit.simulator, fit.coordinates, fit.position, fit.states, weighting)
-    plain = replace(fit.weighting, robust=weighting.robust)
-    before = plain.sums_of_squares(residuals)
+    if changed.weighting.robust is not None:
+        # The first weights are those of the ordinary fit and carry a third of its error on.
+        changed = _refitted(fit, changed)
+    plain = replace(fit.weighting, robust=changed.weighting.robust)
+    before = plain.sums_of_squares(fit.residuals())
     after = plain.sums_of_squares(changed.residuals())
-    if np.all(after <= _TOLERATED_RISE * before) and changed.converged:
+    if np.all(after <= _tolerated_rise(fit) * before) and changed.converged:
         return changed
     return fit
 
 
-def autoregression(series: Sequence[Array], largest: int = _LARGEST_ORDER) -> Array:
+def _refitted(fit: Fit, latest: Fit) -> Fit:
+    """The fit under the noise model of the latest residuals; itself where they are plain noise."""
+    residuals = latest.residuals()
+    robust = _student_weights(fit.weighting, residuals)
+    weighting = replace(
+        fit.weighting, robust=robust, whitening=_whitening(fit.weighting, residuals)
+    )
+    if robust is None and all(taps.size == 1 for taps in weighting.whitening):
+        return fit
+    return solve(fit.simulator, fit.coordinates, latest.position, latest.states, weighting)
+
+
+def _tolerated_rise(fit: Fit) -> float:
+    """Factor by which chance alone may raise the sum of squares.
+
+    An ordinary fit to coloured noise follows it with each of its unknowns: it removes about as many
+    independent samples from the sum of squares as it has unknowns, three times that at most.  Where
+    this is more than a tenth, noise cannot be told from a missing effect and nothing is risked.
+    """
+    unknowns = fit.position.size + sum(state.size for state in fit.states)
+    samples = float(fit.weighting.counts.max()) * float(np.min(effective_shares(fit)))
+    return 1.0 + min(3.0 * unknowns / max(samples, 1.0), _LARGEST_RISE)
+
+
+def autoregression(
+    series: Sequence[Array], largest: int | None = None, penalty: float | None = None
+) -> Array:
     """Whitening filter (1, -a1, ..., -ap) of series that share one noise process.
 
-    The order minimises the Bayesian information criterion over 0 to `largest`.
+    Levinson's recursion on the biased covariance, which makes every order stable; the order
+    minimises n log(innovation variance) + penalty * order.
 
     Args:
-        series: Residuals, one (n_sample,) array a record.
-        largest: Largest order tried.
+        series: Residuals, one (n_sample,) array a record; their mean is not taken away.
+        largest: Largest order tried; by default 12, or a twentieth of the samples.
+        penalty: Price of an order: 2 is Akaike's criterion, the default log(n) the Bayesian one.
     """
     count = sum(s.size for s in series)
-    largest = min(largest, count // 20)
-    lags = np.zeros(largest + 1)
-    for s in series:
-        for lag in range(min(largest + 1, s.size)):
-            lags[lag] += float(np.einsum("i,i->", s[lag:], s[: s.size - lag]))
-    best, best_score = np.ones(1), count * np.log(max(lags[0], 1e-300) / count)
-    if lags[0] <= 0:
-        return best
+    largest = min(_LARGEST_ORDER, count // 20) if largest is None else largest
+    lags = np.array(
+        [
+            sum(
+                float(np.einsum("i,i->", s[lag:], s[: s.size - lag]))
+                for s in series
+                if s.size > lag
+            )
+            for lag in range(largest + 1)
+        ]
+    )
+    best = taps = np.zeros(0)
+    power = lags[0]
+    if power <= 0:
+        return np.ones(1)
+    price = np.log(count) if penalty is None else penalty
+    lowest = count * np.log(power)
     for order in range(1, largest + 1):
-        taps = linalg.solve_toeplitz(lags[:order], lags[1 : order + 1])
-        power = lags[0] - float(np.dot(taps, lags[1 : order + 1]))
-        score = count * np.log(max(power, 1e-12 * lags[0]) / count) + order * np.log(count)
-        if score < best_score:
-            best, best_score = np.concatenate([[1.0], -taps]), score
-    return best
+        foretold = float(np.dot(taps, lags[order - 1 : 0 : -1]))
+        reflection = (lags[order] - foretold) / power
+        taps = np.append(taps - reflection * taps[::-1], reflection)
+        power *= 1.0 - reflection**2
+        if power <= 1e-12 * lags[0]:
+            best = taps
+            break
+        score = count * np.log(power) + price * order
+        if score < lowest:
+            lowest, best = score, taps
+    return np.concatenate([[1.0], -best])
 
 
 def _whitening(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, Array]:
@@ -108,7 +153,7 @@ def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[
     heavy = False
     for channel in range(2):
         stacked = np.concatenate([residual[:, channel] for residual in residuals])
-        freedom, scale = _student(stacked)
+        freedom, scale = student(stacked)
         if freedom is None:
             continue
         heavy = True
@@ -118,8 +163,12 @@ def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[
     return tuple(weights) if heavy else None
 
 
-def _student(series: Array) -> tuple[float | None, float]:
-    """Degrees of freedom and scale of the best Student-t law; None where normal fits as well."""
+def student(series: Array) -> tuple[float | None, float]:
+    """Degrees of freedom and scale of the best Student-t law; None where normal fits as well.
+
+    Args:
+        series: (n_sample,) any unit.
+    """
     normal = float(np.std(series))
     if not normal > 0:
         return None, normal
@@ -164,30 +213,57 @@ def noise_deviation(fit: Fit) -> Array:
 def effective_shares(fit: Fit) -> Array:
     """(2,) share of the samples that count as independent evidence, at most one.
 
-    The covariance of a least-squares fit with correlated residuals is the sandwich
-    H^-1 M H^-1 with M the covariance of the gradient; the share is the mean ratio (geometric,
-    over the directions of the parameters) of the plain covariance H^-1 to it.
+    With residuals e, weights w and tangents a the fit solves sum a w e = 0.  Its covariance is the
+    sandwich H^-1 M H^-1 with M the covariance of the gradient, in which w e may be correlated in
+    time, and H = E[d(w e)/de] A its mean slope; A = sum w a a' is what the covariance of the fit is
+    made of.  The share is the mean ratio (geometric, over the directions of the parameters) of the
+    plain covariance A^-1 to the sandwich.  For white noise and the right Student-t weights it is
+    (freedom + 1) / (freedom + 3), the information of a location.
+
+    Source:
+        White, Econometrica 48 (1980) 817-838; Huber, Ann. Math. Statist. 35 (1964) 73-101.
     """
     residuals = fit.residuals()
     slopes = fit.coordinates.slopes(fit.position)
     _, tangents = fit.simulator.tangent(fit.values, fit.states, np.diag(slopes))
     n = fit.position.size
-    plain, gradient = np.zeros((n, n)), np.zeros((n, n))
+    plain, curvature, gradient = (np.zeros((n, n)) for _ in range(3))
     for channel in range(2):
-        series = [fit.weighting.whitened(residual[:, channel], channel) for residual in residuals]
+        weights = [fit.weighting.sample_weights(k)[:, channel] for k in range(len(residuals))]
+        series = [
+            weight * fit.weighting.whitened(residual[:, channel], channel)
+            for weight, residual in zip(weights, residuals, strict=True)
+        ]
         taps = autoregression(series)
         power = np.sqrt(
             np.mean(np.concatenate([signal.lfilter(taps, [1.0], s) ** 2 for s in series]))
         )
         deviation = float(fit.weighting.deviation[channel])
-        for k, tangent in enumerate(tangents):
-            root = np.sqrt(fit.weighting.sample_weights(k)[:, channel])[:, None]
-            scaled = fit.weighting.whitened(tangent[:, channel, :n], channel) * root / deviation
+        slope = _mean_slope(weights)
+        for weight, tangent in zip(weights, tangents, strict=True):
+            whitened = fit.weighting.whitened(tangent[:, channel, :n], channel) / deviation
+            scaled = whitened * np.sqrt(weight)[:, None]
             plain += scaled.T @ scaled
-            spread = signal.lfilter([1.0], taps, scaled[::-1], axis=0) * (power / deviation)
+            curvature += slope * (scaled.T @ scaled)
+            counted = whitened * (weight > 0)[:, None]
+            spread = signal.lfilter([1.0], taps, counted[::-1], axis=0) * (power / deviation)
             gradient += spread.T @ spread
-    prior = np.diag(1.0 / fit.coordinates.prior_sd**2)
-    root = np.linalg.cholesky(np.linalg.inv(plain + prior + 1e-12 * np.diag(np.diag(plain))))
-    ratios = np.linalg.eigvalsh(root.T @ (gradient + prior) @ root)
+    prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
+    root = np.linalg.cholesky(plain + prior)
+    turned = np.linalg.solve(curvature + prior, root)
+    ratios = np.linalg.eigvalsh(turned.T @ (gradient + prior) @ turned)
     inflation = float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-12)))))
     return np.full(2, 1.0 / max(inflation, 1.0))
+
+
+def _mean_slope(weights: Sequence[Array]) -> float:
+    """Mean of d(w e)/de over mean of w, for Student-t weights w = (f + 1) / (f + z^2).
+
+    With the largest weight (f + 1) / f the slope is w (2 w f / (f + 1) - 1), so that the weights
+    alone tell it.
+    """
+    stacked = np.concatenate(weights)
+    largest, mean = float(stacked.max()), float(stacked.mean())
+    if not largest > 1.0:
+        return 1.0
+    return float(np.mean(stacked * (2.0 * stacked / largest - 1.0))) / mean

@@ -132,7 +132,7 @@ def solve(
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
     patience = patience or Patience()
     for number in range(patience.steps):
-        if patience.over:
+        if patience.over or not np.isfinite(equations.matrix).all():
             break
         if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
             break

@@ -48,6 +48,11 @@ class Parameter:
     prior_mean: float = 0.0
     prior_sd: float = np.inf
 
+    @property
+    def vanishes(self) -> bool:
+        """Whether zero is its neutral value: the size of an effect, an asymmetry."""
+        return self.search == "linear" and self.prior_mean == 0.0
+
 
 class Coordinates:
     """The map between physical values and search coordinates of a list of parameters.

@@ -28,7 +28,7 @@ import hashlib
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final
+from typing import Final, Literal
 
 import casadi as ca
 import llvmlite.binding as llvm
@@ -38,9 +38,10 @@ from numpy.typing import NDArray
 from identification.model.loop import lower
 from identification.model.lowering import LANES
 
-__all__ = ["LANES", "Scan", "scan_of"]
+__all__ = ["LANES", "Effort", "Scan", "scan_of"]
 
 Array = NDArray[np.float64]
+Effort = Literal["once", "some", "most"]
 
 _SIGNATURE: Final = ctypes.CFUNCTYPE(
     None,
@@ -62,9 +63,13 @@ class Scan:
         prepare: Where given, an SX function (nothing, input, parameter) -> (nothing, prepared)
             of what changes slowly from row to row; `step` takes what it prepared, interpolated,
             in place of the parameters, and has no output.
+        effort: How much the code is worked on: ``once`` for a loop that runs a few times, ``some``
+            for one that runs in a fit, ``most`` for one that a sampler runs thousands of times.
     """
 
-    def __init__(self, step: ca.Function, prepare: ca.Function | None = None) -> None:
+    def __init__(
+        self, step: ca.Function, prepare: ca.Function | None = None, effort: Effort = "most"
+    ) -> None:
         self.n_carry, self.n_input, self.n_parameter = (step.size1_in(k) for k in range(3))
         self.n_output = step.size1_out(1)
         if step.size1_out(0) != self.n_carry:
@@ -75,7 +80,7 @@ class Scan:
         if prepare is not None:
             self._check_prepared(prepare)
             self.n_parameter = prepare.size1_in(2)
-        self._engine, self._kernel = _compile(lower(step, prepare))
+        self._engine, self._kernel = _compile(lower(step, prepare), effort)
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -146,13 +151,13 @@ class Scan:
             )
 
 
-def scan_of(step: ca.Function, prepare: ca.Function | None = None) -> Scan:
+def scan_of(step: ca.Function, prepare: ca.Function | None = None, effort: Effort = "most") -> Scan:
     """The compiled loop of a step function; the same functions are compiled only once."""
-    parts = [f.serialize() for f in (step, prepare) if f is not None]
+    parts = [effort, *(f.serialize() for f in (step, prepare) if f is not None)]
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     found = _cache.get(key)
     if found is None:
-        found = _cache[key] = Scan(step, prepare)
+        found = _cache[key] = Scan(step, prepare, effort)
         while len(_cache) > _CACHE_SIZE:
             _cache.pop(next(iter(_cache)))
     return found
@@ -191,27 +196,32 @@ def _initialized() -> None:
     llvm.initialize_native_asmprinter()
 
 
-def _target() -> llvm.TargetMachine:
+def _target(effort: Effort) -> llvm.TargetMachine:
     """A new one for each kernel: the engine takes it over and frees it with itself."""
     _initialized()
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
-        opt=2,
+        opt=0 if effort == "once" else 2,
         jit=True,
     )
 
 
-def _compile(text: str) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
-    """Machine code of one kernel; the engine owns it and has to live as long."""
-    target = _target()
+def _compile(text: str, effort: Effort) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
+    """Machine code of one kernel; the engine owns it and has to live as long.
+
+    CasADi's list of operations is already free of repetitions and dead code, so that the passes
+    over it bring a tenth of the speed for a third of the time that compiling takes.
+    """
+    target = _target(effort)
     module = llvm.parse_assembly(text)
     module.verify()
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    options.loop_unrolling = False
-    options.slp_vectorization = False
-    passes = llvm.create_pass_builder(target, options)
-    passes.getModulePassManager().run(module, passes)
+    if effort == "most":
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        options.loop_unrolling = False
+        options.slp_vectorization = False
+        passes = llvm.create_pass_builder(target, options)
+        passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, target)
     engine.finalize_object()
     return engine, _SIGNATURE(engine.get_function_address("scan"))

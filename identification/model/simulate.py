@@ -30,7 +30,7 @@ from identification.model.division import (
 from identification.model.excitation import Record
 from identification.model.memory import memory_size, memory_start
 from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
-from identification.model.scan import Scan, scan_of
+from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import (
     Plan,
     advance,
@@ -219,18 +219,22 @@ class Simulator:
         """Number of states."""
         return len(self.model.state_names)
 
-    def logged(self, values: Array, states: Sequence[Array]) -> list[Array]:
+    def logged(
+        self, values: Array, states: Sequence[Array], effort: Effort = "some"
+    ) -> list[Array]:
         """What the sensors would log.
 
         Args:
             values: (n_parameter, n_lane) physical.
             states: For each record (n_state,) or (n_state, n_lane) at its first sample.
+            effort: How much the loop is worked on before it runs; see `Scan`.
 
         Returns:
             For each record (n_sample, 2, n_lane) [A, rad/s].
         """
+        scan = _logged_scan(self.model, self.plan, effort)
         carries = self._carries(states, values.shape[1])
-        return self._sampled(_logged_scan(self.model, self.plan)(self.inputs, values, carries)[1])
+        return self._sampled(scan(self.inputs, values, carries)[1])
 
     def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
@@ -331,14 +335,16 @@ class Simulator:
 
 
 @lru_cache(_STRUCTURES)
-def _logged_scan(model: MotorModel, plan: Plan) -> Scan:
-    return scan_of(step_function(model, plan))
+def _logged_scan(model: MotorModel, plan: Plan, effort: Effort) -> Scan:
+    return scan_of(step_function(model, plan), effort=effort)
 
 
 @lru_cache(_STRUCTURES)
 def _states_scan(model: MotorModel, plan: Plan) -> Scan:
     x, u, p = _symbols(model)
-    return scan_of(ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]))
+    return scan_of(
+        ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]), effort="once"
+    )
 
 
 @lru_cache(_STRUCTURES)
@@ -348,7 +354,9 @@ def _errors_scan(model: MotorModel, plan: Plan) -> Scan:
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
     first, second = halves(u, model.held)
     end = step(step(x, first, p), second, p)
-    return scan_of(ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]))
+    return scan_of(
+        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
+    )
 
 
 @lru_cache(_STRUCTURES)
@@ -366,7 +374,7 @@ def _tangent_scan(model: MotorModel, plan: Plan) -> Scan:
             ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
         ],
     )
-    return scan_of(step)
+    return scan_of(step, effort="some")
 
 
 @lru_cache(_STRUCTURES)

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import casadi as ca
@@ -64,12 +64,12 @@ class Plan:
     Args:
         terms: Terms of the Taylor series.
         squarings: Doublings of scaling and squaring; 0 uses the action on vectors.
-        rate: Largest h |A| that the plan is made for [-].
+        rate: Largest h |A| that the plan is made for [-]; plans that compute alike are equal.
     """
 
     terms: int
     squarings: int = 0
-    rate: float = 1.0
+    rate: float = field(default=1.0, compare=False)
 
     def suits(self, rate: float) -> bool:
         """Whether the plan is enough for h |A| of `rate`, and not far more than enough."""
@@ -94,12 +94,15 @@ def plan_for(rate: float, *, linear: bool = False) -> Plan:
 
 
 def _terms(z: float) -> int:
-    """Terms after which the next term of the series is below the tolerance."""
+    """Terms after which the next term of the series is below the tolerance.
+
+    Rounded up to even numbers, so that models a little stiffer need no other code.
+    """
     size, k = 1.0, 1
     while size > TOLERANCE or k < 3:
         k += 1
         size *= z / k
-    return k
+    return k + k % 2
 
 
 def step_function(model: MotorModel, plan: Plan) -> ca.Function:

@@ -61,12 +61,14 @@ class State:
         follows: What it equals in steady state at the start of a run (``temperature``,
             ``current``, ``speed``) or ``zero``; the start of the free initial value.
         scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
+        is_own: Whether it is an amplitude that each record has for itself and that does not move.
     """
 
     name: str
     unit: str
     follows: Literal["temperature", "current", "speed", "zero"] = "zero"
     scale: float = 30.0
+    is_own: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import metadata
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.detection import Detection
+from identification.diagnosis.localise import Localisation
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.search import Outcome
+from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
@@ -25,6 +29,7 @@ from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS
+from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 
@@ -53,6 +58,13 @@ class Findings:
         sample: The chain, None where none was asked for.
         feedback: The feedback list of the result.
         outcome: What the search for effects found, None where none was made.
+        feedback_before: The feedback list of the declared model; empty where it is the final one.
+        loops: The loop simulated with the effects in it; empty where none acts there.
+        localisation: The missing voltage and torque beside the declared model, None where they
+            were not looked for.
+        left: The same beside the final model.
+        before: Whether the declared model leaves something, None where it was not looked for.
+        after: Whether the final model does.
         warnings: What the stages noticed.
     """
 
@@ -66,6 +78,12 @@ class Findings:
     sample: Sample | None
     feedback: list[dict[str, object]]
     outcome: Outcome | None = None
+    feedback_before: list[dict[str, object]] = field(default_factory=list)
+    loops: tuple[SimulatedLoop, ...] = ()
+    localisation: Localisation | None = None
+    left: Localisation | None = None
+    before: Detection | None = None
+    after: Detection | None = None
     warnings: tuple[str, ...] = field(default=())
 
     @cached_property
@@ -79,6 +97,11 @@ class Findings:
             for stage, fit in (("before", self.declared), ("after", self.final))
         }
 
+    @property
+    def has_effects(self) -> bool:
+        """Whether the final model is another than the declared one."""
+        return self.outcome is not None and bool(self.outcome.effects)
+
     @cached_property
     def noise(self) -> Array:
         """(2,) standard deviation of the noise of current and speed [A, rad/s]."""
@@ -89,21 +112,29 @@ def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
     convergence = findings.sample.convergence if findings.sample else None
+    before = _parameters(declared, findings.declared_draws, findings.shares)
+    after = _parameters(final, findings.draws, findings.shares)
     return {
         "schema_version": 1,
         "software": _software(),
         "options": _options(findings),
         "runs": _runs(findings.campaign),
-        "declared": {"parameters": _parameters(declared, findings.declared_draws, findings.shares)},
-        "parameters": _parameters(final, findings.draws, findings.shares),
+        "declared": {"parameters": before},
+        "parameters": after,
         "effects": effect_entries(
             findings.outcome, final, findings.draws, identified(final, findings.shares)
         ),
         "diagnosis": {
-            "residual": {},
-            "trace": {},
+            "residual": detection_entry(findings.before),
+            "trace": trace_entry(
+                findings.localisation, findings.outcome, declared.simulator.records
+            ),
             "searched": searched_entries(findings.outcome),
-            "remaining": {},
+            "remaining": detection_entry(findings.after)
+            | trace_entry(findings.left, None, declared.simulator.records),
+            "shifts": shift_entries(after, before, findings.draws, findings.declared_draws)
+            if findings.has_effects
+            else {},
         },
         "errors": {
             stage: {role: _errors(simulated, findings.noise) for role, simulated in by_role.items()}
@@ -114,6 +145,8 @@ def assemble(findings: Findings) -> dict[str, object]:
             "speed_rad_s": _number(findings.noise[1]),
         },
         "feedback": findings.feedback,
+        "feedback_before": findings.feedback_before,
+        "feedback_nonlinear": nonlinear_entries(findings.loops),
         "sampler": None
         if convergence is None
         else {
@@ -178,7 +211,7 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
     ]
 
 
-def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, object]:
+def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, dict[str, Any]]:
     known = identified(fit, shares)
     return {
         parameter.name: parameter_entry(

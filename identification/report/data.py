@@ -110,6 +110,7 @@ class StepResponse:
         median: (n_point,) speed over reference [-].
         q05: (n_point,) [-].
         q95: (n_point,) [-].
+        simulated: (n_point,) median with the effects in the loop [-]; None where none acts there.
     """
 
     temperature_degC: float
@@ -118,6 +119,7 @@ class StepResponse:
     median: Array
     q05: Array
     q95: Array
+    simulated: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +167,8 @@ class MissingTrace:
         median: (n_sample,).
         q05: (n_sample,).
         q95: (n_sample,).
+        fitted: (n_sample,) the fitted effect over the same time; empty where none was fitted.
+        effect: Name of the fitted effect; empty where none was fitted.
     """
 
     run: str
@@ -174,6 +178,8 @@ class MissingTrace:
     median: Array
     q05: Array
     q95: Array
+    fitted: Array = field(default_factory=lambda: np.zeros(0))
+    effect: str = ""
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,25 @@ from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
+from identification.report.along import final_path
 from identification.report.assemble import Findings
 from identification.report.atomic import write_text
+from identification.report.confusions import confusions_of
 from identification.report.data import (
     CoefficientCurve,
     Equation,
+    MissingTerm,
+    MissingTrace,
     PosteriorChain,
     ReportData,
     RunTraces,
     StepResponse,
+    Story,
 )
+from identification.report.diagnosis import signals_at
 from identification.report.html import render_report
+from identification.report.missing import missing_terms, unexplained_terms
+from identification.report.missing_time import missing_traces
 from identification.report.netcdf import write_posterior
 from identification.report.result import write_result
 from identification.report.story import story_of
@@ -66,12 +74,7 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         result=result,
         runs=tuple(_runs(findings)),
         coefficients=tuple(_coefficients(findings)),
-        steps=tuple(
-            StepResponse(c.temperature_degC, c.controller, c.time, c.median, c.q05, c.q95)
-            for c in step_curves(
-                findings.draws, findings.options.temperatures, findings.options.controllers
-            )
-        ),
+        steps=tuple(_steps(findings)),
         posterior=None
         if sample is None
         else PosteriorChain(sample.names, sample.units, sample.chain),
@@ -79,9 +82,50 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
             Equation(f"{left} = {right}")
             for left, right in printed_equations(findings.final.simulator.model).items()
         ),
-        story=story_of(findings.outcome, result),
+        story=_story(result, findings),
         reasons=_reasons(findings),
+        limits=tuple(
+            f"{confusion.title.capitalize()}. {confusion.apart}"
+            for confusion in confusions_of([effect["name"] for effect in result["effects"]])
+        ),
     )
+
+
+def _steps(findings: Findings) -> list[StepResponse]:
+    """Exact responses of the linear loop, with the simulated one where effects act in it."""
+    simulated = {
+        (loop.controller, loop.temperature_degC): (loop.time, np.median(loop.speed, axis=1))
+        for loop in findings.loops
+    }
+    steps = []
+    for c in step_curves(
+        findings.draws, findings.options.temperatures, findings.options.controllers
+    ):
+        known = simulated.get((c.controller, c.temperature_degC))
+        steps.append(
+            StepResponse(
+                c.temperature_degC, c.controller, c.time, c.median, c.q05, c.q95,
+                None if known is None else np.interp(c.time, *known),
+            )
+        )  # fmt: skip
+    return steps
+
+
+def _story(result: dict[str, Any], findings: Findings) -> Story | None:
+    """How effects were found, with what was missing drawn where it is a voltage or a torque."""
+    terms: list[MissingTerm] = []
+    traces: list[MissingTrace] = []
+    final = findings.final
+    if findings.has_effects:
+        path = final_path(final, findings.draws, findings.localisation)
+        seen = path.everywhere
+        terms = missing_terms(final, seen)
+        traces = missing_traces(path, seen, [record.name for record in final.simulator.records])
+    elif findings.localisation is not None:
+        found = findings.localisation.missing
+        signals = signals_at(findings.declared.simulator.records, found)
+        terms = unexplained_terms(result["diagnosis"]["trace"], found, signals)
+    return story_of(findings.outcome, result, final, terms, traces)
 
 
 def _runs(findings: Findings) -> list[RunTraces]:

@@ -29,6 +29,7 @@ from identification.report.figures.curves import coefficient_figure, step_figure
 from identification.report.figures.missing import missing_over_time, missing_term_figure
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
+from identification.report.loops import loop_comparisons
 from identification.report.numbers import (
     count_text,
     number_text,
@@ -78,6 +79,7 @@ def render_report(data: ReportData) -> str:
         coefficients=_coefficient_figures(data),
         steps=[Markup(step_figure(steps)) for steps in _by_controller(data.steps)],
         feedback=feedback_tables(result["feedback"]),
+        comparisons=loop_comparisons(result),
         errors=error_rows(result),
         posterior=_posterior_figures(data),
         story=_story_figures(data),

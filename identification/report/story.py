@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.evidence import Gates
 from identification.effects.search import Found, Outcome, Searched
 from identification.fit.solve import Fit
-from identification.report.data import Candidate, Story
+from identification.model.term import AbstractTerm
+from identification.report.data import Candidate, MissingTerm, MissingTrace, Story
+from identification.report.numbers import number_text
+from identification.report.pictured import undrawn_sentence
 from identification.report.result import parameter_entry
 
 __all__ = ["effect_entries", "searched_entries", "story_of"]
@@ -54,10 +59,16 @@ def effect_entries(
                     {"name": other.name, "probability": other.probability}
                     for other in found.alternatives
                 ],
-                "settings": dict(vars(term)),
+                "settings": _settings(term),
             }
         )
     return entries
+
+
+def _settings(term: AbstractTerm) -> dict[str, Any]:
+    """Fields of the term, from which it can be made again."""
+    # Every term is a dataclass; the abstract class cannot say so.
+    return {field.name: getattr(term, field.name) for field in fields(cast(Any, term))}
 
 
 def _evidence(found: Found) -> dict[str, Any]:
@@ -96,43 +107,91 @@ def _reason(searched: Searched) -> str:
     return searched.gates.refusal or "another candidate explains more"
 
 
-def story_of(outcome: Outcome | None, result: Mapping[str, Any]) -> Story | None:
+def story_of(
+    outcome: Outcome | None,
+    result: Mapping[str, Any],
+    final: Fit,
+    terms: Sequence[MissingTerm] = (),
+    traces: Sequence[MissingTrace] = (),
+) -> Story | None:
     """The story for the report; None where no search was made.
 
     Args:
         outcome: What the search found.
         result: Content of result.json.
+        final: Fit of the final model.
+        terms: Pictures of what was missing against its drivers.
+        traces: The same over time.
     """
     if outcome is None:
         return None
-    names = [found.name for found in outcome.effects]
-    sentences = [_found_sentence(found) for found in outcome.effects]
-    if not names:
-        sentences = [
+    by_name = {term.name: term for term in final.simulator.model.terms}
+    diagnosis = result["diagnosis"]
+    sentences = [diagnosis["residual"].get("sentence", ""), _where(diagnosis["trace"])]
+    sentences += [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
+    if not outcome.effects:
+        sentences.append(
             "No effect of the catalogue explains anything beyond the declared model that could "
             "not be chance."
-        ]
-    else:
-        sentences += _shifts(result)
+        )
+    sentences += [_shifts(diagnosis.get("shifts", {}), list(by_name))]
+    sentences += [undrawn_sentence(tuple(by_name.values()))]
+    remaining = [diagnosis["remaining"].get("sentence", "")]
+    remaining += [f"{w[0].upper()}{w[1:]}." for w in result["warnings"] if "lacks something" in w]
     return Story(
-        sentences=tuple(sentences),
-        candidates=tuple(_candidates(outcome, names)),
-        remaining=tuple(w for w in result["warnings"] if "lacks something" in w),
+        sentences=tuple(sentence for sentence in sentences if sentence),
+        terms=tuple(terms),
+        traces=tuple(traces),
+        candidates=tuple(_candidates(outcome, by_name)),
+        remaining=tuple(dict.fromkeys(sentence for sentence in remaining if sentence)),
     )
 
 
-def _found_sentence(found: Found) -> str:
-    kind = CATALOGUE[found.name]
+def _where(trace: Mapping[str, Any]) -> str:
+    """In which equation the filter finds something missing, and how much."""
+    parts = []
+    for equation, word in (("electrical", "voltage"), ("mechanical", "torque")):
+        found = trace.get(equation)
+        if found and found["significant"]:
+            best = _best_driver(found["drivers"])
+            shows = f", showing most against {best}" if best else ""
+            parts.append(
+                f"the {equation} equation lacks a {word} of about "
+                f"{number_text(found['strength'], 2)} {found['unit']} (standard deviation){shows}"
+            )
+    if parts:
+        return f"As declared, {'; and '.join(parts)}."
+    if "electrical" in trace:
+        return "Neither equation lacks a voltage or torque that could not be sensor noise."
+    return ""
+
+
+def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
+    """The signal whose curve explains most of the missing term; empty where none explains half."""
+    shares = {name: entry["share"] or 0.0 for name, entry in drivers.items()}
+    best = max(shares, key=lambda name: shares[name], default="")
+    return best if best and shares[best] > 0.5 else ""
+
+
+def _found_sentence(found: Found, term: AbstractTerm) -> str:
     words = found.name.replace("_", " ")
     validation = (
         ""
         if found.gates.validation is None
-        else f", and by {_percent(found.gates.validation)} on the runs left out"
+        else f", and {_change(found.gates.validation)} on the runs left out"
     )
-    text = (
-        f"{words.capitalize()} is in the {kind.equation} equation: with it the simulation error "
-        f"falls by {_percent(found.gates.training)} on the training runs{validation}."
-    )
+    if found.name == "unlisted":
+        drivers = " and ".join(term.drivers) or "no driver"
+        text = (
+            f"Nothing in the catalogue explains what the {term.equation} equation lacks; a curve "
+            f"over {drivers} stands in for it: with it the simulation error "
+            f"{_change(found.gates.training)} on the training runs{validation}."
+        )
+    else:
+        text = (
+            f"{words.capitalize()} is in the {term.equation} equation: with it the simulation "
+            f"error {_change(found.gates.training)} on the training runs{validation}."
+        )
     if found.alternatives:
         others = ", ".join(
             f"{o.name.replace('_', ' ')} ({100 * o.probability:.0f} %)" for o in found.alternatives
@@ -141,55 +200,88 @@ def _found_sentence(found: Found) -> str:
     return text
 
 
+def _change(fall: float) -> str:
+    return f"falls by {_percent(fall)}" if fall >= 0 else f"grows by {_percent(fall)}"
+
+
 def _percent(fall: float) -> str:
-    """The fall of a root mean square from the fall of its logarithm, in per cent."""
-    return f"{100 * (1 - math.exp(-fall)):.1f} %"
+    """Change of a root mean square from the fall of its logarithm, in per cent."""
+    return f"{100 * abs(1 - math.exp(-fall)):.1f} %"
 
 
-def _shifts(result: Mapping[str, Any]) -> list[str]:
+def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
     """How far the declared parameters had been off because the effects were in them."""
-    moved = []
-    for name, after in result["parameters"].items():
-        before = result["declared"]["parameters"].get(name)
-        if before is None or not after["identified"] or not after["mean"]:
-            continue
-        shift = (before["mean"] - after["mean"]) / abs(after["mean"])
-        spread = math.hypot(before["sd"] or 0.0, after["sd"] or 0.0)
-        if abs(before["mean"] - after["mean"]) > 3 * spread:
-            moved.append(
-                (
-                    abs(shift),
-                    f"{name} was {100 * abs(shift):.1f} % too "
-                    f"{'high' if before['mean'] > after['mean'] else 'low'}",
-                )
-            )
+    moved = sorted(
+        ((name, shift["relative"]) for name, shift in shifts.items() if shift["off"]),
+        key=lambda item: -abs(item[1]["median"]),
+    )
     if not moved:
-        return []
-    moved.sort(reverse=True)
-    return ["Without it: " + ", ".join(text for _, text in moved) + "."]
+        return ""
+    words = [name.replace("_", " ") for name in effects]
+    listed = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
+    cause = f"because the {listed} {'were' if len(words) > 1 else 'was'} in "
+    texts = [f"{name} was {_off(relative)}" for name, relative in moved]
+    text = f"{', '.join(texts[:-1])} and {texts[-1]}" if len(texts) > 1 else texts[0]
+    return (
+        f"In the declared model alone {text}, {cause}{'it' if len(texts) == 1 else 'them'} "
+        "(in brackets 90 % intervals)."
+    )
 
 
-def _candidates(outcome: Outcome, names: list[str]) -> list[Candidate]:
-    """The first look at each kind, best first."""
+def _off(relative: Mapping[str, Any]) -> str:
+    """Such as ``13 % too high (12.9 to 13.1 %)``."""
+    ends = sorted(100 * abs(relative[key]) for key in ("q05", "q95"))
+    middle = 100 * abs(relative["median"])
+    digits = max(0, min(3, 1 - math.floor(math.log10(max(ends[1] - ends[0], 1e-3)))))
+    return (
+        f"{number_text(middle, 2)} % too {'high' if relative['median'] > 0 else 'low'} "
+        f"({ends[0]:.{digits}f} to {ends[1]:.{digits}f} %)"
+    )
+
+
+def _equation(name: str, terms: Mapping[str, AbstractTerm]) -> str:
+    """Where a kind enters: as the final model has it, else as the catalogue lists it."""
+    kind = terms.get(name, CATALOGUE.get(name))
+    return str(getattr(kind, "equation", "any"))
+
+
+def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Candidate]:
+    """The effects of the final model, then the first look at each other kind, best first."""
     alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
-    chances = {found.name: found.probability for found in outcome.effects}
     rows: dict[str, Candidate] = {}
+    for found in outcome.effects:
+        rows[found.name] = _candidate(
+            found.name, _equation(found.name, terms), found.gates, "chosen", found.probability,
+            "passes chance, size and prediction" if found.gates.passed
+            else f"in the final model, yet beside the others {found.gates.refusal}",
+        )  # fmt: skip
     for s in outcome.searched:
-        chosen = s.name in names and s.chosen
-        if s.name in rows and not chosen:
-            continue
-        verdict = "chosen" if chosen else "alternative" if s.name in alternatives else "ruled out"
-        gates = s.gates
-        rows[s.name] = Candidate(
-            name=s.name,
-            equation=CATALOGUE[s.name].equation,
-            explained=None if gates is None else max(0.0, 1 - math.exp(-2 * gates.training)),
-            held_out=None
-            if gates is None or gates.validation is None
-            else math.exp(-2 * gates.validation) - 1,
-            probability=chances.get(s.name) if chosen else alternatives.get(s.name),
-            verdict=verdict,  # type: ignore[arg-type]
-            reason=_reason(s),
-        )
+        if s.name not in rows:
+            rows[s.name] = _candidate(
+                s.name, _equation(s.name, terms), s.gates,
+                "alternative" if s.name in alternatives else "ruled out",
+                alternatives.get(s.name),
+                "taken at first, and given up for another" if s.chosen else _reason(s),
+            )  # fmt: skip
     order = {"chosen": 0, "alternative": 1, "ruled out": 2}
     return sorted(rows.values(), key=lambda row: (order[row.verdict], -(row.explained or 0.0)))
+
+
+def _candidate(
+    name: str,
+    equation: str,
+    gates: Gates | None,
+    verdict: Literal["chosen", "alternative", "ruled out"],
+    probability: float | None,
+    reason: str,
+) -> Candidate:
+    held_out = None if gates is None else gates.validation
+    return Candidate(
+        name=name,
+        equation=equation,
+        explained=None if gates is None else max(0.0, 1 - math.exp(-2 * gates.training)),
+        held_out=None if held_out is None else math.exp(-2 * held_out) - 1,
+        probability=probability,
+        verdict=verdict,
+        reason=reason,
+    )

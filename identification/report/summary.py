@@ -21,6 +21,7 @@ Entry = Mapping[str, Any]
 
 _DOWN_TO_NOISE = 1.02
 _NEAR_NOISE = 1.10
+_NAMED = 2
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
     sentences = [
         _campaign(result["runs"]),
         _effects(result),
+        _shifted(result),
         _quality(result, coloured),
         _identified(result),
         _loop(result["feedback"]),
@@ -124,6 +126,21 @@ def _effects(result: Entry) -> str:
     return f"The declared model lacked {'; and '.join(parts)}." if parts else ""
 
 
+def _shifted(result: Entry) -> str:
+    """The parameters that the missing effects had spoilt most."""
+    shifts = (result["diagnosis"].get("shifts") or {}).items()
+    medians = {name: shift["relative"]["median"] for name, shift in shifts if shift["off"]}
+    worst = sorted(medians, key=lambda name: -abs(medians[name]))[:_NAMED]
+    if not worst:
+        return ""
+    told = [
+        f"{name} comes out {percent_text(abs(medians[name]), 2)} too "
+        f"{'high' if medians[name] > 0 else 'low'}"
+        for name in worst
+    ]
+    return f"Without {'it' if len(result['effects']) == 1 else 'them'}, {_list(told)}."
+
+
 def _quality(result: Entry, coloured: Sequence[str]) -> str:
     role, errors = _deciding_errors(result)
     ratios = {
@@ -133,7 +150,13 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
     }
     if not ratios:
         return ""
-    told = _list([f"{number_text(ratio, 3)} in {name}" for name, ratio in ratios.items()])
+    before = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
+    told = _list(
+        [
+            f"{number_text(ratio, 3)} in {name}{_formerly(before.get(name))}"
+            for name, ratio in ratios.items()
+        ]
+    )
     worst = max(ratios.values())
     if worst <= _NEAR_NOISE and coloured:
         # Where the noise is estimated from the same residuals, a ratio of 1 proves nothing.
@@ -148,6 +171,11 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
     else:
         verdict = "something moves the motor that the model does not contain"
     return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+
+
+def _formerly(error: Entry | None) -> str:
+    ratio = error["noise_ratio"] if error else None
+    return "" if ratio is None else f" (declared model {number_text(ratio, 3)})"
 
 
 def _identified(result: Entry) -> str:
@@ -197,7 +225,7 @@ def _median(entry: Entry | None) -> str:
         return UNKNOWN
     written = interval_text(entry["median"], entry["q05"], entry["q95"])
     if len(written.median) > 6:
-        return number_text(entry["median"], 4)
+        return number_text(entry["median"], 3)
     return written.median + written.power
 
 

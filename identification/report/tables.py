@@ -71,6 +71,7 @@ class ParameterRow:
     source: str
     before: Interval | None
     shift: str
+    shift_bounds: str = ""
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,7 @@ def _parameter_row(
         source=_SOURCES.get(name, ""),
         before=_interval(declared) if declared else None,
         shift=_shift(declared, entry) if declared else "",
+        shift_bounds=_shift_bounds(name, data.result) if declared else "",
     )
 
 
@@ -266,3 +268,13 @@ def _shift(declared: Entry, final: Entry) -> str:
     if declared["median"] is None or not final["median"]:
         return UNKNOWN
     return signed_percent_text((declared["median"] - final["median"]) / abs(final["median"]))
+
+
+def _shift_bounds(name: str, result: Entry) -> str:
+    """The interval of the shift; empty where the result has none."""
+    shift = (result["diagnosis"].get("shifts") or {}).get(name)
+    if shift is None or shift["relative"]["q05"] is None:
+        return ""
+    low, high = (100.0 * shift["relative"][key] for key in ("q05", "q95"))
+    decimals = interval_text(0.0, low, high).low.partition(".")[2]
+    return f"{low:+.{len(decimals)}f} … {high:+.{len(decimals)}f} %".replace("-", "−")

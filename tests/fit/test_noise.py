@@ -109,6 +109,39 @@ def test_heavy_tails_are_weighted_and_not_cut() -> None:
     assert np.abs(deviations(changed)).max() < 4.0
 
 
+@pytest.mark.parametrize("freedom", [3.0, 6.0])
+def test_heavy_tails_leave_the_share_of_their_information(freedom: float) -> None:
+    """A Student-t law has (f + 1) / (f + 3) of the information that its weights pretend."""
+    shares, squares = [], []
+    for seed in range(6):
+        fit = fit_declared(records_of(spiky(20 + seed, np.array([0.1, 1.5]), freedom)), "zoh")
+        changed = with_noise_model(fit)
+        shares.append(float(effective_shares(changed)[0]))
+        squares.append(np.mean(deviations(changed, shares[-1]) ** 2))
+
+    np.testing.assert_allclose(np.mean(shares), (freedom + 1) / (freedom + 3), rtol=0.06)
+    # 42 squares of mean 1 have a mean of 1 within 0.22.
+    assert 0.45 < np.mean(squares) < 1.6
+
+
+@pytest.mark.parametrize(("pole", "rows"), [(0.8, 200), (0.95, 800)])
+def test_the_colour_of_short_records_is_accepted(pole: float, rows: int) -> None:
+    """Some sixty independent samples in three runs: the ordinary fit follows slow noise a lot."""
+    accepted = 0
+    for seed in range(8):
+        runs = []
+        rng = np.random.default_rng(seed)
+        for run in noiseless(SERVO, seed=seed, rows=rows):
+            white = rng.standard_normal((run.rows + 200, 2))
+            noise = lfilter([1.0], [1.0, -pole], white, axis=0)[200:]
+            current, speed = run.current + 0.05 * noise[:, 0], run.speed + 0.5 * noise[:, 1]
+            runs.append(replace(run, current=current, speed=speed))
+        changed = with_noise_model(fit_declared(records_of(runs), "zoh"))
+        accepted += changed.weighting.whitening[0].size > 1
+
+    assert accepted >= 7
+
+
 def test_one_spike_does_not_move_a_robust_fit() -> None:
     """A sample a thousand deviations out, in noise with heavy tails: the truth stays within 4."""
     runs = spiky(4, np.array([0.1, 1.5]), 3.0)

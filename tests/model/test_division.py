@@ -41,7 +41,9 @@ def test_the_misfit_counts_samples_and_not_parts() -> None:
     whole = Simulator.fitting(MotorModel(hold="foh"), records, SERVO.vector)
     counts = np.random.default_rng(2).integers(1, 4, ROWS)
     parts = replace(whole, divisions=(counts,))
-    weighting = replace(Weighting.white(records), whitening=((1.0, -0.4), (1.0, -0.2, 0.1)))
+    weighting = replace(
+        Weighting.white(records), whitening=(np.array([1.0, -0.4]), np.array([1.0, -0.2, 0.1]))
+    )
     values = 1.05 * SERVO.vector[:, None]
 
     expected = whole.misfit(values, [START], weighting)

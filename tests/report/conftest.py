@@ -121,8 +121,45 @@ def _feedback(rng: np.random.Generator) -> list[dict[str, Any]]:
     ]
 
 
+def _diagnosis(
+    declared: dict[str, Any], final: dict[str, Any], with_effect: bool
+) -> dict[str, Any]:
+    """Nothing where no effects were searched; a missing torque and shifts of 11 % otherwise."""
+    if not with_effect:
+        return {"residual": {}, "trace": {}, "searched": [], "remaining": {}, "shifts": {}}
+    check = {
+        "channel": "speed", "role": "training", "noise_ratio": 4.2, "noise_ratio_limit": 1.05,
+        "whiteness_p": 1e-9, "voltage_outside": 0.1, "passed": False, "reason": "too large",
+    }  # fmt: skip
+    drivers = {"speed": {"correlation": -0.8, "share": 0.93}, "time": {"correlation": 0.0,
+                                                                      "share": None}}  # fmt: skip
+    lacking = {
+        "strength": 0.012, "unit": "N m", "time_constant_s": 0.05, "log_likelihood_gain": 900.0,
+        "p_value": 1e-12, "significant": True, "drivers": drivers,
+    }  # fmt: skip
+    complete = lacking | {"unit": "V", "p_value": 0.6, "significant": False}
+    detection = {"missing": True, "sentence": "Something is missing.", "level": 0.01}
+    return {
+        "residual": detection | {"checks": [check]},
+        "trace": {"electrical": complete, "mechanical": lacking, "curves": []},
+        "searched": [],
+        "remaining": {"missing": False, "sentence": "Nothing is missing.", "level": 0.01,
+                      "checks": [], "electrical": complete, "mechanical": complete},
+        "shifts": {
+            name: {
+                "before": declared[name],
+                "after": final[name],
+                "relative": quantity_entry(np.array([0.107, 0.11, 0.113]), "1"),
+                "off": True,
+            }
+            for name in final
+        },
+    }  # fmt: skip
+
+
 def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
     rng = np.random.default_rng(7)
+    declared, final = _parameters(rng, 0.11 if with_effect else 0.0), _parameters(rng)
     friction = {
         "name": "coulomb_friction",
         "equation": "mechanical",
@@ -148,10 +185,10 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
             }
             for run in runs
         ],
-        "declared": {"parameters": _parameters(rng, 0.11 if with_effect else 0.0)},
-        "parameters": _parameters(rng),
+        "declared": {"parameters": declared},
+        "parameters": final,
         "effects": [friction] if with_effect else [],
-        "diagnosis": {"residual": {}, "trace": {}, "searched": [], "remaining": {}},
+        "diagnosis": _diagnosis(declared, final, with_effect),
         "errors": {
             "before": {
                 role: _errors(4.2 if with_effect else 1.0) for role in ("training", "validation")
@@ -160,6 +197,13 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
         },
         "noise": dict(NOISE),
         "feedback": _feedback(rng),
+        "feedback_before": _feedback(rng) if with_effect else [],
+        "feedback_nonlinear": [
+            entry | {"step_rad_s": 28.0, "effects": ["coulomb_friction"], "statement": "settles"}
+            for entry in _feedback(rng)
+        ]
+        if with_effect
+        else [],
         "sampler": {
             "walkers": 32,
             "steps": 600,

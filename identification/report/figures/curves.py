@@ -49,6 +49,7 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
     coldest_first = sorted(steps, key=lambda step: step.temperature_degC)
     end = max(float(step.time[-1]) for step in steps)
     bands = [limit for step in steps for limit in (step.q05, step.q95)]
+    bands += [step.simulated for step in steps if step.simulated is not None]
     frame = Frame((54.0, 10.0, 372.0, 196.0), (0.0, end), span(*bands, [0.0], margin=0.05))
     body = axes(frame, "time after the step [s]", "speed / reference")
     kinds = temperature_classes([step.temperature_degC for step in coldest_first])
@@ -56,6 +57,8 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
     for step, kind in zip(coldest_first, kinds, strict=True):
         body += band(frame, step.time, step.q05, step.q95, f"band {kind}")
         body += line(frame, step.time, step.median, f"line {kind}")
+        if step.simulated is not None:
+            body += line(frame, step.time, step.simulated, f"line dashed {kind}")
         labels.append(float(frame.y(step.median[-1])))
     for place, step, kind in zip(_spread(labels), coldest_first, kinds, strict=True):
         body += text(430, place + 4, f"{step.temperature_degC:g} °C", f"tick strong {kind}")

@@ -1,0 +1,174 @@
+"""Quasi-Newton ascent of a function of which many places are valued at once.
+
+A likelihood on lanes gives a dozen values for the price of two, so the gradient comes from forward
+differences in one call, and with it come shorter steps in case the full one fails.  The first
+curvature comes from second differences: sizes and memories differ by decades in how sharply they
+are determined, and BFGS would spend most of its steps on finding that out.
+
+Source: Nocedal and Wright, Numerical Optimization, 2nd edition, section 6.1 (BFGS), procedure 18.2
+(damping of the update).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Summit", "climb"]
+
+Array = NDArray[np.float64]
+Valued = Callable[[Array], Array]
+"""(n, n_lane) places to (n_lane,) values, minus infinity where there is none."""
+
+_DIFFERENCE: Final = 1e-4
+_SECOND: Final = 3e-2
+_SHORTER: Final = (0.5, 0.2, 0.05, 0.01)
+_LONGEST: Final = 2.0
+_ENOUGH: Final = 0.01
+_STEPS: Final = 40
+_TRIED: Final = 4
+_OPTIMISM: Final = 20.0
+_FAR: Final = 50.0
+
+
+@dataclass(frozen=True)
+class Summit:
+    """Where an ascent ended.
+
+    Args:
+        place: (n,) the place.
+        value: The value there.
+        inverse: (n, n) inverse of minus the curvature, approximately.
+    """
+
+    place: Array
+    value: float
+    inverse: Array
+
+
+def climb(
+    valued: Valued,
+    start: Array,
+    bounds: tuple[Array, Array],
+    inverse: Array | None = None,
+    rival: float | None = None,
+) -> Summit:
+    """Climb from `start` to a maximum inside bounds.
+
+    Args:
+        valued: The function, in units where 1 matters and a hundredth does not.
+        start: (n,) where to begin.
+        bounds: (n,) lowest and (n,) highest place; equal where a coordinate is fixed.
+        inverse: (n, n) inverse of minus the curvature where it is known already.
+        rival: A value with which the maximum is compared; where it is sure to stay far below, only
+            that is found out.
+    """
+    lower, upper = bounds
+    place = np.clip(start, lower, upper)
+    if inverse is None:
+        inverse = _first_inverse(valued, place, bounds)
+    value, gradient, _ = _looked(valued, place, bounds, np.zeros((place.size, 0)))
+    small = 0
+    for number in range(_STEPS):
+        free = _free(place, gradient, bounds)
+        step = np.zeros(place.size)
+        step[free] = np.linalg.solve(np.linalg.inv(inverse)[np.ix_(free, free)], gradient[free])
+        promised = float(gradient @ step)
+        if not promised > _ENOUGH or (
+            rival is not None and _is_decided(number, value, promised, rival)
+        ):
+            break
+        step *= min(1.0, _LONGEST / np.abs(step).max())
+        tries = np.clip(place[:, None] + step[:, None] * np.array(_SHORTER), *_columns(bounds))
+        full = np.clip(place + step, lower, upper)
+        ahead, slope, others = _looked(valued, full, bounds, tries)
+        if not ahead > value + 1e-4 * promised or others.max() > ahead + 0.1 * abs(ahead - value):
+            best = int(np.argmax(others))
+            if not others[best] > value:
+                if small > 1:
+                    break
+                small += 1
+                inverse = _first_inverse(valued, place, bounds)
+                continue
+            full = tries[:, best]
+            ahead, slope, _ = _looked(valued, full, bounds, np.zeros((place.size, 0)))
+        inverse = _bent(inverse, full - place, gradient - slope)
+        small = small + 1 if ahead - value < _ENOUGH else 0
+        place, value, gradient = full, ahead, slope
+        if small > 1:
+            break
+    return Summit(place, value, inverse)
+
+
+def _is_decided(number: int, value: float, promised: float, rival: float) -> bool:
+    """Whether a maximum is as high as its rival, or sure to stay far below."""
+    behind = rival - value
+    return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * promised)
+
+
+def _columns(bounds: tuple[Array, Array]) -> tuple[Array, Array]:
+    return bounds[0][:, None], bounds[1][:, None]
+
+
+def _free(place: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:
+    """Indices of coordinates that may move the way they are pulled."""
+    lower, upper = bounds
+    held = ((place <= lower) & (gradient <= 0)) | ((place >= upper) & (gradient >= 0))
+    return np.flatnonzero(~held)
+
+
+def _looked(
+    valued: Valued, place: Array, bounds: tuple[Array, Array], others: Array
+) -> tuple[float, Array, Array]:
+    """Value and gradient at a place, and values at others, in one call."""
+    lower, upper = bounds
+    moving = np.flatnonzero(upper > lower)
+    lanes = np.repeat(place[:, None], moving.size + 1, axis=1)
+    step = np.where(place[moving] + _DIFFERENCE > upper[moving], -_DIFFERENCE, _DIFFERENCE)
+    lanes[moving, np.arange(1, moving.size + 1)] += step
+    values = valued(np.concatenate([lanes, others], axis=1))
+    gradient = np.zeros(place.size)
+    with np.errstate(invalid="ignore"):
+        found = (values[1 : moving.size + 1] - values[0]) / step
+    gradient[moving] = np.where(np.isfinite(found), found, 0.0)
+    value = float(values[0]) if np.isfinite(values[0]) else -np.inf
+    rest = values[moving.size + 1 :]
+    return value, gradient, np.where(np.isfinite(rest), rest, -np.inf) if rest.size else rest
+
+
+def _first_inverse(valued: Valued, place: Array, bounds: tuple[Array, Array]) -> Array:
+    """Inverse of the diagonal of minus the curvature, from second differences."""
+    size = place.size
+    lanes = np.repeat(place[:, None], 2 * size + 1, axis=1)
+    lanes[np.arange(size), np.arange(1, size + 1)] += _SECOND
+    lanes[np.arange(size), np.arange(size + 1, 2 * size + 1)] -= _SECOND
+    values = valued(lanes)
+    with np.errstate(invalid="ignore"):
+        bend = (2 * values[0] - values[1 : size + 1] - values[size + 1 :]) / _SECOND**2
+        slope = np.abs(values[1 : size + 1] - values[size + 1 :]) / (2 * _SECOND)
+    # Where the curvature has the wrong sign, the slope sets a step of about one half.
+    bend = np.where(np.isfinite(bend) & (bend > 0), bend, 0.0)
+    slope = np.where(np.isfinite(slope), slope, 0.0)
+    return np.diag(
+        1.0 / np.maximum.reduce([bend, 2.0 * slope * (bend < slope), np.full(size, 0.3)])
+    )
+
+
+def _bent(inverse: Array, step: Array, change: Array) -> Array:
+    """BFGS update of the inverse, damped where the curvature would turn negative."""
+    if not np.abs(step).max() > 0:
+        return inverse
+    matrix = np.linalg.inv(inverse)
+    own = float(step @ matrix @ step)
+    along = float(step @ change)
+    if along < 0.2 * own:
+        share = 0.8 * own / (own - along)
+        change = share * change + (1 - share) * (matrix @ step)
+        along = float(step @ change)
+    pushed = matrix @ step
+    matrix = matrix + np.outer(change, change) / along - np.outer(pushed, pushed) / own
+    return np.asarray(np.linalg.inv(0.5 * (matrix + matrix.T)))

@@ -1,0 +1,303 @@
+"""How far the motor strays from its simulation when something pushes that the model lacks.
+
+A missing voltage e_v and a missing torque e_tau stand on the right-hand sides of the two balances.
+The deviation from the fitted simulation then obeys, to first order,
+
+    d(t + h) = A d(t) + B e(t),      residual = C d(t) + T dp + noise
+
+with A, B and C the derivatives of the very step that is simulated (so they are exact for a linear
+motor however short its electrical time constant), e held over a sample interval as the voltage
+is, and T the derivative of the simulation by the parameters, which are not known for certain.
+
+The two disturbances are ordinary terms of the model (`term.py`), so nothing of the physics is
+written a second time.  Delayed channels are taken without their delay here: a delay of a few
+samples moves the trace by as much and changes no strength.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.normal_equations import state_precision
+from identification.fit.solve import Fit
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+from identification.model.parameter import Parameter
+from identification.model.scan import scan_of
+from identification.model.simulate import Simulator
+from identification.model.step import advance
+from identification.model.term import (
+    AbstractDelay,
+    AbstractTorque,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    Values,
+)
+
+__all__ = ["Deviation", "Piece", "Structure", "deviation_of"]
+
+Array = NDArray[np.float64]
+
+
+_SOURCE: Final = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
+
+
+class MissingTorque(AbstractTorque):
+    """A torque that the model lacks, held over a sample interval."""
+
+    name = "missing_torque"
+    equation = "mechanical"
+    drivers = ()
+    source = _SOURCE
+    parameters = (Parameter("level", "N m", "missing torque"),)
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The torque itself [N m]."""
+        return values.level
+
+
+class MissingVoltage(AbstractVoltage):
+    """A voltage that the model lacks, held over a sample interval."""
+
+    name = "missing_voltage"
+    equation = "electrical"
+    drivers = ()
+    source = _SOURCE
+    parameters = (Parameter("level", "V", "missing voltage"),)
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The voltage itself [V]."""
+        return values.level
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Which entries of A, B and C are numbers and which change from row to row.
+
+    Args:
+        shape: Number of states.
+        fixed: For each entry of [A, B, C'], column by column, its number, or None where it changes.
+        tangents: Number of parameters that are let float.
+    """
+
+    shape: int
+    fixed: tuple[float | None, ...]
+    tangents: int
+
+    @property
+    def changing(self) -> int:
+        """Number of entries that change from row to row."""
+        return sum(value is None for value in self.fixed)
+
+    def matrices(self, entries: Expression) -> tuple[Expression, Expression, Expression]:
+        """A (n, n), B (n, 2) and C (2, n) with the `changing` entries filled in."""
+        n, place = self.shape, 0
+        whole: Expression = ca.SX(n, n + 4)
+        for k, value in enumerate(self.fixed):
+            if value is None:
+                whole[k % n, k // n] = entries[place]
+                place += 1
+            elif value != 0.0:
+                whole[k % n, k // n] = value
+        return whole[:, :n], whole[:, n : n + 2], whole[:, n + 2 :].T
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One record in the units of the filter.
+
+    Args:
+        record: The record.
+        entries: (n_sample, n_changing) entries of A, B and C.
+        targets: (n_sample, 2, 1 + n_tangent) residual and its derivatives by the parameters.
+        weight: (n_sample, 2) by which the variance of the noise is divided; zero where the sensor
+            was clipped.
+        spread: (n_state,) variance of the deviation at the first sample.
+    """
+
+    record: Record
+    entries: Array
+    targets: Array
+    weight: Array
+    spread: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of samples."""
+        return int(self.targets.shape[0])
+
+    def part(self, start: int, stop: int) -> Piece:
+        """Some of the rows, with a beginning as free as that of the whole."""
+        return Piece(
+            self.record,
+            self.entries[start:stop],
+            self.targets[start:stop],
+            self.weight[start:stop],
+            self.spread,
+        )
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """The linear model of the deviation over all records.
+
+    Both channels are divided by `noise`, both disturbances by `scale`, so that every number in the
+    filter is of order one for any motor.
+
+    Args:
+        structure: What stands in the rows.
+        pieces: One for each record.
+        noise: (2,) unit of current and speed [A, rad/s].
+        scale: (2,) unit of missing voltage and torque: what held for ever moves a channel by about
+            its noise [V, N m].
+        interval: Usual sample interval [s].
+        precision: (n_tangent,) inverse variance of the floating parameters before the data.
+        offset: (n_tangent,) centre of that prior, from the fit.
+    """
+
+    structure: Structure
+    pieces: tuple[Piece, ...]
+    noise: Array
+    scale: Array
+    interval: float
+    precision: Array
+    offset: Array
+
+
+def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
+    """The deviation from a simulation, with its parameters floating in search coordinates.
+
+    Args:
+        fit: The fit.
+        position: (n_parameter,) search coordinates of the simulation; those of the fit if absent.
+    """
+    if position is not None:
+        simulator = Simulator.fitting(
+            fit.simulator.model,
+            fit.simulator.records,
+            fit.coordinates.values(position),
+            fit.simulator.divisions,
+        )
+        fit = replace(fit, position=position, simulator=simulator)
+    simulator, noise = fit.simulator, _noise_unit(fit)
+    spreads = [1.0 / state_precision(simulator, k) for k in range(len(simulator.records))]
+    own = np.sqrt(np.mean(spreads, axis=0))[2:]
+    units = np.concatenate([noise, own])
+    n = fit.position.size
+    bare, rows = _linearised(fit)
+    scale = _scale(Structure(units.size, bare, n), rows, noise)
+    structure, rows = _in_units(Structure(units.size, bare, n), rows, (units, scale, noise))
+    slopes = fit.coordinates.slopes(fit.position)
+    logged, tangents = simulator.tangent(fit.values, fit.states, np.diag(slopes))
+    pieces = []
+    for k, record in enumerate(simulator.records):
+        residual = (record.measured - logged[k])[:, :, None]
+        targets = np.concatenate([residual, tangents[k][:, :, :n]], axis=2) / noise[:, None]
+        spread = spreads[k] / units**2
+        pieces.append(Piece(record, rows[k], targets, record.weight, spread))
+    prior = 1.0 / fit.coordinates.prior_sd**2
+    offset = np.where(prior > 0, fit.coordinates.prior_mean - fit.position, 0.0)
+    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in simulator.records])))
+    return Deviation(structure, tuple(pieces), noise, scale, interval, prior, offset)
+
+
+def _noise_unit(fit: Fit) -> Array:
+    """(2,) about the noise of both channels; one for a channel that never counts."""
+    found = np.maximum(fit.weighting.deviation, fit.weighting.floor)
+    return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+
+def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
+    """Entries of A, B and C' that are numbers, and for each record the others (n_sample, k)."""
+    simulator = fit.simulator
+    kept = [term for term in simulator.model.terms if not isinstance(term, AbstractDelay)]
+    model = MotorModel((*kept, MissingVoltage(), MissingTorque()), simulator.model.hold)
+    n, size = len(model.state_names), len(model.parameters)
+    x, u, p = ca.SX.sym("x", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", size - 2)
+    pushed = ca.SX.sym("e", 2)
+    everything = ca.vertcat(p, pushed)
+    following = advance(model, simulator.plan, x, u, everything)
+    logged = model.logged(x, u, everything)
+    whole = ca.horzcat(
+        ca.jacobian(following, x), ca.jacobian(following, pushed), ca.jacobian(logged, x).T
+    )
+    whole = ca.simplify(ca.densify(ca.substitute(whole, pushed, ca.SX.zeros(2))))
+    entries = [whole[k % n, k // n] for k in range(n * (n + 4))]
+    fixed = tuple(float(entry) if entry.is_constant() else None for entry in entries)
+    if simulator.divisions is not None:
+        # Products of the matrices of parts keep no entry that is certain to stay what it is.
+        fixed = (None,) * len(entries)
+    moving = [entry for entry, value in zip(entries, fixed, strict=True) if value is None]
+    step = ca.Function(
+        "linearised",
+        [x, u, p],
+        [ca.substitute(following, pushed, ca.SX.zeros(2)), ca.vertcat(*moving)],
+    )
+    values = _without_delays(simulator.model, fit.values)[:, None]
+    scan, found = scan_of(step), []
+    for k, (inputs, state) in enumerate(zip(simulator.inputs, fit.states, strict=True)):
+        rows = np.ascontiguousarray(scan([inputs], values, [state[:, None]])[1][0][:, :, 0])
+        if simulator.divisions is not None:
+            rows = _composed(rows, n, simulator.divisions[k])
+        found.append(rows)
+    return fixed, found
+
+
+def _composed(parts: Array, n: int, counts: NDArray[np.integer[Any]]) -> Array:
+    """Entries of whole sample intervals from those of their parts, all entries changing."""
+    begins = np.cumsum(counts) - counts
+    whole = parts[begins].copy()
+    matrices = parts.reshape(-1, n + 4, n).transpose(0, 2, 1)
+    total = whole.reshape(-1, n + 4, n).transpose(0, 2, 1)
+    for part in range(1, int(counts.max())):
+        rows = np.flatnonzero(counts > part)
+        step = matrices[begins[rows] + part]
+        moved = step[:, :, :n] @ total[rows, :, : n + 2]
+        moved[:, :, n:] += step[:, :, n : n + 2]
+        total[rows, :, : n + 2] = moved
+    return np.asarray(whole)
+
+
+def _without_delays(model: MotorModel, values: Array) -> Array:
+    """Parameter values without those of delays."""
+    late = {f"{t.name}.{p.name}" for t in model.delays for p in t.parameters}
+    kept = [parameter.name not in late for parameter in model.parameters]
+    return np.asarray(values[kept])
+
+
+def _scale(structure: Structure, rows: Sequence[Array], noise: Array) -> Array:
+    """(2,) missing voltage and torque that shift the steady state by the noise [V, N m]."""
+    middle = np.median(np.concatenate(rows), axis=0)
+    a, b, c = (np.asarray(ca.DM(m)) for m in structure.matrices(ca.DM(middle)))
+    steady = c @ np.linalg.lstsq(np.eye(a.shape[0]) - a, b, rcond=1e-9)[0]
+    reach = np.abs(steady / noise[:, None]).max(axis=0)
+    return np.asarray(1.0 / np.where(reach > 0, reach, 1.0))
+
+
+def _in_units(
+    structure: Structure, rows: list[Array], units: tuple[Array, Array, Array]
+) -> tuple[Structure, list[Array]]:
+    """Everything over its unit: states, disturbances, channels."""
+    states, scale, noise = units
+    right = np.concatenate([states, scale, 1.0 / noise])
+    left = np.concatenate([np.ones(states.size + 2), np.zeros(2)])
+    flat = np.concatenate(
+        [
+            factor / states if is_dynamic else factor * states
+            for factor, is_dynamic in zip(right, left, strict=True)
+        ]
+    )
+    fixed = tuple(
+        None if value is None else float(value * factor)
+        for value, factor in zip(structure.fixed, flat, strict=True)
+    )
+    moving = flat[[value is None for value in fixed]]
+    changed = Structure(structure.shape, fixed, structure.tangents)
+    return changed, [each * moving for each in rows]

@@ -1,0 +1,287 @@
+"""The Kalman filter of the deviation: likelihood of the strengths, with parameters floating.
+
+State of the filter, with two disturbances and one slow noise a channel:
+
+    d      deviation of the motor's own states      d+   = A d + B (e + white voltage noise)
+    e      missing voltage, missing torque          e+   = a e + w
+    c      coloured part of each channel's noise    c+   = r c + w
+    residual = C d + c + white noise + T dp
+
+First-order Gauss-Markov processes, all of unknown size and memory.  The gains of the filter do not
+depend on data, so residual and parameter tangents pass through the same gains side by side; the
+likelihood with the parameters integrated out under their prior then is a small least-squares
+problem in the innovations.  Without it, what the parameters have soaked up of a missing torque
+would show as a missing voltage.
+
+Candidates of strengths and memories are the lanes.
+
+Source: Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237; the
+parameters by de Jong, Annals of Statistics 19 (1991) 1073-1083 (augmented filter).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.deviation import Deviation, Piece, Structure
+from identification.model.scan import scan_of
+
+__all__ = [
+    "HYPER",
+    "Likelihood",
+    "Symbols",
+    "likelihood",
+    "predicted",
+    "rows_of",
+    "started",
+    "updated",
+]
+
+Array = NDArray[np.float64]
+
+HYPER: Final = (
+    "keep_voltage", "drive_voltage", "keep_torque", "drive_torque",
+    "keep_current", "drive_current", "keep_speed", "drive_speed",
+    "white_current", "white_speed", "supply",
+)  # fmt: skip
+"""Numbers of one candidate: for the four slow processes the factor from sample to sample and the
+variance that drives them, then the variances of white noise of current, speed and voltage; all
+in the units of `Deviation`."""
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Likelihood of each lane, and where the parameters are best under it.
+
+    Args:
+        value: (n_lane,) log likelihood with the parameters integrated out, up to a constant.
+        shift: (n_lane, n_tangent) posterior mean of the floating parameters.
+        covariance: (n_lane, n_tangent, n_tangent) their posterior covariance.
+    """
+
+    value: Array
+    shift: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Symbolic filter of one structure.
+
+    Args:
+        structure: Sizes and fixed entries.
+    """
+
+    structure: Structure
+
+    @property
+    def size(self) -> int:
+        """Components of the filter's state."""
+        return self.structure.shape + 4
+
+    @property
+    def triangle(self) -> list[tuple[int, int]]:
+        """Places of the covariance that are kept."""
+        return [(i, j) for i in range(self.size) for j in range(i + 1)]
+
+    def full(self, packed: ca.SX) -> ca.SX:
+        """(size, size) symmetric matrix from its packed lower triangle."""
+        whole = ca.SX(self.size, self.size)
+        for k, (i, j) in enumerate(self.triangle):
+            whole[i, j] = packed[k]
+            whole[j, i] = packed[k]
+        return whole
+
+    def packed(self, whole: ca.SX) -> ca.SX:
+        """The lower triangle."""
+        return ca.vertcat(*[whole[i, j] for i, j in self.triangle])
+
+    def transition(self, entries: ca.SX, hyper: ca.SX) -> ca.SX:
+        """(size, size) transition of the filter's state."""
+        n = self.structure.shape
+        a, b, _ = self.structure.matrices(entries)
+        whole = ca.SX(self.size, self.size)
+        whole[:n, :n] = a
+        whole[:n, n : n + 2] = b
+        for k in range(4):
+            whole[n + k, n + k] = hyper[2 * k]
+        return whole
+
+    def seen(self, entries: ca.SX) -> list[ca.SX]:
+        """For each channel the row (1, size) that takes the filter's state to the residual."""
+        n = self.structure.shape
+        c = self.structure.matrices(entries)[2]
+        rows = []
+        for channel in range(2):
+            row = ca.SX(1, self.size)
+            row[0, :n] = c[channel, :]
+            row[0, n + 2 + channel] = 1
+            rows.append(row)
+        return rows
+
+
+def predicted(
+    symbols: Symbols, mean: ca.SX, covariance: ca.SX, entries: ca.SX, hyper: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Mean (size, n_column) and covariance one sample on."""
+    n = symbols.structure.shape
+    f = symbols.transition(entries, hyper)
+    moved = ca.mtimes(ca.mtimes(f, covariance), f.T)
+    b = symbols.structure.matrices(entries)[1][:, 0]
+    moved[:n, :n] += hyper[10] * ca.mtimes(b, b.T)
+    for k in range(4):
+        moved[n + k, n + k] += hyper[2 * k + 1]
+    return ca.mtimes(f, mean), symbols.full(symbols.packed(moved))
+
+
+def updated(
+    row: ca.SX, mean: ca.SX, covariance: ca.SX, target: ca.SX, weight: ca.SX, white: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Mean and covariance after one channel, its innovations (1, n_column) and w / variance.
+
+    A weight divides the white noise; a weight of zero leaves everything as it was.
+    """
+    gain = ca.mtimes(covariance, row.T)
+    inverse = weight / (weight * ca.mtimes(row, gain) + white)
+    innovation = target - ca.mtimes(row, mean)
+    return (
+        mean + ca.mtimes(gain, innovation) * inverse,
+        covariance - _square(gain, inverse),
+        innovation,
+        inverse,
+    )
+
+
+def _square(column: ca.SX, factor: ca.SX) -> ca.SX:
+    """The matrix factor column column', its upper triangle the same expressions as the lower."""
+    lower = ca.tril(ca.mtimes(column, (column * factor).T))
+    return lower + ca.tril(lower, False).T
+
+
+def started(deviation: Deviation, piece: Piece, hyper: Array) -> Array:
+    """(n_triangle, n_lane) covariance before the first sample."""
+    symbols = Symbols(deviation.structure)
+    n = symbols.structure.shape
+    lanes = hyper.shape[1]
+    diagonal = np.empty((symbols.size, lanes))
+    diagonal[:n] = piece.spread[:, None]
+    for k in range(4):
+        diagonal[n + k] = hyper[2 * k + 1] / np.maximum(1.0 - hyper[2 * k] ** 2, 1e-300)
+    packed = np.zeros((len(symbols.triangle), lanes))
+    for place, (i, j) in enumerate(symbols.triangle):
+        if i == j:
+            packed[place] = diagonal[i]
+    return packed
+
+
+def _filter_step(structure: Structure) -> ca.Function:
+    """Carry: packed covariance, means, sums of products of innovations, log of variances."""
+    symbols = Symbols(structure)
+    columns = 1 + structure.tangents
+    packed = ca.SX.sym("P", len(symbols.triangle))
+    means = ca.SX.sym("m", symbols.size, columns)
+    pairs = [(i, j) for i in range(columns) for j in range(i + 1)]
+    before, logs = ca.SX.sym("s", len(pairs)), ca.SX.sym("l")
+    entries = ca.SX.sym("f", structure.changing)
+    targets, weight = ca.SX.sym("y", 2, columns), ca.SX.sym("w", 2)
+    hyper = ca.SX.sym("h", len(HYPER))
+    mean, covariance, sums, product = means, symbols.full(packed), before, ca.SX(1)
+    for channel, row in enumerate(symbols.seen(entries)):
+        white = hyper[8 + channel]
+        spread = ca.mtimes(ca.mtimes(row, covariance), row.T)
+        product *= weight[channel] * spread + white
+        mean, covariance, z, inverse = updated(
+            row, mean, covariance, targets[channel, :], weight[channel], white
+        )
+        scaled = z * inverse
+        sums = sums + ca.vertcat(*[scaled[i] * z[j] for i, j in pairs])
+    mean, covariance = predicted(symbols, mean, covariance, entries, hyper)
+    return ca.Function(
+        "filter",
+        [
+            ca.vertcat(packed, ca.vec(means), before, logs),
+            ca.vertcat(entries, ca.vec(targets), weight),
+            hyper,
+        ],
+        [
+            ca.vertcat(symbols.packed(covariance), ca.vec(mean), sums, logs + ca.log(product)),
+            ca.SX(0, 1),
+        ],
+    )
+
+
+def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> Likelihood:
+    """Log likelihood of candidates, parameters integrated out.
+
+    Args:
+        deviation: The model.
+        pieces: Records, or parts of them, that are independent of each other.
+        hyper: (n_hyper, n_lane) in the order of `HYPER`.
+    """
+    structure = deviation.structure
+    symbols, columns = Symbols(structure), 1 + structure.tangents
+    lanes = hyper.shape[1]
+    pairs = columns * (columns + 1) // 2
+    own = len(symbols.triangle) + symbols.size * columns
+    carries, rows = [], []
+    for piece in pieces:
+        rest = np.zeros((symbols.size * columns + pairs + 1, lanes))
+        carries.append(np.concatenate([started(deviation, piece, hyper), rest]))
+        rows.append(rows_of(piece))
+    finals, _ = scan_of(_filter_step(structure))(rows, hyper, carries)
+    sums, logs = np.zeros((pairs, lanes)), np.zeros(lanes)
+    for final, piece in zip(finals, pieces, strict=True):
+        sums += final[own : own + pairs]
+        # A sample without weight has left the logarithm of its white noise behind.
+        absent = np.sum(piece.weight == 0.0, axis=0)
+        logs += final[own + pairs] - absent @ np.log(hyper[8:10])
+    return _integrated(deviation, sums, logs)
+
+
+def rows_of(piece: Piece) -> Array:
+    """What the filter reads of each row: entries, targets by column, weights."""
+    flat = piece.targets.transpose(0, 2, 1).reshape(piece.rows, -1)
+    return np.column_stack([piece.entries, flat, piece.weight])
+
+
+def _integrated(deviation: Deviation, sums: Array, logs: Array) -> Likelihood:
+    """Likelihood from sums of products of innovations of the residual and of the tangents.
+
+    The innovation of residual minus tangents times shift is linear in the shift, so its posterior
+    is normal with the inverse of sum z z' / s + prior as covariance.
+    """
+    n = deviation.structure.tangents
+    lanes = logs.size
+    products = np.empty((lanes, n + 1, n + 1))
+    place = 0
+    for i in range(n + 1):
+        for j in range(i + 1):
+            products[:, i, j] = products[:, j, i] = sums[place]
+            place += 1
+    prior = deviation.precision
+    with np.errstate(invalid="ignore"):
+        matrix = products[:, 1:, 1:] + np.diag(prior)
+        right = products[:, 1:, 0] + prior * deviation.offset
+        constant = products[:, 0, 0] + prior @ deviation.offset**2
+    size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))
+    scaled = matrix / (size[:, :, None] * size[:, None, :])
+    finite = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(logs) & np.isfinite(constant)
+    value = np.full(lanes, -np.inf)
+    shift, covariance = np.zeros((lanes, n)), np.zeros((lanes, n, n))
+    if finite.any():
+        values, vectors = np.linalg.eigh(scaled[finite])
+        values = np.maximum(values, 1e-12)
+        inverse = np.einsum("aij,aj,akj->aik", vectors, 1.0 / values, vectors)
+        inverse /= size[finite][:, :, None] * size[finite][:, None, :]
+        best = np.einsum("aij,aj->ai", inverse, right[finite])
+        gained = np.einsum("ai,ai->a", best, right[finite])
+        determinant = np.log(values).sum(axis=1) + 2 * np.log(size[finite]).sum(axis=1)
+        value[finite] = -0.5 * (logs[finite] + constant[finite] - gained + determinant)
+        shift[finite], covariance[finite] = best, inverse
+    return Likelihood(value, shift, covariance)

@@ -1,0 +1,285 @@
+"""Which of the two balances lacks something, how much, and when.
+
+Both state equations are given an unknown disturbance, a missing voltage and a missing torque,
+
+    L di/dt = ... + e_v,      J dw/dt = ... + e_tau,
+
+each a first-order Gauss-Markov process of unknown strength and memory.  A Kalman filter of the
+deviation from the fitted simulation gives the likelihood of the strengths (`strengths.py`), and a
+smoother the two missing terms over time (`smoothing.py`):
+
+    found = localise(fit)
+    found.mechanical.significant, found.missing[0].torque
+
+*What is held and what floats.*  A fit has soaked part of a missing torque up in its parameters, and
+at those parameters a voltage seems to be missing as well.  The parameters are therefore not held:
+they are integrated out under the prior of the fit, to first order, and the model is linearised a
+second time where they move to.  What declared parameters can imitate exactly is for that reason
+split by prior and memory rather than by data, and the bands of the traces say so.
+
+*What a complete model may do.*  Sensor noise may be white, and slow besides, with unknown memory,
+in each channel by itself, and the logged voltage may be noisy: none of these counts as missing.
+A strength has to be significant with spikes weighted down as well (`spikes.py`); size and noise
+are those of unweighted samples, since a jump of what is missing looks like a spike at first.
+
+*Which rows.*  Strengths are estimated from about 12,000 rows, in stretches spread evenly over all
+records; the traces use and cover all rows.
+
+Source: Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237; Rauch et
+al., AIAA J. 3 (1965) 1445-1450.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from identification.diagnosis.deviation import Deviation, Piece, deviation_of
+from identification.diagnosis.filtering import likelihood
+from identification.diagnosis.smoothing import traces
+from identification.diagnosis.spikes import weighted
+from identification.diagnosis.strengths import (
+    Strengths,
+    longest_memory,
+    p_value_of,
+    strongest,
+)
+from identification.fit.solve import Fit
+
+__all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise"]
+
+Array = NDArray[np.float64]
+
+LEVEL: Final = 0.01
+"""Probability that a complete model is found deficient in either equation; each has half of it."""
+
+_COARSE: Final = 4_000
+_FINE: Final = 12_000
+_STRETCH: Final = 600
+_WORSE: Final = 3.0
+_DIFFERENCES: Final = 4
+
+
+@dataclass(frozen=True)
+class Deficiency:
+    """What one state equation lacks.
+
+    Args:
+        equation: ``electrical`` or ``mechanical``.
+        unit: ``V`` or ``N m``.
+        strength: Stationary standard deviation of the missing term [unit].
+        time_constant: Its memory [s].
+        gain: Log likelihood over strength zero, the other equation's term allowed in both; where
+            it is far beyond any doubt the best strength zero is not found exactly, and this is
+            more than it.
+        p_value: Probability of so large a gain from a complete model.
+        significant: Whether `p_value` is below half of `LEVEL`.
+    """
+
+    equation: Literal["electrical", "mechanical"]
+    unit: Literal["V", "N m"]
+    strength: float
+    time_constant: float
+    gain: float
+    p_value: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Missing voltage and torque over one training record, smoothed.
+
+    The bands are those of a disturbance that knows nothing of the signals.  Of a term that follows
+    the speed, like friction, a part looks like a change of b, is given to the parameters and is
+    not in the band; what parameters cannot imitate is.
+
+    Args:
+        record: Number of the record among those of the fit.
+        run: Number of its run.
+        start: First sample of the record in its run.
+        time: (n,) time in the run [s].
+        voltage: (n,) missing voltage on the right of L di/dt [V].
+        voltage_sd: (n,) its posterior standard deviation [V].
+        torque: (n,) missing torque on the right of J dw/dt [N m].
+        torque_sd: (n,) its posterior standard deviation [N m].
+    """
+
+    record: int
+    run: int
+    start: int
+    time: Array
+    voltage: Array
+    voltage_sd: Array
+    torque: Array
+    torque_sd: Array
+
+
+@dataclass(frozen=True)
+class Localisation:
+    """Where a fitted model is deficient.
+
+    Args:
+        electrical: The armature loop.
+        mechanical: The shaft.
+        noise: (2,) standard deviation of the noise of current and speed with the significant
+            disturbances allowed, so that what the model lacks does not count as noise [A, rad/s].
+        missing: The missing terms, one a training record.
+    """
+
+    electrical: Deficiency
+    mechanical: Deficiency
+    noise: Array
+    missing: tuple[Missing, ...]
+
+
+def localise(fit: Fit) -> Localisation:
+    """Find out which equation of a fitted model lacks something, and its course over time.
+
+    Args:
+        fit: The fitted model with its training records; it may hold effects.
+    """
+    deviation = deviation_of(fit)
+    both = strongest(deviation, _stretches(deviation.pieces, _COARSE), (True, True))
+    deviation = _moved(fit, deviation, both)
+    fits = _nested(deviation, _stretches(deviation.pieces, _FINE), both.place)
+    longest = longest_memory(fits.pieces)
+    gains = fits.gains
+    if any(_is_significant(gain, longest) for gain in gains):
+        gains = _gains_beside_spikes(deviation, fits, gains)
+    both = fits.both
+    electrical = _deficiency(deviation, both, 0, gains[0], longest)
+    mechanical = _deficiency(deviation, both, 1, gains[1], longest)
+    known = likelihood(deviation, deviation.pieces, both.hyper)
+    missing = []
+    for k, trace in enumerate(traces(deviation, both.hyper, known)):
+        record = fit.simulator.records[k]
+        columns = [*trace.mean.T, *trace.deviation.T]
+        e_v, e_tau, v_sd, tau_sd = (np.ascontiguousarray(column) for column in columns)
+        missing.append(Missing(k, record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
+    white = fits.chosen(deviation, electrical.significant, mechanical.significant)
+    noise = deviation.noise * np.maximum(
+        np.hypot(white.sizes[2:4], white.white), _quickest(deviation)
+    )
+    return Localisation(electrical, mechanical, np.asarray(noise), tuple(missing))
+
+
+def _quickest(deviation: Deviation) -> Array:
+    """(2,) noise below which no sensor can be, from how residuals differ from sample to sample.
+
+    Where the current follows the voltage within a sample, a strong missing voltage explains white
+    noise of the current as well as the sensor does.  What is missing moves on or jumps now and
+    then; the median of higher differences sees the noise between the jumps.
+    """
+    least = np.full(2, np.inf)
+    for order in range(1, _DIFFERENCES + 1):
+        size = np.sqrt(special.comb(2 * order, order))
+        for channel in range(2):
+            moved = [
+                np.abs(np.diff(piece.targets[:, channel, 0], order))
+                for piece in deviation.pieces
+                if piece.rows > order
+            ]
+            middle = float(np.median(np.concatenate(moved))) / 0.6745 / size if moved else 0.0
+            least[channel] = min(least[channel], middle)
+    return least
+
+
+@dataclass(frozen=True)
+class _Nested:
+    """Strengths with both disturbances, and with one alone."""
+
+    pieces: list[Piece]
+    both: Strengths
+    torque: Strengths
+    voltage: Strengths
+
+    @property
+    def gains(self) -> tuple[float, float]:
+        """By a missing voltage, by a missing torque, each beside the other."""
+        return self.both.value - self.torque.value, self.both.value - self.voltage.value
+
+    def chosen(self, deviation: Deviation, electrical: bool, mechanical: bool) -> Strengths:
+        """The model without what is not significant: that explains coloured noise as well."""
+        if electrical:
+            return self.both if mechanical else self.voltage
+        if mechanical:
+            return self.torque
+        return strongest(deviation, self.pieces, (False, False), self.torque.place)
+
+
+def _nested(deviation: Deviation, pieces: list[Piece], start: Array) -> _Nested:
+    both = strongest(deviation, pieces, (True, True), start)
+    torque = strongest(deviation, pieces, (False, True), both.place, both.value)
+    voltage = strongest(deviation, pieces, (True, False), both.place, both.value)
+    return _Nested(pieces, both, torque, voltage)
+
+
+def _gains_beside_spikes(
+    deviation: Deviation, fits: _Nested, gains: tuple[float, float]
+) -> tuple[float, float]:
+    """The gains that are left when spikes of the sensors are weighted down."""
+    known = likelihood(deviation, fits.pieces, fits.both.hyper)
+    pieces = weighted(deviation, fits.pieces, fits.both.hyper, known)
+    if pieces is None:
+        return gains
+    again = _nested(deviation, pieces, fits.both.place).gains
+    return min(gains[0], again[0]), min(gains[1], again[1])
+
+
+def _is_significant(gain: float, longest: float) -> bool:
+    return p_value_of(gain, longest) < 0.5 * LEVEL
+
+
+def _moved(fit: Fit, deviation: Deviation, both: Strengths) -> Deviation:
+    """The model linearised where the parameters move once a disturbance is allowed.
+
+    A shift is halved where the simulation is too curved to follow all of it.
+    """
+    pieces = _stretches(deviation.pieces, _COARSE)
+    known = likelihood(deviation, pieces, both.hyper)
+    value, shift = float(known.value[0]), known.shift[0]
+    for share in (1.0, 0.5, 0.25):
+        position = np.clip(
+            fit.position + share * shift, fit.coordinates.lower, fit.coordinates.upper
+        )
+        moved = deviation_of(fit, position)
+        there = likelihood(moved, _stretches(moved.pieces, _COARSE), both.hyper)
+        if float(there.value[0]) > value - _WORSE:
+            return moved
+    return deviation
+
+
+def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:
+    """Stretches of the records, evenly spread, with about `rows` rows in all."""
+    total = sum(piece.rows for piece in pieces)
+    if total <= 1.5 * rows:
+        return list(pieces)
+    found = []
+    for piece in pieces:
+        share = int(rows * piece.rows / total)
+        count = max(1, round(share / _STRETCH))
+        length = min(piece.rows, max(share // count, 50))
+        starts = np.linspace(0, piece.rows - length, count).astype(int)
+        found += [piece.part(int(start), int(start) + length) for start in starts]
+    return found
+
+
+def _deficiency(
+    deviation: Deviation, both: Strengths, place: int, gain: float, longest: float
+) -> Deficiency:
+    gain = max(gain, 0.0)
+    p_value = p_value_of(gain, longest)
+    return Deficiency(
+        equation="mechanical" if place else "electrical",
+        unit="N m" if place else "V",
+        strength=float(both.sizes[place] * deviation.scale[place]),
+        time_constant=float(both.memories[place] * deviation.interval),
+        gain=gain,
+        p_value=p_value,
+        significant=_is_significant(gain, longest),
+    )

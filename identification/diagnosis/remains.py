@@ -1,0 +1,223 @@
+"""Residuals of one channel as a complete model would leave them, and what to expect of them.
+
+A residual of a complete model is sensor noise, which may be coloured and spiky, and on unseen runs
+also the error that uncertain parameters make.  The second is known: the covariance of the
+parameters seen through the derivative of the simulation.  What is left open by the initial state of
+an unseen run is no matter of the model, so its directions are projected out.
+
+Source: Bartlett, J. R. Statist. Soc. Suppl. 8 (1946) 27-41 (variance of the mean square of a linear
+process: (2 sum rho^2 + excess kurtosis of its innovations) / n).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, signal, stats
+
+from identification.diagnosis.colour import spectrum
+from identification.diagnosis.residual import cross_correlation, lagged_products
+from identification.fit.evaluate import simulate_fitted, simulate_unseen
+from identification.fit.initial import fitted_initial_states
+from identification.fit.noise import autoregression, effective_shares
+from identification.fit.solve import Fit
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator
+
+__all__ = ["Remains", "remains_of_training", "remains_of_validation"]
+
+Array = NDArray[np.float64]
+
+_CLIP: Final = 5.0
+_LAGS: Final = 30
+_BEYOND: Final = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Remains:
+    """Residuals of one channel over the records of one role.
+
+    Args:
+        residuals: For each record (n_sample,), zero where a sample does not count.
+        voltages: For each record (n_sample,) [V].
+        errors: For each record (n_sample, n_direction): what the channel logs besides noise is
+            this times a standard normal vector.
+        count: Number of samples that count.
+    """
+
+    residuals: tuple[Array, ...]
+    voltages: tuple[Array, ...]
+    errors: tuple[Array, ...]
+    count: int
+
+    @cached_property
+    def taps(self) -> Array:
+        """Whitening filter (1, -a1, ...) of the residuals."""
+        return autoregression(self.residuals)
+
+    @cached_property
+    def innovations(self) -> list[Array]:
+        """For each record (n_sample,) what its past does not foretell."""
+        order = self.taps.size
+        return [signal.lfilter(self.taps, [1.0], r)[order:] for r in self.residuals]
+
+    @cached_property
+    def rms(self) -> float:
+        """Root of the mean square of the samples that count."""
+        return float(np.sqrt(sum(float(np.sum(r * r)) for r in self.residuals) / self.count))
+
+    def scatter(self) -> float:
+        """Relative variance of the mean square, were the residual noise of its colour [-]."""
+        power = spectrum(-self.taps[1:], fft.next_fast_len(4096))
+        stacked = np.concatenate(self.innovations)
+        excess = max(float(stats.kurtosis(stacked)), 0.0) if stacked.size > 3 else 0.0
+        return (2.0 * float(np.mean(power**2)) + excess) / self.count
+
+    def imitated(self, noise: float) -> tuple[float, float]:
+        """Mean and variance of what uncertain parameters add to the mean square over noise^2."""
+        if not self.errors or not self.errors[0].shape[1]:
+            return 0.0, 0.0
+        gram = sum(np.asarray(e.T @ e) for e in self.errors) / (self.count * noise**2)
+        values = np.maximum(np.linalg.eigvalsh(gram), 0.0)
+        # Beside their own squares, errors meet the noise: 4 sigma^2 z'Gz / count, coloured.
+        power = float(spectrum(-self.taps[1:], 4096).max())
+        met = 4.0 * power * float(values.sum()) / self.count
+        return float(values.sum()), float(2.0 * np.sum(values**2) + met)
+
+    def whiteness(self) -> float:
+        """Probability of as much correlation after whitening from noise, by Ljung and Box.
+
+        Innovations are clipped at five robust deviations: a handful of spikes would otherwise
+        decide the variance of the correlations.
+        """
+        order = self.taps.size - 1
+        lags = min(_LAGS + order, max(len(r) for r in self.innovations) // 4)
+        if lags <= order:
+            return 1.0
+        stacked = np.concatenate(self.innovations)
+        reach = _CLIP * float(np.median(np.abs(stacked))) / 0.6745
+        if not reach > 0:
+            return 1.0
+        energy, statistic = 0.0, 0.0
+        products, pairs = np.zeros(lags), np.zeros(lags)
+        for series in self.innovations:
+            if series.size <= lags:
+                continue
+            clipped = np.clip(series, -reach, reach)
+            products += lagged_products(clipped, clipped, lags)[lags + 1 :]
+            energy += float(np.sum(clipped**2))
+            pairs += series.size - np.arange(1, lags + 1)
+        if not energy > 0:
+            return 1.0
+        size = float(sum(s.size for s in self.innovations if s.size > lags))
+        correlations = products / energy
+        statistic = float(np.sum(correlations**2 * size * (size + 2) / pairs))
+        return float(stats.chi2.sf(statistic, lags - order))
+
+    def voltage_outside(self, level: float) -> float:
+        """Share of lags at which the residual follows the voltage beyond a band for all lags.
+
+        Args:
+            level: Probability of any lag of a complete model to be outside.
+        """
+        lag = min(_BEYOND, max(max(r.size for r in self.residuals) // 4, 1))
+        each = 1.0 - level / (2 * lag + 1)
+        found = cross_correlation(self.residuals, self.voltages, lag, each)
+        quantile = float(stats.norm.isf(0.5 * (1.0 - each)))
+        driven = [v - v.mean() for v in self.voltages]
+        scale = np.sqrt(
+            sum(float(np.sum(r * r)) for r in self.residuals)
+            * sum(float(np.sum(v * v)) for v in driven)
+        )
+        variance = (found.half_width / quantile) ** 2
+        if scale > 0 and self.errors:
+            for k in range(self.errors[0].shape[1]):
+                moved = sum(
+                    (
+                        lagged_products(e[:, k], v, lag)
+                        for e, v in zip(self.errors, driven, strict=True)
+                    ),
+                    np.zeros(2 * lag + 1),
+                )
+                variance = variance + (moved / scale) ** 2
+        return float(np.mean(np.abs(found.values) > quantile * np.sqrt(variance)))
+
+
+def remains_of_training(fit: Fit) -> list[Remains]:
+    """Of current and of speed, over the records of the fit."""
+    simulated = simulate_fitted(fit)
+    none = [np.zeros((s.record.rows, 2, 0)) for s in simulated]
+    return _remains([s.record for s in simulated], [s.residual for s in simulated], none)
+
+
+def remains_of_validation(fit: Fit, records: Sequence[Record], noise: Array) -> list[Remains]:
+    """Of current and of speed, over records that were not fitted; empty without records.
+
+    Args:
+        fit: The fit.
+        records: Records that it never saw.
+        noise: (2,) noise of both channels [A, rad/s].
+    """
+    if not records:
+        return []
+    simulated = simulate_unseen(fit, records)
+    simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
+    states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
+    slopes = fit.coordinates.slopes(fit.position)
+    _, tangents = simulator.tangent(fit.values, states, np.diag(slopes))
+    n = fit.position.size
+    spread = _spread(fit, noise)
+    residuals, errors = [], []
+    for one, tangent in zip(simulated, tangents, strict=True):
+        both = np.concatenate([one.residual[:, :, None], tangent[:, :, :n] @ spread], axis=2)
+        left = _without_start(both, tangent[:, :, n:], one.record.weight, noise)
+        residuals.append(left[:, :, 0])
+        errors.append(left[:, :, 1:])
+    return _remains([s.record for s in simulated], residuals, errors)
+
+
+def _spread(fit: Fit, noise: Array) -> Array:
+    """(n, n) matrix that takes standard normal numbers to errors of the search coordinates.
+
+    The covariance of the fit is that of its own residuals; a complete model leaves only noise.
+    """
+    residuals = fit.residuals()
+    rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(rms > 0, np.minimum(noise / rms, 1.0), 1.0)
+    share = float(np.min(effective_shares(fit)))
+    covariance = fit.equations.covariance() / share * float(shares.max()) ** 2
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _without_start(series: Array, directions: Array, weight: Array, noise: Array) -> Array:
+    """Series (n_sample, 2, k) with what a shift of the initial state could add projected out."""
+    scale = np.where(noise > 0, noise, 1.0)
+    root = (weight > 0) / scale
+    basis = (directions * root[:, :, None]).reshape(-1, directions.shape[2])
+    target = (series * root[:, :, None]).reshape(-1, series.shape[2])
+    shift = np.linalg.lstsq(basis, target, rcond=1e-10)[0]
+    return np.asarray(series - directions @ shift)
+
+
+def _remains(
+    records: Sequence[Record], residuals: Sequence[Array], errors: Sequence[Array]
+) -> list[Remains]:
+    found = []
+    for channel in range(2):
+        counts = [record.weight[:, channel] > 0 for record in records]
+        found.append(
+            Remains(
+                tuple(r[:, channel] * c for r, c in zip(residuals, counts, strict=True)),
+                tuple(record.column("voltage") for record in records),
+                tuple(e[:, channel] * c[:, None] for e, c in zip(errors, counts, strict=True)),
+                int(sum(int(c.sum()) for c in counts)),
+            )
+        )
+    return found

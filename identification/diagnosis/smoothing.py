@@ -1,0 +1,249 @@
+"""The missing voltage and torque over time: what the whole record says about each instant.
+
+The filter knows the past of each sample only.  A second pass runs backwards and carries what the
+future says as the adjoint of the innovations, so that no covariance is inverted (it would be
+singular where the motor forgets within a sample interval):
+
+    lambda <- F' lambda;   for each channel, last first:
+    lambda <- C' v / s + (1 - K C)' lambda,      Lambda <- C' C / s + (1 - K C)' Lambda (1 - K C)
+    smoothed = m + P lambda,                     variance = P - P Lambda P
+
+What the parameters may be else moves the trace as well.  Residual and parameter tangents are lanes
+of the same two passes, so the variance of the parameters is added exactly.
+
+Source: Rauch et al., AIAA J. 3 (1965) 1445-1450; in this form Bierman, Automatica 9 (1973)
+503-511.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.deviation import Deviation, Piece, Structure
+from identification.diagnosis.filtering import (
+    HYPER,
+    Likelihood,
+    Symbols,
+    predicted,
+    rows_of,
+    started,
+    updated,
+)
+from identification.model.scan import scan_of
+
+__all__ = ["Trace", "surprises", "traces"]
+
+Array = NDArray[np.float64]
+
+_AT_ONCE: Final = 50_000
+"""Rows whose covariances are held in memory together."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Missing terms of one record.
+
+    Args:
+        mean: (n_sample, 2) missing voltage and torque [V, N m].
+        deviation: (n_sample, 2) their posterior standard deviation [V, N m].
+    """
+
+    mean: Array
+    deviation: Array
+
+
+def surprises(
+    deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
+) -> list[Array]:
+    """For each piece (n_sample, 2): how far each sample is from what all others say, standardised.
+
+    A spike of a sensor is far from both its past and its future, a jump of the motor from one of
+    them only; innovations would take the second for the first.
+
+    Args:
+        deviation: The model.
+        pieces: Records or stretches of them.
+        hyper: (n_hyper, 1) strengths.
+        known: What is known of the parameters.
+
+    Source:
+        Harvey, Koopman, J. Business & Economic Statistics 10 (1992) 377-389 (auxiliary residuals).
+    """
+    found = []
+    for batch in _batches(pieces):
+        for out in _passes(deviation, batch, hyper, known):
+            found.append(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
+    return found
+
+
+def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Trace]:
+    """Traces of all records.
+
+    Args:
+        deviation: The model.
+        hyper: (n_hyper, 1) strengths, see `HYPER`.
+        known: What is known of the parameters under them.
+    """
+    found = []
+    for pieces in _batches(deviation.pieces):
+        outputs = _passes(deviation, pieces, hyper, known)
+        found += [_trace(deviation, out, known.covariance[0]) for out in outputs]
+    return found
+
+
+def _batches(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
+    batch: list[Piece] = []
+    for piece in pieces:
+        if batch and sum(p.rows for p in batch) + piece.rows > _AT_ONCE:
+            yield batch
+            batch = []
+        batch.append(piece)
+    if batch:
+        yield batch
+
+
+def _passes(
+    deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
+) -> list[Array]:
+    """For each piece (n_sample, 8, n_column) the output of `_backward`, in the order of time."""
+    structure = deviation.structure
+    symbols, columns = Symbols(structure), 1 + structure.tangents
+    parameters = np.concatenate([np.repeat(hyper, columns, axis=1), np.eye(columns)])
+    rows, carries = [], []
+    for piece in pieces:
+        targets = piece.targets.copy()
+        targets[:, :, 0] -= targets[:, :, 1:] @ known.shift[0]
+        rows.append(rows_of(replace(piece, targets=targets)))
+        packed = np.repeat(started(deviation, piece, hyper), columns, axis=1)
+        carries.append(np.concatenate([packed, np.zeros((symbols.size, columns))]))
+    _, passed = scan_of(_forward(structure))(rows, parameters, carries)
+    size = len(symbols.triangle)
+    back, ends = [], []
+    for row, out in zip(rows, passed, strict=True):
+        means = out[:, size:, :].transpose(0, 2, 1).reshape(out.shape[0], -1)
+        back.append(np.column_stack([row, out[:, :size, 0], means])[::-1])
+        ends.append(np.zeros((size + symbols.size, columns)))
+    del passed
+    _, outputs = scan_of(_backward(structure))(back, parameters, ends)
+    return [out[::-1] for out in outputs]
+
+
+def _trace(deviation: Deviation, out: Array, covariance: Array) -> Trace:
+    """The trace from what `_backward` made of residual and tangents."""
+    response = out[:, :2, 1:]
+    moved = np.einsum("ncj,jk,nck->nc", response, covariance, response, optimize=True)
+    variance = np.maximum(out[:, 2:4, 0], 0.0) + moved
+    return Trace(out[:, :2, 0] * deviation.scale, np.sqrt(variance) * deviation.scale)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Symbols of one row, the lane's own target picked out."""
+
+    entries: ca.SX
+    flat: ca.SX
+    weight: ca.SX
+    lane: ca.SX
+
+    @staticmethod
+    def of(structure: Structure) -> _Row:
+        columns = 1 + structure.tangents
+        return _Row(
+            ca.SX.sym("f", structure.changing),
+            ca.SX.sym("y", 2, columns),
+            ca.SX.sym("w", 2),
+            ca.SX.sym("h", len(HYPER) + columns),
+        )
+
+    @property
+    def picked(self) -> ca.SX:
+        """(n_column,) one for the column of this lane."""
+        return self.lane[len(HYPER) :]
+
+    @property
+    def target(self) -> ca.SX:
+        """(2, 1)."""
+        return ca.mtimes(self.flat, self.picked)
+
+    @property
+    def inputs(self) -> list[ca.SX]:
+        """In the order of the columns."""
+        return [self.entries, ca.vec(self.flat), self.weight]
+
+
+def _forward(structure: Structure) -> ca.Function:
+    """Filter one lane a column; the output is covariance and mean before each sample."""
+    symbols, row = Symbols(structure), _Row.of(structure)
+    packed, mean = ca.SX.sym("P", len(symbols.triangle)), ca.SX.sym("m", symbols.size)
+    covariance, after, target = symbols.full(packed), mean, row.target
+    for channel, seen in enumerate(symbols.seen(row.entries)):
+        after, covariance, _, _ = updated(
+            seen, after, covariance, target[channel], row.weight[channel], row.lane[8 + channel]
+        )
+    following, spread = predicted(symbols, after, covariance, row.entries, row.lane)
+    before = ca.vertcat(packed, mean)
+    return ca.Function(
+        "forward",
+        [before, ca.vertcat(*row.inputs), row.lane],
+        [ca.vertcat(symbols.packed(spread), following), before],
+    )
+
+
+def _backward(structure: Structure) -> ca.Function:
+    """Carry what the future says back over one row.
+
+    The output is mean and variance of e, then for each channel the auxiliary residual, how far the
+    sample is from what all others say, and its variance.
+    """
+    symbols, row = Symbols(structure), _Row.of(structure)
+    size, n = symbols.size, structure.shape
+    packed = ca.SX.sym("P", len(symbols.triangle))
+    means = ca.SX.sym("m", size, 1 + structure.tangents)
+    future, adjoint = ca.SX.sym("L", len(symbols.triangle)), ca.SX.sym("l", size)
+    before, start = symbols.full(packed), ca.mtimes(means, row.picked)
+    seen, target = symbols.seen(row.entries), row.target
+    mean, covariance, passed = start, before, []
+    for channel, c in enumerate(seen):
+        gain = ca.mtimes(covariance, c.T)
+        mean, covariance, innovation, inverse = updated(
+            c, mean, covariance, target[channel], row.weight[channel], row.lane[8 + channel]
+        )
+        passed.append((c, gain * inverse, innovation, inverse))
+    f = symbols.transition(row.entries, row.lane)
+    value = ca.mtimes(f.T, adjoint)
+    matrix = _symmetric(symbols, ca.mtimes(ca.mtimes(f.T, symbols.full(future)), f))
+    surprise: list[ca.SX] = []
+    spread: list[ca.SX] = []
+    for c, gain, innovation, inverse in reversed(passed):
+        surprise.insert(0, innovation * inverse - ca.mtimes(gain.T, value))
+        spread.insert(0, inverse + ca.mtimes(ca.mtimes(gain.T, matrix), gain))
+        keep = ca.SX.eye(size) - ca.mtimes(gain, c)
+        value = c.T * (innovation * inverse) + ca.mtimes(keep.T, value)
+        turned = ca.mtimes(ca.mtimes(keep.T, matrix), keep)
+        matrix = _symmetric(symbols, turned + ca.mtimes(c.T, c) * inverse)
+    own = before[n : n + 2, :]
+    smoothed = start[n : n + 2] + ca.mtimes(own, value)
+    taken = ca.mtimes(own, matrix)
+    variance = [before[n + k, n + k] - ca.mtimes(taken[k, :], own[k, :].T) for k in range(2)]
+    return ca.Function(
+        "backward",
+        [
+            ca.vertcat(future, adjoint),
+            ca.vertcat(*row.inputs, packed, ca.vec(means)),
+            row.lane,
+        ],
+        [
+            ca.vertcat(symbols.packed(matrix), value),
+            ca.vertcat(smoothed, *variance, *surprise, *spread),
+        ],
+    )
+
+
+def _symmetric(symbols: Symbols, whole: ca.SX) -> ca.SX:
+    return symbols.full(symbols.packed(whole))

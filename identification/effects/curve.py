@@ -1,0 +1,347 @@
+"""What is missing as a smooth curve in one signal.
+
+A *curve* is a cubic spline with free heights that enters one of the two balances, alone or carried
+by a second signal: a friction that grows with the load is a curve in the size of the current
+carried by the direction of the motion.
+
+Of each basis function the part that the declared parameters imitate is taken away (a straight line
+in speed is viscous friction), so that those parameters keep their meaning.
+
+Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (splines on even knots).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, ClassVar, Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.effect import AbstractForced, Candidate, Survey, amplitude
+from identification.model.excitation import Record
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractTorque,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    Values,
+)
+
+__all__ = ["MissingTorque", "MissingVoltage", "curves"]
+
+Array = NDArray[np.float64]
+
+_HEIGHTS: Final = 9
+_NEAR_ZERO: Final = 0.15
+_STEEP: Final = 3e-3
+_FINE: Final = 2000
+_LOOKED_AT: Final = 500
+
+_CURVES: Final = {
+    "mechanical": (
+        ("speed", ""),
+        ("current", ""),
+        ("position", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of current", "direction"),
+        ("temperature", "direction"),
+        ("time", "direction"),
+        ("position", "direction"),
+        ("time", "speed"),
+    ),
+    "electrical": (
+        ("current", ""),
+        ("speed", ""),
+        ("voltage", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of speed", "current"),
+        ("time", "current"),
+        ("position", ""),
+    ),
+}
+"""By equation: along which signal the curve runs, and what carries it."""
+
+
+@dataclass(frozen=True)
+class _Curve(AbstractForced):
+    """A spline along one signal, times a carrier.
+
+        term = -sum_k h_k (B_k(z) c - a_k . r)
+
+    with z the signal (drawn together with a logarithm far from zero where it changes sign), c the
+    carrier, and r what declared parameters multiply (current and speed).
+
+    Args:
+        along: The signal.
+        carrier: Empty, ``direction`` of the motion, ``speed`` or ``current``.
+        size: Natural size of the term [N m] or [V].
+        lower: Least value of the signal, after drawing together.
+        upper: Largest.
+        zero: Width of what counts as near zero, in the unit of the signal.
+        speed: Natural speed [rad/s].
+        current: Natural current [A].
+        starts: Time at which each run began, in order, counted over all runs, and at which the
+            last one ended [s].
+        imitated: For each basis function its share of current and of speed, over their sizes.
+    """
+
+    along: str
+    carrier: str
+    size: float
+    lower: float
+    upper: float
+    zero: float
+    speed: float
+    current: float
+    starts: tuple[float, ...] = ()
+    imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * _HEIGHTS
+
+    name: ClassVar[str] = "unlisted"
+    unit: ClassVar[str]
+    source: ClassVar[str] = "Eilers and Marx, Statistical Science 11 (1996), 89-121"
+
+    @property
+    def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The signals, the one it runs along first, but what is multiplied with before that."""
+        along = self.along.removeprefix("size of ")
+        carried = {"": (), "direction": ("speed",), "speed": ("speed",), "current": ("current",)}
+        others = carried[self.carrier]
+        both = (*others, along) if self.carrier == "current" else (along, *others)
+        return tuple(dict.fromkeys(both))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Heights of the curve."""
+        return tuple(
+            amplitude(f"height_{k}", self.unit, f"height {k} of the curve", self.size, signed=True)
+            for k in range(1, _HEIGHTS + 1)
+        )
+
+    def _missing(self, signals: Signals, values: Values) -> Expression:
+        ratio = ca.vertcat(signals.current / self.current, signals.speed / self.speed)
+        along = self.along_of(signals)
+        carrier = self.carrier_of(signals)
+        total = ca.SX(0)
+        for k, hat in enumerate(self.basis_of(along)):
+            imitated = ca.dot(ca.DM(list(self.imitated[k])), ratio)
+            total = total + getattr(values, f"height_{k + 1}") * (hat * carrier - imitated)
+        return -total
+
+    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
+        """What each start gives along a trajectory, (n_sample, n_start) [N m] or [V]."""
+        return -self.columns(record, current, speed) @ starts
+
+    def columns(self, record: Record, current: Array, speed: Array) -> Array:
+        """Basis functions along a trajectory, (n_sample, n_height) [-]."""
+        along, carrier, fine = _functions(self)
+        rows = np.array(
+            [
+                current,
+                speed,
+                *[record.column(n) for n in ("voltage", "temperature", "angle", "time", "run")],
+            ]
+        )
+        drawn, carried = np.asarray(along(rows))[0], np.asarray(carrier(rows))[0]
+        if self.along == "position":
+            hats = np.asarray(fine(drawn[None, :])).T
+        else:
+            grid = np.linspace(self.lower, self.upper, _FINE)
+            table = np.asarray(fine(grid[None, :]))
+            hats = np.column_stack([np.interp(drawn, grid, hat) for hat in table])
+        imitated = np.array(self.imitated) @ np.array([current / self.current, speed / self.speed])
+        return np.asarray(hats * carried[:, None] - imitated.T)
+
+    def grid(self, points: int) -> Array:
+        """(n_point,) values of the signal, in its unit, dense where the knots are."""
+        drawn = np.linspace(self.lower, self.upper, points)
+        if self.along in ("temperature", "time", "position"):
+            return drawn
+        return np.asarray(self.zero * np.sinh(drawn))
+
+    def shapes(self, grid: Array) -> Array:
+        """(n_point, n_height) basis functions over the signal, without a carrier."""
+        x = ca.SX.sym("x")
+        drawn = x
+        if self.along not in ("temperature", "time", "position"):
+            drawn = ca.log(x / self.zero + ca.sqrt((x / self.zero) ** 2 + 1))
+        share = {"current": (1 / self.current, 0), "speed": (0, 1 / self.speed)}
+        own = share.get(self.along, (0, 0))
+        basis = [
+            hat - (a * own[0] + b * own[1]) * x
+            for hat, (a, b) in zip(self.basis_of(drawn), self.imitated, strict=True)
+        ]
+        function = ca.Function("shapes", [x], [ca.vertcat(*basis)])
+        return np.asarray(function(grid[None, :])).T
+
+    def along_of(self, signals: Signals) -> Expression:
+        """The signal, drawn together where it changes sign."""
+        if self.along == "time":
+            before = ca.SX(0)
+            for run, start in enumerate(self.starts):
+                begun = start - (self.starts[run - 1] if run else 0.0)
+                before = before + begun * (signals.run > run - 0.5)
+            return signals.time + before
+        if self.along == "position":
+            return signals.angle
+        value = getattr(signals, self.along.removeprefix("size of "))
+        if self.along.startswith("size of "):
+            value = ca.sqrt(value * value + (0.1 * self.zero) ** 2)
+        if self.along not in ("temperature",):
+            ratio = value / self.zero
+            value = ca.log(ratio + ca.sqrt(ratio * ratio + 1))
+        return value
+
+    def carrier_of(self, signals: Signals) -> Expression:
+        """What the curve is multiplied with [-]."""
+        if self.carrier == "direction":
+            return signals.speed / ca.sqrt(signals.speed**2 + (_STEEP * self.speed) ** 2)
+        if self.carrier == "speed":
+            return signals.speed / self.speed
+        if self.carrier == "current":
+            return signals.current / self.current
+        return ca.SX(1)
+
+    def basis_of(self, along: Expression) -> list[Expression]:
+        """Cubic splines on even knots; around the circle for the angle."""
+        if self.along == "position":
+            found = []
+            for order in range(1, _HEIGHTS // 2 + 1):
+                found += [ca.sin(order * along), ca.cos(order * along)]
+            return [*found, ca.SX(1)][:_HEIGHTS]
+        width = (self.upper - self.lower) / (_HEIGHTS - 3)
+        inside = ca.fmin(ca.fmax(along, self.lower), self.upper)
+        found = []
+        for k in range(_HEIGHTS):
+            off = ca.fabs((inside - self.lower) / width - (k - 1))
+            found.append((ca.fmax(2 - off, 0) ** 3 - 4 * ca.fmax(1 - off, 0) ** 3) / 6)
+        return found
+
+
+@dataclass(frozen=True)
+class MissingTorque(_Curve, AbstractTorque):
+    """A torque that no effect of the catalogue explains, as a curve."""
+
+    equation: ClassVar[str] = "mechanical"
+    unit: ClassVar[str] = "N m"
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The torque [N m]."""
+        return self._missing(signals, values)
+
+
+@dataclass(frozen=True)
+class MissingVoltage(_Curve, AbstractVoltage):
+    """A voltage that no effect of the catalogue explains, as a curve."""
+
+    equation: ClassVar[str] = "electrical"
+    unit: ClassVar[str] = "V"
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The voltage [V]."""
+        return self._missing(signals, values)
+
+
+@lru_cache(64)
+def _functions(term: _Curve) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """The signal, the carrier, and the basis over the signal."""
+    names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
+    symbols = {name: ca.SX.sym(name) for name in names}
+    signals = Signals(**symbols, peak_temperature=ca.SX(0))
+    rows, x = ca.vertcat(*symbols.values()), ca.SX.sym("x")
+    return (
+        ca.Function("along", [rows], [term.along_of(signals)]),
+        ca.Function("carrier", [rows], [term.carrier_of(signals)]),
+        ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))]),
+    )
+
+
+_KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
+
+
+def curves(survey: Survey) -> list[Candidate]:
+    """Every curve in every signal that moves, its heights scored together."""
+    found = []
+    for equation, pairs in _CURVES.items():
+        size = survey.torque if equation == "mechanical" else survey.voltage
+        for along, carrier in pairs:
+            term = _curve(survey, equation, along, carrier, size)
+            if term is not None:
+                starts = 0.05 * size * np.eye(_HEIGHTS)
+                found.append(Candidate(term, starts, joint=_HEIGHTS))
+    return found
+
+
+def _curve(
+    survey: Survey, equation: str, along: str, carrier: str, size: float
+) -> MissingTorque | MissingVoltage | None:
+    """The term along a signal, or None where the signal hardly moves."""
+    if along == "position" and not survey.angle_logged:
+        return None
+    if along == "temperature" and survey.heated < 5.0:
+        return None
+    signal = along.removeprefix("size of ")
+    zero = _NEAR_ZERO * float(getattr(survey, signal, 0.0) or 1.0)
+    runs = _lengths(survey.records)
+    starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
+    if along == "position":
+        lower, upper = 0.0, 2 * np.pi
+    elif along == "time":
+        lower, upper = 0.0, float(np.sum(runs))
+    else:
+        seen = np.concatenate([_logged(record, signal) for record in survey.records])
+        if along.startswith("size of "):
+            seen = np.abs(seen)
+        drawn = seen if along == "temperature" else np.arcsinh(seen / zero)
+        lower, upper = (float(q) for q in np.quantile(drawn, (0.001, 0.999)))
+    if not upper > lower:
+        return None
+    term = _KINDS[equation](
+        along, carrier, size, lower, upper, zero, survey.speed, survey.current, starts
+    )
+    curve: MissingTorque | MissingVoltage = _without_imitated(term, survey)
+    return curve
+
+
+def _lengths(records: tuple[Record, ...]) -> Array:
+    """Duration of each run up to the last, zero for numbers that are not there [s]."""
+    last = max(record.run for record in records)
+    lengths = np.zeros(last + 1)
+    for record in records:
+        lengths[record.run] = max(lengths[record.run], float(record.time[-1]))
+    return lengths
+
+
+def _logged(record: Record, signal: str) -> Array:
+    if signal in ("current", "speed"):
+        return record.measured[:, 0 if signal == "current" else 1]
+    return record.column(signal)
+
+
+def _without_imitated(term: Any, survey: Survey) -> Any:
+    """The term with the part of each basis function taken away that current and speed imitate."""
+    rows, regressors = [], []
+    for record in survey.records:
+        sparse = _every(record, max(record.rows // _LOOKED_AT, 1))
+        current, speed = sparse.measured.T
+        rows.append(term.columns(sparse, current, speed))
+        regressors.append(np.column_stack([current / survey.current, speed / survey.speed]))
+    matrix, values = np.concatenate(regressors), np.concatenate(rows)
+    imitated = np.linalg.lstsq(matrix, values, rcond=1e-8)[0]
+    return replace(term, imitated=tuple((float(a), float(b)) for a, b in imitated.T))
+
+
+def _every(record: Record, step: int) -> Record:
+    """Every so many samples of a record, to look at and not to simulate."""
+    return replace(
+        record,
+        time=record.time[::step],
+        inputs=record.inputs[::step],
+        measured=record.measured[::step],
+        weight=record.weight[::step],
+    )

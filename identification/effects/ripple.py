@@ -1,0 +1,180 @@
+"""What is missing as a periodic function of time.
+
+Its amplitudes are free in each record, since nothing says at which phase a run begins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.effect import AbstractForced, Candidate, Survey, amplitude
+from identification.model.excitation import Record
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractTorque,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
+
+__all__ = ["MissingTorqueRipple", "MissingVoltageRipple", "ripples"]
+
+Array = NDArray[np.float64]
+
+_HARMONICS: Final = 3
+
+
+@dataclass(frozen=True)
+class _Ripple(AbstractForced):
+    """A periodic function of time, its amplitudes free in each record.
+
+        term = sum_k a_k sin(2 pi k u) + b_k cos(2 pi k u),   u = f t + d t^2 / (2 T)
+
+    Args:
+        size: Natural size of the term [N m] or [V].
+        lowest: Lowest frequency that fits into a record [Hz].
+        highest: Highest that the sampling shows [Hz].
+        duration: Longest record T [s].
+        free: Whether the amplitudes are those of each record; otherwise parameters, which is how
+            frequencies are scanned.
+    """
+
+    size: float
+    lowest: float
+    highest: float
+    duration: float
+    free: bool = True
+
+    name: ClassVar[str] = "unlisted"
+    drivers: ClassVar[tuple[str, ...]] = ("time",)
+    unit: ClassVar[str]
+    source: ClassVar[str] = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
+
+    def _names(self) -> list[str]:
+        return [
+            f"{wave}_{order}" for order in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")
+        ]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Frequency and its drift; the amplitudes only where they are scanned."""
+        shared = (
+            Parameter(
+                "frequency",
+                "Hz",
+                "frequency at the beginning of a run",
+                scale=0.1 / self.duration,
+                lower=self.lowest,
+                upper=self.highest,
+                prior_mean=0.5 * (self.lowest + self.highest),
+                prior_sd=10.0 * self.highest * self.duration,
+            ),
+            Parameter(
+                "drift",
+                "Hz",
+                "change of the frequency over the longest run",
+                scale=0.1 / self.duration,
+                lower=-self.highest,
+                upper=self.highest,
+                prior_sd=10.0 * self.highest * self.duration,
+            ),
+        )
+        if self.free:
+            return shared
+        return shared + tuple(
+            amplitude(name, self.unit, name, self.size, signed=True) for name in self._names()
+        )
+
+    @property
+    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+        """Amplitudes that each record has for itself."""
+        names = self._names() if self.free else []
+        return tuple(State(name, self.unit, scale=self.size, is_own=True) for name in names)
+
+    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
+        """What each start gives along a trajectory, (n_sample, n_start) [N m] or [V]."""
+        time = record.time[:, None]
+        turns = starts[0] * time + starts[1] * time**2 / (2 * self.duration)
+        orders = np.repeat(np.arange(1, _HARMONICS + 1), 2)
+        found = np.zeros((record.rows, starts.shape[1]))
+        for row, order in enumerate(orders):
+            wave = np.cos if row % 2 else np.sin
+            found += starts[2 + row] * wave(2 * np.pi * order * turns)
+        return found
+
+    def expecting(self, size: float) -> Any:
+        """The term with amplitudes of records expected to be of this size [N m] or [V]."""
+        return replace(self, size=size)
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Amplitudes do not move."""
+        return [ca.SX(0)] * len(self.states)
+
+    def _missing(self, signals: Signals, states: Values, values: Values) -> Expression:
+        time = signals.time
+        turns = values.frequency * time + values.drift * time * time / (2 * self.duration)
+        own = states if self.free else values
+        total = ca.SX(0)
+        for order in range(1, _HARMONICS + 1):
+            angle = 2 * np.pi * order * turns
+            total = total + getattr(own, f"sine_{order}") * ca.sin(angle)
+            total = total + getattr(own, f"cosine_{order}") * ca.cos(angle)
+        return total
+
+
+@dataclass(frozen=True)
+class MissingTorqueRipple(_Ripple, AbstractTorque):
+    """A torque that repeats itself in time and that no effect of the catalogue explains."""
+
+    equation: ClassVar[str] = "mechanical"
+    unit: ClassVar[str] = "N m"
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The torque [N m]."""
+        return self._missing(signals, states, values)
+
+
+@dataclass(frozen=True)
+class MissingVoltageRipple(_Ripple, AbstractVoltage):
+    """A voltage that repeats itself in time and that no effect of the catalogue explains."""
+
+    equation: ClassVar[str] = "electrical"
+    unit: ClassVar[str] = "V"
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The voltage [V]."""
+        return self._missing(signals, states, values)
+
+
+_KINDS: Final[dict[str, Any]] = {
+    "mechanical": MissingTorqueRipple,
+    "electrical": MissingVoltageRipple,
+}
+
+
+def ripples(survey: Survey, frequencies: Array) -> list[Candidate]:
+    """Ripples of given frequencies in either equation, scored with free amplitudes a record.
+
+    Args:
+        survey: Natural sizes.
+        frequencies: (n,) to start from [Hz].
+    """
+    found = []
+    for equation in ("mechanical", "electrical"):
+        size = survey.torque if equation == "mechanical" else survey.voltage
+        shared = (size, 1.0 / survey.duration, 0.4 / survey.interval, survey.duration)
+        kind = _KINDS[equation]
+        amplitudes = 0.05 * size * np.eye(2 * _HARMONICS)[:2]
+        starts = [(float(f), 0.0, *row) for f in frequencies for row in amplitudes]
+        if starts:
+            found.append(
+                Candidate(kind(*shared, False), np.array(starts).T, joint=2, fitted=kind(*shared))
+            )
+    return found

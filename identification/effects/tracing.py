@@ -1,0 +1,122 @@
+"""What is missing, against the signals it may depend on.
+
+A smooth curve in one signal enters one of the two balances, and its heights are scored like any
+prototype: what the fitted parameters and the initial states could imitate is projected out, so the
+gain is that of a dependence on top of the declared model and not of what leaks through from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.curve import MissingTorque, MissingVoltage, curves
+from identification.effects.effect import survey_of
+from identification.effects.ripple import ripples
+from identification.effects.screen import Score, screened
+from identification.fit.solve import Fit
+
+__all__ = ["Trace", "missing_curves", "traced"]
+
+Array = NDArray[np.float64]
+
+_PEAKS: Final = 3
+_POINTS: Final = 60
+_LEAST_SHARE: Final = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """How well one signal accounts for what is missing in one balance.
+
+    Args:
+        equation: ``electrical`` or ``mechanical``.
+        driver: The signal: current, voltage, speed, position, temperature or time.
+        gain: Gain of the log likelihood that the curve promises.
+        share: Share of the most promising curve's gain [-].
+        grid: (n_point,) values of the signal, in its unit.
+        curve: (n_point,) missing torque [N m] or voltage [V].
+        curve_sd: (n_point,) its standard deviation.
+    """
+
+    equation: str
+    driver: str
+    gain: float
+    share: float
+    grid: Array
+    curve: Array
+    curve_sd: Array
+
+
+def missing_curves(fit: Fit) -> list[Score]:
+    """Scores of curves and ripples, one of each structure, best first.
+
+    Args:
+        fit: A model at its optimum.
+    """
+    survey = survey_of(fit)
+    scores = screened(fit, [*curves(survey), *ripples(survey, _peaks(fit))])
+    best: dict[object, Score] = {}
+    for score in scores:
+        best.setdefault(score.candidate.final, score)
+    return list(best.values())
+
+
+def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
+    """What a model lacks against each signal by itself, best first; hardly any left out.
+
+    Args:
+        scores: Of `missing_curves`.
+    """
+    alone = [s for s in scores if getattr(s.candidate.term, "carrier", None) == ""]
+    most = max((score.gain for score in alone), default=0.0)
+    return tuple(_trace(score, most) for score in alone if score.gain > _LEAST_SHARE * most)
+
+
+def _trace(score: Score, most: float) -> Trace:
+    term = score.candidate.term
+    assert isinstance(term, MissingTorque | MissingVoltage)
+    grid = term.grid(_POINTS)
+    basis = term.shapes(grid)
+    curve = -basis @ score.start
+    spread = np.zeros_like(curve)
+    if score.covariance is not None:
+        prototype = basis * np.diag(score.candidate.starts)
+        variance = np.sum((prototype @ score.covariance) * prototype, axis=1)
+        spread = np.sqrt(np.maximum(variance, 0.0))
+    return Trace(term.equation, term.drivers[0], score.gain, score.gain / most, grid, curve, spread)
+
+
+def _peaks(fit: Fit) -> Array:
+    """Frequencies that stand out of the residual, in either channel [Hz]."""
+    records = fit.simulator.records
+    pairs = list(zip(records, fit.equations.logged, strict=True))
+    longest = max(pairs, key=lambda pair: pair[0].rows)[0]
+    interval = float(np.median(longest.inputs[:-1, 0]))
+    length = 2 * longest.rows
+    found: list[float] = []
+    for channel in range(2):
+        power = np.zeros(length // 2 + 1)
+        for record, logged in pairs:
+            residual = (record.measured - logged)[:, channel] * record.weight[:, channel]
+            power += np.abs(np.fft.rfft(residual - residual.mean(), length)) ** 2
+        power[:4] = 0.0
+        found += _highest(power, length * interval)
+    return np.array(sorted(set(found)))
+
+
+def _highest(power: Array, duration: float) -> list[float]:
+    """The highest separate maxima of a spectrum [Hz]."""
+    left = power.copy()
+    found = []
+    for _ in range(_PEAKS):
+        at = int(np.argmax(left))
+        if left[at] <= 0.0:
+            break
+        found.append(at / duration)
+        left[max(at - 4, 0) : at + 5] = 0.0
+    return found

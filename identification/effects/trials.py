@@ -1,0 +1,237 @@
+"""Everything a search has fitted and screened so far, each model once.
+
+A search comes back to the same model by several ways: as the best of a round, as what is left when
+an effect is taken away again, as a rival in the place of another.  `Trials` remembers what became
+of it, so that looking again costs nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import Candidate, survey_of
+from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
+from identification.effects.refit import refined, refitted_with, refitted_without
+from identification.effects.screen import Score, screened
+from identification.effects.tracing import missing_curves
+from identification.fit.campaign import Campaign
+from identification.fit.noise import effective_shares
+from identification.fit.solve import Fit, Patience
+from identification.model.term import AbstractTerm
+
+__all__ = ["Trials", "promising", "variant"]
+
+Key = frozenset[tuple[str, str]]
+
+_STEPS: Final = 20
+_WORTH: Final = 2.0
+_SLACK: Final = 30.0
+_REACH: Final = 0.15
+_UNDERSTATED: Final = 5.0
+_COMMON: Final = 4.0
+
+
+@dataclass
+class Trials:
+    """Models of one campaign.
+
+    Args:
+        campaign: Records of training and of runs left out.
+        until: Moment of the monotonic clock at which nothing new is begun [s].
+        tried: Number of prototypes that were scored in one round.
+    """
+
+    campaign: Campaign
+    until: float = np.inf
+    tried: int = 1
+    _judged: dict[Key, Judged] = field(default_factory=dict)
+    _fits: dict[Key, Fit] = field(default_factory=dict)
+    _scores: dict[Key, list[Score]] = field(default_factory=dict)
+    _curves: dict[Key, list[Score]] = field(default_factory=dict)
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return time.monotonic() > self.until
+
+    def patience(self, hopeless: float = np.inf) -> Patience:
+        """What a refit may take."""
+        return Patience(_STEPS, hopeless, self.until)
+
+    def judge(self, fit: Fit, share: float | None = None) -> Judged:
+        """The fit with its errors on the runs left out; the first of a model is kept.
+
+        Args:
+            fit: The fit.
+            share: Effective share of the samples; from its own residual where none is given.
+        """
+        key = _key(fit)
+        known = self._judged.get(key)
+        if known is None or fit.cost < known.fit.cost - 1e-3:
+            share = float(np.min(effective_shares(fit))) if share is None else share
+            known = self._judged[key] = judged(fit, self.campaign, share)
+        return known
+
+    def without(self, current: Judged, term: AbstractTerm) -> Judged:
+        """The model without one of its terms."""
+        key = _key(current.fit) - {_name(term)}
+        known = self._judged.get(key)
+        if known is None:
+            fit = refined(
+                refitted_without(current.fit, term.name, self.patience()), self.patience()
+            )
+            known = self.judge(fit)
+        return known
+
+    def scores(self, current: Judged) -> list[Score]:
+        """Scores of every prototype of every kind that is not in the model, best first."""
+        key = _key(current.fit)
+        known = self._scores.get(key)
+        if known is None:
+            candidates = _candidates(current.fit)
+            known = self._scores[key] = _single(screened(current.fit, candidates))
+            self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
+        return known
+
+    def curves(self, current: Judged) -> list[Score]:
+        """Scores of curves and ripples that belong to no kind, best first."""
+        key = _key(current.fit)
+        known = self._curves.get(key)
+        if known is None:
+            known = self._curves[key] = missing_curves(current.fit)
+        return known
+
+    def refits(
+        self, current: Judged, scores: Sequence[Score], hopeless: float = np.inf
+    ) -> list[tuple[Score, Fit]]:
+        """Refits of prototypes, best first; those far behind the best are cut short.
+
+        Args:
+            current: The model that is added to.
+            scores: Prototypes.
+            hopeless: Cost that has to be reached.
+        """
+        found = []
+        best = current.fit.cost
+        for score in scores:
+            key = _key(current.fit) | {_name(score.candidate.final)}
+            fit = self._fits.get(key)
+            if fit is None:
+                slack = max(_SLACK, _REACH * (current.fit.cost - best))
+                patience = self.patience(min(best + slack, hopeless))
+                fit = refitted_with(
+                    current.fit, score.candidate.final, score.start, patience, score.own
+                )
+                self._fits[key] = fit
+            best = min(best, fit.cost)
+            found.append((score, fit))
+        return sorted(found, key=lambda trial: trial[1].cost)
+
+    def near(self, current: Judged, trials: Sequence[tuple[Score, Fit]]) -> list[Judged]:
+        """The refits in reach of the best, on intervals as fine as they need, in their order."""
+        if not trials:
+            return []
+        reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
+        finer = []
+        for score, fit in trials:
+            if fit.cost > reach:
+                break
+            key = _key(current.fit) | {_name(score.candidate.final)}
+            self._fits[key] = refined(fit, self.patience())
+            finer.append(self.judge(self._fits[key]))
+        return finer
+
+    def worth_a_refit(self, current: Judged) -> float:
+        """Promised gain below which an effect would fail even if it were five times larger.
+
+        Screening is exact for small effects and understates large ones, whose prototypes have
+        another shape parameter than the motor; five is more than any has been seen to be
+        understated by.
+        """
+        counts = current.fit.weighting.counts
+        chance = np.log(max(self.tried, 1)) + 0.5 * np.log(max(counts.sum() * current.share, 2.0))
+        size = LEAST_SIZE * float(counts.max()) * current.share
+        return float(max(chance / 2, size / _UNDERSTATED)) / current.share
+
+
+def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
+    """The best prototypes of the most promising kinds, one a variant and two a kind.
+
+    Args:
+        scores: Best first.
+        count: Most that are taken.
+        least: Gain that has to be promised.
+    """
+    best: dict[tuple[str, str], Score] = {}
+    for score in scores:
+        best.setdefault((score.candidate.term.name, variant(score.candidate.term)), score)
+    kinds: dict[str, int] = {}
+    kept = []
+    for score in best.values():
+        name = score.candidate.term.name
+        kinds[name] = kinds.get(name, 0) + 1
+        if kinds[name] <= 2 and score.gain > least:
+            kept.append(score)
+    return kept[:count]
+
+
+def variant(term: AbstractTerm) -> str:
+    """Which variant of its kind a term is: the channel, the run or the signals it concerns."""
+    run = getattr(term, "run", None)
+    if run is not None:
+        return f"run {run + 1}"
+    if term.name == "unlisted":
+        form = " carried by ".join(
+            filter(None, (getattr(term, f, "") for f in ("along", "carrier")))
+        )
+        return f"{form or 'ripple'} in the {term.equation} equation"
+    return str(getattr(term, "channel", "")) if term.name == "channel_delay" else ""
+
+
+def _name(term: AbstractTerm) -> tuple[str, str]:
+    return term.name, variant(term)
+
+
+def _key(fit: Fit) -> Key:
+    return frozenset(_name(term) for term in fit.simulator.model.terms)
+
+
+def _candidates(fit: Fit) -> list[Candidate]:
+    """Every structure of every kind that is not in the model yet."""
+    survey = survey_of(fit)
+    present = {term.name for term in fit.simulator.model.terms}
+    return [
+        candidate
+        for name, kind in CATALOGUE.items()
+        if name not in present
+        for candidate in kind.candidates(survey)
+    ]
+
+
+def _single(scores: Sequence[Score]) -> list[Score]:
+    """The scores without effects of single runs that other runs ask for as well.
+
+    An event in one run promises much there and nothing elsewhere.  What else is wrong with the
+    model promises about as much in every run, so the other runs are the control: the run has to
+    promise four times what they do in the middle.
+    """
+    kept = []
+    for score in scores:
+        term = score.candidate.term
+        if term.name in LOCAL:
+            runs: dict[int, float] = {}
+            for other in scores:
+                if other.candidate.term.name == term.name:
+                    run = int(other.candidate.term.run)  # type: ignore[attr-defined]
+                    runs[run] = max(runs.get(run, 0.0), other.gain)
+            control = [gain for run, gain in runs.items() if run != term.run]  # type: ignore[attr-defined]
+            if control and score.gain < _COMMON * float(np.median(control)):
+                continue
+        kept.append(score)
+    return kept

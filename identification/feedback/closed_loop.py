@@ -1,0 +1,228 @@
+"""The motor with its effects in a closed speed loop, as equations that the model's step advances.
+
+    v = kp (r - w) + ki z - kd dw/dt,     dz/dt = r - w
+
+The reference r takes the place of the logged voltage among the inputs, and the shaft angle is a
+state where an effect depends on it.  What remains are the equations of the motor, so that the loop
+is simulated by the very step that the fit uses, exact where the motor is linear.
+
+Only what acts on the motor at the temperature asked for is in the loop.  Left out are effects of
+the sensors, which concern the log; those that say how the temperature comes about, since winding
+and magnet have the one that is asked for; and loads that belong to the time of one run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.feedback.controller import Controller
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.scan import scan_of
+from identification.model.step import advance, plan_for
+from identification.model.term import AbstractTemperature, AbstractTerm, Expression
+
+__all__ = ["ClosedLoop", "LoopRun", "acting_terms", "simulated_loop"]
+
+Array = NDArray[np.float64]
+
+_NO_RUN: Final = -1.0
+_KICK_STEPS: Final = 50
+_MARGIN: Final = 1.5
+_REFERENCE: Final = INPUTS.index("voltage")
+
+
+def acting_terms(model: MotorModel) -> tuple[AbstractTerm, ...]:
+    """The effects of a model that act on the motor in a loop at a given temperature."""
+    return tuple(
+        term
+        for term in model.terms
+        if term.equation != "sensor"
+        and not isinstance(term, AbstractTemperature)
+        and not _belongs_to_a_run(term)
+    )
+
+
+def _belongs_to_a_run(term: AbstractTerm) -> bool:
+    """Whether the equations with the term depend on the time of a run or on its number."""
+    alone = MotorModel((term,))
+    x, u, p = _symbols(len(alone.state_names), len(alone.parameters))
+    moments = ca.vertcat(u[INPUTS.index("time")], u[INPUTS.index("run")])
+    return bool(ca.depends_on(alone.rates(x, u, p), moments))
+
+
+@dataclass(frozen=True)
+class ClosedLoop(MotorModel):
+    """A motor and its controller; the input ``voltage`` is the reference [rad/s].
+
+    Args:
+        controller: What turns the speed error into voltage.
+    """
+
+    controller: Controller = Controller("P:1", 1.0)
+
+    @cached_property
+    def motor(self) -> MotorModel:
+        """The motor alone."""
+        return MotorModel(self.terms)
+
+    @cached_property
+    def turns(self) -> bool:
+        """Whether an effect depends on the angle of the shaft."""
+        return any("position" in term.drivers for term in self.terms)
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """States of the motor, then the integral of the error and the angle, where they act."""
+        integral = ("integral",) if self.controller.integral else ()
+        return (*self.motor.state_names, *integral, *(("angle",) if self.turns else ()))
+
+    def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+        """Right-hand side (n_state,) of motor, controller and angle."""
+        own, driven = self._driven(state, inputs, parameter)
+        rates = [self.motor.rates(own, driven, parameter)]
+        if self.controller.integral:
+            rates.append(inputs[_REFERENCE] - own[1])
+        if self.turns:
+            rates.append(own[1])
+        return ca.vertcat(*rates)
+
+    def command(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+        """Voltage that the controller gives [V]."""
+        return self._driven(state, inputs, parameter)[1][_REFERENCE]
+
+    def _driven(
+        self, state: Expression, inputs: Expression, parameter: Expression
+    ) -> tuple[Expression, Expression]:
+        """State of the motor, and the inputs with the controller's voltage and the angle."""
+        count = len(self.motor.state_names)
+        own, further = state[:count], [state[k] for k in range(count, len(self.state_names))]
+        rows = [inputs[k] for k in range(len(INPUTS))]
+        if self.turns:
+            rows[INPUTS.index("angle")] = further[-1]
+        voltage = self.controller.proportional * (inputs[_REFERENCE] - own[1])
+        if self.controller.integral:
+            voltage += self.controller.integral * further[0]
+        rows[_REFERENCE] = voltage
+        if self.controller.derivative:
+            # The acceleration depends on the current and not on the voltage, so this is no loop.
+            acceleration = self.motor.rates(own, ca.vertcat(*rows), parameter)[1]
+            rows[_REFERENCE] = voltage - self.controller.derivative * acceleration
+        driven = ca.vertcat(*rows)
+        return own, driven
+
+
+@dataclass(frozen=True)
+class LoopRun:
+    """Simulated loops at one temperature.
+
+    Args:
+        time: (n_time,) even, from 0 [s].
+        speed: (n_time, n_draw) [rad/s].
+        acceleration: (n_time, n_draw) [rad/s^2].
+        current: (n_time, n_draw) [A].
+        voltage: (n_time, n_draw) without the kick of a derivative at 0 [V].
+    """
+
+    time: Array
+    speed: Array
+    acceleration: Array
+    current: Array
+    voltage: Array
+
+
+def simulated_loop(
+    loop: ClosedLoop,
+    parameters: Array,
+    own_states: Array,
+    step: float,
+    conditions: list[tuple[float, float]],
+    time: Array,
+) -> list[LoopRun]:
+    """Responses to a step of the reference from standstill, without current.
+
+    Args:
+        loop: Motor and controller.
+        parameters: (n_parameter, n_draw) physical.
+        own_states: (n_state - 2,) states of the effects to begin with.
+        step: Size of the step [rad/s].
+        conditions: Temperature of winding and magnet, and the highest that the motor has had, for
+            each simulation [degC].
+        time: (n_time,) even, from 0 [s].
+
+    Returns:
+        One for each condition.
+    """
+    lanes = parameters.shape[1]
+    rows, starts = [], []
+    for temperature, peak in conditions:
+        row = np.zeros(len(INPUTS))
+        for name, value in (
+            ("interval", time[1]),
+            ("voltage", step),
+            ("voltage_next", step),
+            ("temperature", temperature),
+            ("temperature_next", temperature),
+            ("run", _NO_RUN),
+            ("peak_temperature", max(peak, temperature)),
+        ):
+            row[INPUTS.index(name)] = value
+        rows.append(np.repeat(row[None, :], time.size, axis=0))
+        start = np.zeros((len(loop.state_names), lanes))
+        start[2 : 2 + own_states.size] = own_states[:, None]
+        starts.append(_kicked(loop, start, row, parameters, step))
+    x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
+    rate = _fastest(loop, starts, rows, parameters) * time[1]
+    plan = plan_for(_MARGIN * rate, linear=not loop.terms)
+    rates = loop.rates(x, u, p)
+    seen = ca.vertcat(x[1], rates[1], x[0], loop.command(x, u, p))
+    advanced = ca.Function("loop", [x, u, p], [advance(loop, plan, x, u, p), seen])
+    _, outputs = scan_of(advanced)(rows, parameters, starts)
+    return [LoopRun(time, *(y[:, k, :] for k in range(4))) for y in outputs]
+
+
+def _symbols(states: int, parameters: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    return ca.SX.sym("x", states), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", parameters)
+
+
+def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step: float) -> Array:
+    """The state behind the step: a derivative of the error is an impulse of kd r volt seconds.
+
+    It passes through the inductance alone, whose own law is followed from no current to the end.
+    """
+    kick = loop.controller.derivative * step
+    if not kick:
+        return start
+    x, u, p = _symbols(len(loop.motor.state_names), len(loop.parameters))
+    inverse = ca.jacobian(loop.motor.rates(x, u, p)[0], u[_REFERENCE])
+    slope = ca.Function("inverse_inductance", [x, u, p], [inverse])
+    inputs = np.repeat(row[:, None], parameters.shape[1], axis=1)
+    state, count = start.copy(), x.numel()
+    for _ in range(_KICK_STEPS):
+        half = state[:count].copy()
+        half[0] += 0.5 * kick / _KICK_STEPS * np.asarray(slope(half, inputs, parameters))[0]
+        state[0] += kick / _KICK_STEPS * np.asarray(slope(half, inputs, parameters))[0]
+    return state
+
+
+def _fastest(loop: ClosedLoop, starts: list[Array], rows: list[Array], parameters: Array) -> float:
+    """Largest spectral radius of the loop at standstill and under way [1/s]."""
+    x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
+    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(loop.rates(x, u, p), x)])
+    largest, size = 0.0, x.numel()
+    for start, row in zip(starts, rows, strict=True):
+        moving = start.copy()
+        moving[1] = row[0, _REFERENCE]
+        for state in (start, moving):
+            inputs = np.repeat(row[0][:, None], parameters.shape[1], axis=1)
+            found = np.asarray(jacobian(state, inputs, parameters))
+            stack = found.reshape(size, parameters.shape[1], size).transpose(1, 0, 2)
+            stack = stack[np.isfinite(stack).all(axis=(1, 2))]
+            if stack.size:
+                largest = max(largest, float(np.abs(np.linalg.eigvals(stack)).max()))
+    return largest

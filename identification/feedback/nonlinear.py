@@ -1,0 +1,253 @@
+"""The feedback metrics of the motor with its effects, by simulation of the loop.
+
+Friction, brush drop or saturation make the response depend on the size of the step, which the
+linear metrics cannot know.  The step is stated with every entry: the largest whose linear response
+stays within the speeds, voltages and currents of the training runs, so that no effect is asked
+where it was never seen.
+
+Sample intervals are halved until rise time, settling time and final value stay where they are, and
+the time is doubled until the speed does; where the motor is linear the first simulation is exact
+and its metrics are those of `step_response`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.feedback.closed_loop import (
+    ClosedLoop,
+    LoopRun,
+    acting_terms,
+    simulated_loop,
+)
+from identification.feedback.controller import Controller, parse_controllers
+from identification.feedback.loop import close, motor_draws
+from identification.feedback.sampled import SampledEvents, is_at_rest, sampled_events
+from identification.feedback.spread import METRIC_UNITS, checked_temperatures, quantity
+from identification.feedback.step_response import StepResponse, step_characteristics
+from identification.fit.solve import Fit
+from identification.model.composite import MotorModel
+
+__all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops"]
+
+Array = NDArray[np.float64]
+
+_DRAWS: Final = 64
+_SAMPLES: Final = 1000
+_MOST_SAMPLES: Final = 16_000
+_BEYOND_SETTLING: Final = 6.0
+_LONGER: Final = 3
+_AGREE: Final = 1e-3
+_WITHIN: Final = 0.99
+_LEAST_ELECTRICAL_SHARE: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class SimulatedLoop:
+    """Simulated step responses of one controller at one temperature.
+
+    Args:
+        controller: The controller as the user wrote it.
+        temperature_degC: Temperature of winding and magnet [degC].
+        step: Size of the step of the reference [rad/s].
+        effects: Names of the effects in the loop.
+        time: (n_time,) from 0 [s].
+        speed: (n_time, n_draw) over the step [-].
+        events: What is read off them.
+        settled: (n_draw,) whether the speed came to its final value.
+    """
+
+    controller: str
+    temperature_degC: float  # noqa: N815
+    step: float
+    effects: tuple[str, ...]
+    time: Array
+    speed: Array
+    events: SampledEvents
+    settled: NDArray[np.bool_]
+
+
+def simulated_loops(
+    fit: Fit,
+    draws: Mapping[str, ArrayLike],
+    temperatures: Sequence[float],
+    controllers: Sequence[str],
+) -> list[SimulatedLoop]:
+    """Step responses of the loop with the effects of the final model in it.
+
+    Args:
+        fit: Fit of the final model; its records tell the range of the signals.
+        draws: Values of its parameters by name, (n_draw,) each.
+        temperatures: Temperatures of winding and magnet [degC].
+        controllers: Texts that `parse_controller` accepts.
+
+    Returns:
+        In the order of `feedback_metrics`; empty where no effect acts on the motor in a loop.
+    """
+    model = fit.simulator.model
+    terms = acting_terms(model)
+    if not terms:
+        return []
+    count = np.asarray(draws["J"]).size
+    kept = np.unique(np.linspace(0, count - 1, _DRAWS).astype(int))
+    some = {name: np.asarray(values, dtype=np.float64)[kept] for name, values in draws.items()}
+    bench = _Bench(fit, terms, some, checked_temperatures(temperatures))
+    return [
+        loop
+        for controller in parse_controllers(controllers)
+        for loop in bench.responses(controller)
+    ]
+
+
+def nonlinear_entries(loops: Sequence[SimulatedLoop]) -> list[dict[str, Any]]:
+    """Entries like those of `feedback_metrics`, with the step and the effects.
+
+    Peak and final value are divided by the step, so that they lie beside those of the linear loop.
+    Margins and bandwidth belong to linear loops and are null.
+    """
+    return [_entry(loop) for loop in loops]
+
+
+def _entry(loop: SimulatedLoop) -> dict[str, Any]:
+    events = loop.events
+    nothing = np.full(loop.settled.size, np.nan)
+    columns = {
+        "rise_time_s": events.rise_time,
+        "settling_time_s": events.settling_time,
+        "peak": events.peak,
+        "peak_time_s": events.peak_time,
+        "overshoot_percent": events.overshoot,
+        "steady_state": events.steady_state,
+        "gain_margin_db": nothing,
+        "phase_margin_deg": nothing,
+        "bandwidth_rad_s": nothing,
+    }
+    share = float(loop.settled.mean())
+    words = f"all {loop.settled.size}" if share == 1 else f"{100 * share:.3g} % of"
+    draws = "" if share == 1 else f" {loop.settled.size}"
+    return {
+        "temperature_degC": loop.temperature_degC,
+        "controller": loop.controller,
+        "step_rad_s": loop.step,
+        "effects": list(loop.effects),
+        "stable_probability": share,
+        "statement": f"comes to its final value in {words}{draws} draws",
+    } | {name: quantity(values, METRIC_UNITS[name]) for name, values in columns.items()}
+
+
+class _Bench:
+    """What all loops of one motor have in common."""
+
+    def __init__(
+        self, fit: Fit, terms: tuple[Any, ...], draws: dict[str, Array], temperatures: list[float]
+    ) -> None:
+        self.fit, self.temperatures = fit, temperatures
+        self.model = MotorModel(terms)
+        self.draws = _with_some_inductance(draws)
+        self.values = np.array([self.draws[p.name] for p in self.model.parameters])
+        records = fit.simulator.records
+        self.peak = max(float(r.column("peak_temperature").max()) for r in records)
+        measured = np.abs(np.concatenate([r.measured for r in records]))
+        voltage = np.abs(np.concatenate([r.column("voltage") for r in records]))
+        self.range = np.array([*np.quantile(measured, _WITHIN, axis=0), np.quantile(voltage, 0.99)])
+        known = dict(zip(fit.simulator.model.state_names, fit.states[0], strict=True))
+        self.own = np.array([known[name] for name in self.model.state_names[2:]])
+        if not any("position" in term.drivers for term in terms):
+            self.own = np.zeros(self.own.size)
+
+    def responses(self, controller: Controller) -> list[SimulatedLoop]:
+        """Simulated loops of one controller, by temperature; none where it is not stable."""
+        horizon = self._horizon(controller)
+        if horizon is None:
+            return []
+        step = self._step(controller, horizon)
+        runs, events = self._converged(ClosedLoop(self.model.terms, controller=controller),
+                                       step, horizon)  # fmt: skip
+        return [
+            SimulatedLoop(
+                controller.text, temperature, step, tuple(t.name for t in self.model.terms),
+                run.time, run.speed / step, event, _settled(run, step),
+            )
+            for temperature, run, event in zip(self.temperatures, runs, events, strict=True)
+        ]  # fmt: skip
+
+    def _horizon(self, controller: Controller) -> float | None:
+        """Time that the linear loops need to come to rest [s]."""
+        motors = motor_draws(self.draws, self.temperatures)
+        linear = step_characteristics(StepResponse(close(motors, self.temperatures, controller)))
+        settling = linear.settling_time[linear.is_stable & np.isfinite(linear.settling_time)]
+        if settling.size < 0.5 * linear.is_stable.size:
+            return None
+        return _BEYOND_SETTLING * float(np.quantile(settling, 0.95))
+
+    def _step(self, controller: Controller, horizon: float) -> float:
+        """The largest step, to two digits, that keeps the linear loop in the range of the runs."""
+        middle = np.median(self.values[:7], axis=1, keepdims=True)
+        runs = self._runs(ClosedLoop((), controller=controller), middle, 1.0, horizon, _SAMPLES)
+        peaks = [
+            max(float(np.abs(getattr(run, name)).max()) for run in runs)
+            for name in ("current", "speed", "voltage")
+        ]
+        largest = float(np.min(self.range / np.maximum(peaks, 1e-300)))
+        ten = 10.0 ** (np.floor(np.log10(largest)) - 1)
+        return float(f"{np.floor(largest / ten) * ten:.2g}")
+
+    def _runs(
+        self, loop: ClosedLoop, values: Array, step: float, horizon: float, samples: int
+    ) -> list[LoopRun]:
+        conditions = [(temperature, self.peak) for temperature in self.temperatures]
+        own = self.own if loop.terms else np.zeros(0)
+        time = np.linspace(0.0, horizon, samples + 1)
+        return simulated_loop(loop, values, own, step, conditions, time)
+
+    def _converged(
+        self, loop: ClosedLoop, step: float, horizon: float
+    ) -> tuple[list[LoopRun], list[SampledEvents]]:
+        """Simulations long enough and fine enough."""
+        samples = _SAMPLES
+        runs = self._runs(loop, self.values, step, horizon, samples)
+        for _ in range(_LONGER):
+            if all(np.mean(_settled(run, step)) > 0.5 for run in runs):
+                break
+            horizon, samples = 2 * horizon, 2 * samples
+            runs = self._runs(loop, self.values, step, horizon, samples)
+        events = [_events(run, step) for run in runs]
+        while samples < _MOST_SAMPLES:
+            samples *= 2
+            runs = self._runs(loop, self.values, step, horizon, samples)
+            finer = [_events(run, step) for run in runs]
+            agree = all(_agree(a, b) for a, b in zip(events, finer, strict=True))
+            events = finer
+            if agree:
+                break
+        return runs, events
+
+
+def _with_some_inductance(draws: dict[str, Array]) -> dict[str, Array]:
+    """Draws with an electrical time constant that can be simulated, and moves no digit."""
+    static = draws["Ra25"] * draws["b"] + draws["Kt25"] ** 2
+    least = _LEAST_ELECTRICAL_SHARE * draws["Ra25"] ** 2 * draws["J"] / static
+    return draws | {"L": np.maximum(draws["L"], least)}
+
+
+def _settled(run: LoopRun, step: float) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(run.speed).all(axis=0) & is_at_rest(run.speed / step))
+
+
+def _events(run: LoopRun, step: float) -> SampledEvents:
+    return sampled_events(run.time, run.speed / step, run.acceleration / step)
+
+
+def _agree(coarse: SampledEvents, fine: SampledEvents) -> bool:
+    """Whether half the interval leaves the metrics where they are, in nearly all draws."""
+    for name in ("rise_time", "settling_time", "steady_state"):
+        a, b = getattr(coarse, name), getattr(fine, name)
+        both = np.isfinite(a) & np.isfinite(b)
+        if both.any() and np.quantile(np.abs(a[both] / b[both] - 1), 0.9) > _AGREE:
+            return False
+    return True

@@ -1,0 +1,173 @@
+"""Rise, settling, peak and overshoot read off a simulated response, between its samples.
+
+A simulation knows the slope of the speed as well as the speed, so that between two samples the
+response is the cubic through values and slopes at both ends.  Every event is a root of that cubic,
+in error by the fourth power of the sample interval, where the straight line of the usual routines
+leaves the second and their nearest sample the first.
+
+The final value is the mean over the last tenth of the response: a motor that cogs never stands
+still, and goes on around it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SampledEvents", "is_at_rest", "sampled_events"]
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+_RISE: Final = (0.1, 0.9)
+_BAND: Final = 0.02
+_LAST: Final = 0.1
+_LEAST_FINAL: Final = 0.01
+_LEAST_OVERSHOOT: Final = 1e-4
+_STILL: Final = 1e-3
+_HALVINGS: Final = 40
+
+
+@dataclass(frozen=True)
+class SampledEvents:
+    """What is read off simulated step responses; each (n_loop,), NaN where it does not exist.
+
+    Args:
+        rise_time: From the first crossing of 10 % to the first of 90 % of the final value [s].
+        settling_time: Last time at which the response is 2 % of the final value off it; NaN where
+            it never stays within [s].
+        peak: Largest value, in the direction of the final value [step].
+        peak_time: When; NaN without overshoot [s].
+        overshoot: Peak over final value; 0 below a hundredth of a per cent, which is what the
+            simulation is good for [%].
+        steady_state: Final value [step].
+    """
+
+    rise_time: Array
+    settling_time: Array
+    peak: Array
+    peak_time: Array
+    overshoot: Array
+    steady_state: Array
+
+
+def is_at_rest(speed: Array) -> Bool:
+    """Whether each response has come to its final value, (n_loop,).
+
+    Args:
+        speed: (n_time, n_loop), even in time.
+    """
+    last, before = _ends(speed)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(last - before) <= _STILL * np.maximum(np.abs(last), _LEAST_FINAL))
+
+
+def sampled_events(time: Array, speed: Array, slope: Array) -> SampledEvents:
+    """Events of step responses.
+
+    Args:
+        time: (n_time,) even, from 0 [s].
+        speed: (n_time, n_loop) over the step [-].
+        slope: (n_time, n_loop) its derivative [1/s].
+    """
+    final = _ends(speed)[0]
+    usable = np.isfinite(speed).all(axis=0) & (np.abs(final) > _LEAST_FINAL)
+    columns = np.full((5, final.size), np.nan)
+    if usable.any():
+        scale = final[usable]
+        response = _Response(time, speed[:, usable] / scale, slope[:, usable] / scale)
+        columns[:, usable] = (*response.rise(), response.settling(), *response.peak())
+    first, second, settling, excess, peak_time = columns
+    return SampledEvents(
+        rise_time=second - first,
+        settling_time=settling,
+        peak=final * (1 + excess),
+        peak_time=peak_time,
+        overshoot=100 * excess,
+        steady_state=np.where(np.isfinite(speed).all(axis=0), final, np.nan),
+    )
+
+
+def _ends(speed: Array) -> tuple[Array, Array]:
+    """Means over the last tenth of the response and over the tenth before it."""
+    count = max(2, int(_LAST * speed.shape[0]))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return speed[-count:].mean(axis=0), speed[-2 * count : -count].mean(axis=0)
+
+
+class _Response:
+    """Responses over their final values, as cubics between samples."""
+
+    def __init__(self, time: Array, value: Array, slope: Array) -> None:
+        self.time, self.value = time, value
+        self.interval = float(time[1] - time[0])
+        self.slope = slope * self.interval
+        self.loops = np.arange(value.shape[1])
+
+    def rise(self) -> tuple[Array, Array]:
+        """First crossings of 10 % and of 90 %, NaN where there is none [s]."""
+        first, second = (self._crossing(self.value >= level, level) for level in _RISE)
+        return first, second
+
+    def settling(self) -> Array:
+        """When the band is entered for good; NaN where the last tenth leaves it [s]."""
+        outside = np.abs(self.value - 1) > _BAND
+        last = outside.shape[0] - 1 - np.argmax(outside[::-1], axis=0)
+        last = np.where(outside.any(axis=0), last, 0)
+        ended = last < (1 - _LAST) * (outside.shape[0] - 1)
+        at = np.minimum(last, outside.shape[0] - 2)
+        side = 1 + _BAND * np.sign(self.value[at, self.loops] - 1)
+        return np.where(ended, self._root(at, side), np.nan)
+
+    def peak(self) -> tuple[Array, Array]:
+        """Excess of the peak over the final value [-] and its time [s]."""
+        top = np.argmax(self.value, axis=0)
+        excess = self.value[top, self.loops] - 1
+        time = self.time[top]
+        for begin in (top - 1, top):
+            # The extremum lies in the interval before the highest sample or in the one after it.
+            at = np.clip(begin, 0, self.value.shape[0] - 2)
+            place = self._turning(at)
+            value = self._at(at, place) - 1
+            higher = value > excess
+            excess = np.where(higher, value, excess)
+            time = np.where(higher, self.time[at] + place * self.interval, time)
+        passes = excess > _LEAST_OVERSHOOT
+        return np.where(passes, excess, 0.0), np.where(passes, time, np.nan)
+
+    def _crossing(self, reached: Bool, level: float) -> Array:
+        first = np.argmax(reached, axis=0)
+        found = reached.any(axis=0) & (first > 0)
+        return np.where(found, self._root(np.maximum(first - 1, 0), level), np.nan)
+
+    def _root(self, at: Index, level: Array | float) -> Array:
+        """When the cubic of interval `at` has the value `level`, by bisection [s]."""
+        low, high = np.zeros(at.size), np.ones(at.size)
+        begin = np.sign(self._at(at, low) - level)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            before = np.sign(self._at(at, middle) - level) == begin
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return self.time[at] + high * self.interval
+
+    def _parts(self, at: Index) -> tuple[Array, Array, Array, Array]:
+        """Coefficients of the cubic of interval `at`, from the constant up."""
+        y0, y1 = self.value[at, self.loops], self.value[at + 1, self.loops]
+        s0, s1 = self.slope[at, self.loops], self.slope[at + 1, self.loops]
+        return y0, s0, 3 * (y1 - y0) - 2 * s0 - s1, 2 * (y0 - y1) + s0 + s1
+
+    def _at(self, at: Index, place: Array) -> Array:
+        a, b, c, d = self._parts(at)
+        return np.asarray(a + place * (b + place * (c + place * d)))
+
+    def _turning(self, at: Index) -> Array:
+        """Where in interval `at` the cubic has its maximum, else its beginning [-]."""
+        _, b, c, d = self._parts(at)
+        with np.errstate(all="ignore"):
+            root = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))
+            place = np.where(c > 0, -(c + root) / (3 * d), b / (root - c))
+        return np.where(np.isfinite(place), np.clip(place, 0.0, 1.0), 0.0)

@@ -1,0 +1,184 @@
+"""The diagnosis as entries of the result: what is left, where it is missing, what has shifted.
+
+No series go into the result; the report draws them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.detection import Detection
+from identification.diagnosis.localise import Localisation, Missing
+from identification.effects.search import Outcome
+from identification.model.excitation import Record
+from identification.report.result import quantity_entry
+
+__all__ = ["detection_entry", "shift_entries", "signals_at", "trace_entry"]
+
+Array = NDArray[np.float64]
+
+_DRIVERS: Final = ("current", "speed", "voltage", "temperature", "position", "time")
+_STRETCHES: Final = 20
+_BEYOND: Final = 3.0
+
+
+def detection_entry(detection: Detection | None) -> dict[str, Any]:
+    """Whether anything is left in the residuals, and why; empty where it was not looked for."""
+    if detection is None:
+        return {}
+    return {
+        "missing": bool(detection.missing),
+        "sentence": detection.sentence,
+        "level": detection.level,
+        "checks": [
+            {
+                "channel": check.channel,
+                "role": check.role,
+                "noise_ratio": check.noise_ratio,
+                "noise_ratio_limit": check.noise_ratio_limit,
+                "whiteness_p": check.whiteness_p,
+                "voltage_outside": check.voltage_outside,
+                "passed": bool(check.passed),
+                "reason": check.reason,
+            }
+            for check in detection.checks
+        ],
+    }
+
+
+def trace_entry(
+    localisation: Localisation | None, outcome: Outcome | None, records: Sequence[Record]
+) -> dict[str, Any]:
+    """In which equation something is missing, and against which signals it shows.
+
+    Args:
+        localisation: The missing voltage and torque; None where they were not looked for.
+        outcome: What the search found; None where none was made.
+        records: Training records, as the missing terms have them.
+    """
+    entry: dict[str, Any] = {}
+    if localisation is not None:
+        signals = signals_at(records, localisation.missing)
+        for name, found in (
+            ("electrical", localisation.electrical),
+            ("mechanical", localisation.mechanical),
+        ):
+            series = [m.voltage if name == "electrical" else m.torque for m in localisation.missing]
+            term = np.concatenate(series) if series else np.zeros(0)
+            entry[name] = {
+                "strength": found.strength,
+                "unit": found.unit,
+                "time_constant_s": found.time_constant,
+                "log_likelihood_gain": found.gain,
+                "p_value": found.p_value,
+                "significant": bool(found.significant),
+                "drivers": {
+                    driver: {
+                        "correlation": _correlation(term, values),
+                        "share": _share(term, values),
+                    }
+                    for driver, values in signals.items()
+                },
+            }
+    traces = outcome.traces if outcome else ()
+    if traces:
+        entry["curves"] = [
+            {
+                "equation": trace.equation,
+                "driver": trace.driver,
+                "log_likelihood_gain": trace.gain,
+                "share": trace.share,
+            }
+            for trace in traces
+        ]
+    return entry
+
+
+def signals_at(records: Sequence[Record], missing: Sequence[Missing]) -> dict[str, Array]:
+    """Each driver at the instants of the missing terms, all records behind each other."""
+    by_start = {(record.run, record.start): record for record in records}
+    columns: dict[str, list[Array]] = {name: [] for name in _DRIVERS}
+    for piece in missing:
+        record = by_start[piece.run, piece.start]
+        known = {
+            "current": record.measured[:, 0],
+            "speed": record.measured[:, 1],
+            "voltage": record.column("voltage"),
+            "temperature": record.column("temperature"),
+            "position": np.mod(record.column("angle"), 2 * np.pi),
+            "time": record.time,
+        }
+        # A sample's own value and not one between two: an angle wraps.
+        at = np.clip(np.searchsorted(record.time, piece.time), 0, record.rows - 1)
+        for name, values in known.items():
+            columns[name].append(values[at])
+    return {
+        name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()
+    }
+
+
+def _correlation(term: Array, driver: Array) -> float | None:
+    """Pearson's correlation, None where one of both does not move."""
+    if term.size < 3 or np.ptp(term) == 0.0 or np.ptp(driver) == 0.0:
+        return None
+    return float(np.corrcoef(term, driver)[0, 1])
+
+
+def _share(term: Array, driver: Array) -> float | None:
+    """Share of the variance of a term that its means over stretches of a driver explain.
+
+    This is the correlation ratio, which a curve of any form raises and a straight line alone
+    equals the square of the correlation.  Stretches hold equally many samples.
+
+    Source: Fisher, Statistical Methods for Research Workers (1925), section 45.
+    """
+    if term.size < 5 * _STRETCHES or np.ptp(term) == 0.0 or np.ptp(driver) == 0.0:
+        return None
+    edges = np.unique(np.quantile(driver, np.linspace(0, 1, _STRETCHES + 1)[1:-1]))
+    number = np.searchsorted(edges, driver, side="right")
+    counts = np.bincount(number, minlength=edges.size + 1)
+    means = np.bincount(number, term, edges.size + 1) / np.maximum(counts, 1)
+    return float(np.clip(1.0 - np.var(term - means[number]) / np.var(term), 0.0, 1.0))
+
+
+def shift_entries(
+    parameters: Mapping[str, Mapping[str, Any]],
+    declared: Mapping[str, Mapping[str, Any]],
+    draws: Mapping[str, Array],
+    declared_draws: Mapping[str, Array],
+) -> dict[str, dict[str, Any]]:
+    """How far each declared parameter had been off because the effects were in it.
+
+    Both fits use the same data, so their errors have something in common that the difference does
+    not have.  The interval takes them for independent, which makes it too wide rather than too
+    narrow; `off` asks for three of its standard deviations.
+
+    Args:
+        parameters: Entries of the final model.
+        declared: Entries of the declared model.
+        draws: Draws of the final model by name.
+        declared_draws: Draws of the declared model by name.
+
+    Returns:
+        By name ``before``, ``after``, ``relative`` (declared over final, less one) and ``off``.
+    """
+    entries = {}
+    for name, after in parameters.items():
+        before = declared[name]
+        count = min(draws[name].size, declared_draws[name].size)
+        final, first = draws[name][:count], declared_draws[name][:count]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = (first - final) / np.abs(final)
+        quantity = quantity_entry(relative, "1")
+        sure = before["identified"] and after["identified"]
+        entries[name] = {
+            "before": dict(before),
+            "after": dict(after),
+            "relative": quantity,
+            "off": bool(sure and abs(quantity["mean"] or 0.0) > _BEYOND * (quantity["sd"] or 0.0)),
+        }
+    return entries

@@ -1,0 +1,226 @@
+"""The page of the documentation about the effects, written from the catalogue itself.
+
+    python -m identification.report.effects_page        writes docs/effects.md
+
+A class of the catalogue says what its effect is, by which formula, driven by what, with which
+parameters and from which source; nothing on the page is written a second time.  Priors have the
+natural sizes of the motor at hand, so those of an example are shown.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import Survey, survey_of
+from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
+from identification.model.composite import MotorModel
+from identification.model.excitation import records_of
+from identification.model.parameter import Parameter
+from identification.model.simulate import Simulator, initial_states
+from identification.report.atomic import write_text
+from identification.report.confusions import CONFUSIONS
+
+__all__ = ["effects_page", "example_survey", "main"]
+
+PAGE: Final = Path("docs/effects.md")
+
+_MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
+"""Ra25, alpha_Ra, Kt25, alpha_Kt, J, b and L of the example: a servo motor of 100 W at 24 V."""
+
+_INTERVAL: Final = 1e-3
+_ROWS: Final = 4000
+
+_HEAD: Final = """\
+# Effects
+
+What motorid looks for beside the declared model, by the names that stand in a result.
+This page is written by `python -m identification.report.effects_page` from the classes in \
+`identification/effects/`.
+
+A name is a kind and not one formula: a law has a shape parameter where real motors \
+differ from the textbook.
+Each effect adds its term to one of the two balances,
+
+```text
+L di/dt = v - Ra(T) i - Kt(T) w + voltage          Ra(T) = Ra25 (1 + alpha_Ra (T - 25))
+J dw/dt = Kt(T) i - b w + torque                   Kt(T) = Kt25 (1 + alpha_Kt (T - 25))
+```
+
+changes one of their coefficients or the temperature in them, or stands between the motor and \
+the log.
+A [decision](adr/0008-three-gates-for-an-effect.md) says what an effect has to pass before \
+it is named.
+What passes in none of the forms below is called `unlisted`: a smooth curve of \
+the missing voltage or torque over the signals that show it best stands in for it.
+
+Priors scale with the signals and the declared fit of the runs at hand.
+Those below are of an example: a servo motor with Ra25 {Ra25:g} ohm, Kt25 {Kt25:g} N m/A and \
+J {J:g} kg m^2, run at {voltage} V, {current} A and {speed} rad/s (root mean squares) for \
+{duration} s, a sample every {interval:g} ms.
+A prior "x / 2" has its logarithm normal with a factor of two as one standard deviation.
+"""
+
+
+def effects_page(survey: Survey) -> str:
+    """Markdown of the page.
+
+    Args:
+        survey: Natural sizes of the example.
+    """
+    ra, _, kt, _, inertia, *_ = _MOTOR
+    head = _HEAD.format(
+        Ra25=ra, Kt25=kt, J=inertia, voltage=_number(survey.voltage),
+        current=_number(survey.current), speed=_number(survey.speed),
+        duration=_number(survey.duration), interval=1e3 * survey.interval,
+    )  # fmt: skip
+    index = ["| effect | equation | drivers | what it is |", "|---|---|---|---|"]
+    sections = []
+    for name, kind in CATALOGUE.items():
+        text, formulas, remark = _told(kind)
+        drivers = ", ".join(kind.drivers) or "none: a constant"
+        index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {text} |")
+        sections.append(_section(name, kind, survey, (text, formulas, remark)))
+    return "\n".join([head, *index, "", *sections, _confusions()])
+
+
+def example_survey() -> Survey:
+    """Natural sizes of an example with moving temperature and a logged shaft angle.
+
+    A known motor is simulated, noise is added and the declared model is fitted, as for any runs.
+    """
+    rng = np.random.default_rng(0)
+    time = _INTERVAL * np.arange(_ROWS, dtype=np.float64)
+    values = np.array(_MOTOR)
+    runs = []
+    for number in range(2):
+        voltage = np.repeat(rng.uniform(-24.0, 24.0, _ROWS // 50), 50)
+        temperature = 25.0 + 40.0 * number + 20.0 * time / time[-1]
+        still = np.zeros(_ROWS)
+        silent = Run(f"run_{number}.csv", "0" * 64, time, voltage, still, still, temperature, still)
+        records = records_of([silent])
+        simulator = Simulator.fitting(MotorModel(), records, values)
+        states = [initial_states(MotorModel(), record) for record in records]
+        current, speed = simulator.logged(values[:, None], states)[0][:, :, 0].T
+        runs.append(
+            Run(
+                silent.name, silent.sha256, time, voltage,
+                current + 0.02 * rng.standard_normal(_ROWS),
+                speed + 0.2 * rng.standard_normal(_ROWS),
+                temperature, np.cumsum(speed) * _INTERVAL,
+            )
+        )  # fmt: skip
+    return survey_of(fit_declared(records_of(runs), "zoh"))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write the page to the path given, else to docs/effects.md."""
+    given = sys.argv[1:] if arguments is None else arguments
+    write_text(Path(given[0]) if given else PAGE, effects_page(example_survey()))
+
+
+def _told(kind: Any) -> tuple[str, list[str], str]:
+    """First sentence of a class, its formulas, and what it says behind them."""
+    whole = inspect.cleandoc(kind.__doc__ or "")
+    body = re.split(r"^Args:|^Source:", whole, maxsplit=1, flags=re.MULTILINE)[0].strip()
+    first, *rest = re.split(r"\n\s*\n", body)
+    first = " ".join(first.split())
+    formulas, remarks = [], []
+    for paragraph in rest:
+        lines = paragraph.splitlines()
+        is_formula = all(line.startswith(" ") for line in lines) or _FORMULA.search(lines[0])
+        if is_formula:
+            formulas.append("\n".join(re.sub(r"^ {4}", "", line) for line in lines))
+        else:
+            remarks.append(" ".join(paragraph.split()))
+    if ":" in first and "=" in first:
+        # A formula in the first sentence stands on its own line.
+        sentence, formula = first.rstrip(".").split(":", 1)
+        first, formulas = f"{sentence}.", [formula.strip(), *formulas]
+    return first, formulas, "\n".join(remarks)
+
+
+_FORMULA: Final = re.compile(r"(=|->).*\[[^\]]+\]\s*$")
+
+
+def _section(name: str, kind: Any, survey: Survey, told: tuple[str, list[str], str]) -> str:
+    text, formulas, remark = told
+    drivers = ", ".join(kind.drivers)
+    lines = [f"## {name}", "", text]
+    if formulas:
+        lines += ["", "```text", *formulas, "```"]
+    if remark:
+        lines += ["", remark]
+    lines += ["", f"Equation: {kind.equation}. Drivers: {drivers or 'none, it is a constant'}."]
+    lines.append(f"Source: {kind.source}.")
+    candidates = kind.candidates(survey)
+    parameters = candidates[0].term.parameters if candidates else ()
+    if parameters:
+        lines += ["", "| parameter | unit | meaning | prior | bounds |", "|---|---|---|---|---|"]
+        lines += [_row(parameter) for parameter in parameters]
+    else:
+        lines += ["", "It has no parameters."]
+    states = candidates[0].term.states if candidates else ()
+    if states:
+        words = ", ".join(f"{state.name} [{state.unit}]" for state in states)
+        lines += ["", f"It brings states of its own, free at the start of each record: {words}."]
+    return "\n".join([*lines, ""])
+
+
+def _row(parameter: Parameter) -> str:
+    return (
+        f"| `{parameter.name}` | {parameter.unit} | {parameter.meaning} | {_prior(parameter)} | "
+        f"{_bounds(parameter)} |"
+    )
+
+
+def _prior(parameter: Parameter) -> str:
+    if not np.isfinite(parameter.prior_sd):
+        return "flat"
+    if parameter.search == "log":
+        return f"{_number(parameter.prior_mean)} / {_number(float(np.exp(parameter.prior_sd)))}"
+    spread = f"normal, sd {_number(parameter.prior_sd * parameter.scale)}"
+    mean = f" about {_number(parameter.prior_mean)}" if parameter.prior_mean else ""
+    return f"{spread}{mean}"
+
+
+def _bounds(parameter: Parameter) -> str:
+    low, high = parameter.lower, parameter.upper
+    if not np.isfinite(low) and not np.isfinite(high):
+        return "none"
+    if not np.isfinite(high):
+        return f"at least {_number(low)}"
+    return f"{_number(low)} to {_number(high)}"
+
+
+def _number(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _confusions() -> str:
+    lines = [
+        "## Known confusions",
+        "",
+        "Physics sets these limits, and no method removes them.",
+        "A report says those that concern what it found, and names what the runs cannot part as "
+        "alternatives with their probabilities.",
+        "",
+        "| what is taken for what | effects | parameters | what tells them apart |",
+        "|---|---|---|---|",
+    ]
+    for confusion in CONFUSIONS:
+        effects = ", ".join(f"[`{name}`](#{name})" for name in confusion.effects)
+        parameters = ", ".join(f"`{name}`" for name in confusion.parameters)
+        lines.append(f"| {confusion.title} | {effects} | {parameters} | {confusion.apart} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()

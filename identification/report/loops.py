@@ -1,0 +1,107 @@
+"""The closed loop told three times: as declared, as found, and simulated with the effects in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from identification.report.numbers import Interval, interval_text, number_text, unit_text
+
+__all__ = ["LoopComparison", "loop_comparisons"]
+
+Entry = Mapping[str, Any]
+
+_METRICS: Final = {
+    "rise_time_s": "Rise time, 10–90 %",
+    "settling_time_s": "Settling time, 2 %",
+    "steady_state": "Final value",
+    "overshoot_percent": "Overshoot",
+    "peak": "Peak",
+    "peak_time_s": "Peak time",
+    "bandwidth_rad_s": "Bandwidth",
+    "phase_margin_deg": "Phase margin",
+    "gain_margin_db": "Gain margin",
+}
+_TOLD: Final = {
+    "feedback_before": "declared model",
+    "feedback": "final model",
+    "feedback_nonlinear": "simulated with its effects",
+}
+
+
+@dataclass(frozen=True)
+class LoopComparison:
+    """Metrics of one controller: for each temperature a column a way of telling them.
+
+    Args:
+        controller: As the user wrote it.
+        temperatures: Heads of the groups of columns.
+        ways: Heads of the columns of each group.
+        rows: Label, unit and cells of each metric, group after group.
+        remark: On the simulated loops: the step and the effects; empty where there are none.
+    """
+
+    controller: str
+    temperatures: tuple[str, ...]
+    ways: tuple[str, ...]
+    rows: tuple[tuple[str, str, tuple[Interval, ...]], ...]
+    remark: str
+
+
+def loop_comparisons(result: Entry) -> list[LoopComparison]:
+    """One for each controller; empty where there is nothing to compare with."""
+    told = {key: words for key, words in _TOLD.items() if result.get(key)}
+    if len(told) < 2:
+        return []
+    controllers = dict.fromkeys(str(entry["controller"]) for entry in result["feedback"])
+    return [_comparison(controller, result, told) for controller in controllers]
+
+
+def _comparison(controller: str, result: Entry, told: Mapping[str, str]) -> LoopComparison:
+    found = {
+        key: {
+            float(entry["temperature_degC"]): entry
+            for entry in result[key]
+            if entry["controller"] == controller
+        }
+        for key in told
+    }
+    kept = [key for key in told if found[key]]
+    temperatures = sorted(found["feedback"])
+    cells = [found[key].get(t, {}) for t in temperatures for key in kept]
+    rows = []
+    for metric, label in _METRICS.items():
+        entries = [cell.get(metric) for cell in cells]
+        known = [entry for entry in entries if entry is not None]
+        if any(entry["median"] is not None for entry in known):
+            unit = unit_text(known[0]["unit"])
+            rows.append((label, unit, tuple(_interval(entry) for entry in entries)))
+    return LoopComparison(
+        controller=controller,
+        temperatures=tuple(f"{t:g} °C" for t in temperatures),
+        ways=tuple(told[key] for key in kept),
+        rows=tuple(rows),
+        remark=_remark(list(found.get("feedback_nonlinear", {}).values())),
+    )
+
+
+def _remark(simulated: Sequence[Entry]) -> str:
+    if not simulated:
+        return ""
+    first = simulated[0]
+    words = " and ".join(name.replace("_", " ") for name in first["effects"])
+    ends = "; ".join(f"at {e['temperature_degC']:g} °C it {e['statement']}" for e in simulated)
+    return (
+        f"With {words} in it the loop depends on the size of the step: simulated is a step of the "
+        f"reference by {number_text(first['step_rad_s'], 2)} rad/s from standstill, the largest "
+        "whose linear response stays within the speeds, currents and voltages of the training "
+        f"runs. Peak and final value are over the step. The speed: {ends}. Margins and bandwidth "
+        "belong to linear loops."
+    )
+
+
+def _interval(entry: Entry | None) -> Interval:
+    if entry is None:
+        return interval_text(None, None, None)
+    return interval_text(entry["median"], entry["q05"], entry["q95"])

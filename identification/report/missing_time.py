@@ -1,0 +1,93 @@
+"""What was missing over time, in the run in which it is strongest, with the fitted effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.term import AbstractTerm
+from identification.report.along import Along, FinalPath
+from identification.report.data import MissingTrace
+from identification.report.pictured import UNITS, WORDS, column_of, has_a_picture
+
+__all__ = ["missing_traces"]
+
+Array = NDArray[np.float64]
+
+_Q95: Final = 1.6449
+_POINTS: Final = 1200
+_SWINGS: Final = 24.0
+_LEAST_DRAWN: Final = 100
+
+
+def missing_traces(path: FinalPath, found: Along, names: Sequence[str]) -> list[MissingTrace]:
+    """For each equation with an effect a stretch of the run in which it is strongest, over time.
+
+    Args:
+        path: The final model simulated over the records.
+        found: The same at samples spread over all of them.
+        names: File name of each record.
+    """
+    pictures = []
+    for column in range(2):
+        acting = [
+            term
+            for term in path.final.simulator.model.terms
+            if has_a_picture(term) and column == column_of(term, found)
+        ]
+        if acting:
+            pictures.append(_over_time(acting, column, path, found, names))
+    return pictures
+
+
+def _over_time(
+    terms: Sequence[AbstractTerm],
+    column: int,
+    path: FinalPath,
+    found: Along,
+    names: Sequence[str],
+) -> MissingTrace:
+    """What the final model lacks without these effects, and the effects, in one record."""
+    everywhere = _together(terms, column, found)[0]
+    records = np.unique(found.record)
+    power = [float(np.mean(everywhere[found.record == k] ** 2)) for k in records]
+    chosen = int(records[int(np.argmax(power))])
+    size = path.final.simulator.records[chosen].rows - 1
+    whole = path.within(chosen, np.unique(np.linspace(0, size - 1, _POINTS).astype(int)))
+    here = path.within(chosen, _telling(_together(terms, column, whole)[0], size))
+    effects = _together(terms, column, here)
+    missing = here.missing[:, column]
+    sd = _Q95 * here.missing_sd[:, column]
+    return MissingTrace(
+        run=names[chosen],
+        quantity=WORDS[column],
+        unit=UNITS[column],
+        time=here.time,
+        median=missing,
+        q05=missing - sd,
+        q95=missing + sd,
+        fitted=np.median(effects, axis=0),
+        effect=" and ".join(term.name for term in terms),
+    )
+
+
+def _together(terms: Sequence[AbstractTerm], column: int, found: Along) -> Array:
+    """(n_draw, n_sample) sum of effects."""
+    return np.asarray(np.sum([found.effects[term.name][:, :, column] for term in terms], axis=0))
+
+
+def _telling(effect: Array, size: int) -> NDArray[np.int_]:
+    """Samples to draw: the whole record, or so much of it that single swings can be seen.
+
+    Args:
+        effect: (n_point,) the effect at points spread over the record.
+        size: Samples of the record.
+    """
+    swings = float(np.abs(np.diff(effect)).sum()) / (float(np.ptp(effect)) or 1.0)
+    length = int(size * min(1.0, _SWINGS / max(swings, 1e-9)))
+    length = max(length, min(size, _LEAST_DRAWN))
+    begin = (size - length) // 3
+    return np.unique(np.linspace(begin, begin + length - 1, min(length, _POINTS)).astype(int))

@@ -1,0 +1,68 @@
+"""Quasi-Newton ascent on lanes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.diagnosis.ascent import climb
+
+Array = NDArray[np.float64]
+
+WIDE = (np.full(3, -50.0), np.full(3, 50.0))
+
+
+def hill(places: Array) -> Array:
+    """A bent hill with its top, 7, at (1, 2, 3); curvatures differ by four decades."""
+    x, y, z = places
+    return np.asarray(
+        7.0 - 500.0 * (x - 1) ** 2 - 5.0 * (y - 2 - (x - 1)) ** 2 - 0.05 * (z - 3) ** 2
+    )
+
+
+def test_the_top_of_a_hill_is_found() -> None:
+    """The top is that of the closed form, within the hundredth that the ascent calls enough."""
+    found = climb(hill, np.array([-4.0, 9.0, 0.0]), WIDE)
+
+    assert found.value == pytest.approx(7.0, abs=0.02)
+    np.testing.assert_allclose(found.place[:2], [1.0, 2.0], atol=0.1)
+
+
+def test_a_bound_is_kept_and_the_rest_still_climbs() -> None:
+    """With x held at 3 by a bound the best y is 2 + (3 - 1) = 4."""
+    bounds = (np.array([3.0, -50.0, 3.0]), np.array([50.0, 50.0, 3.0]))
+
+    found = climb(hill, np.array([5.0, -1.0, 3.0]), bounds)
+
+    assert found.place[0] == 3.0
+    assert found.place[1] == pytest.approx(4.0, abs=0.1)
+    assert found.place[2] == 3.0
+
+
+def test_a_place_without_a_value_is_avoided() -> None:
+    """The logarithm of a negative number has no value; x - log x is least at 1."""
+
+    def valued(places: Array) -> Array:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(-20.0 * (places[0] - np.log(places[0])))
+
+    found = climb(valued, np.array([4.0]), (np.array([-9.0]), np.array([9.0])))
+
+    assert found.place[0] == pytest.approx(1.0, abs=0.05)
+
+
+def test_an_ascent_that_cannot_reach_its_rival_ends_early() -> None:
+    """The top is 7; against a rival of a million there is no use in finding it exactly."""
+    calls = []
+
+    def counted(places: Array) -> Array:
+        calls.append(places.shape[1])
+        return hill(places)
+
+    climb(counted, np.array([-40.0, 49.0, -40.0]), WIDE, rival=1e6)
+    hopeless = len(calls)
+    calls.clear()
+    climb(counted, np.array([-40.0, 49.0, -40.0]), WIDE)
+
+    assert hopeless <= len(calls)

@@ -1,0 +1,110 @@
+"""Whether anything is missing: the level over complete models, the power over small effects."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.detection import LEVEL, Detection, detect
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
+from tests.diagnosis.test_localise import SERVO, SIZE, cold, noisy, pushed
+from tests.motors import noiseless
+
+
+def detected(runs: list[Run], noise: np.ndarray = SIZE) -> Detection:
+    """The declared model fitted to three runs and checked on the other two."""
+    campaign = campaign_of(runs[:3], runs[3:])
+    return detect(fit_declared(campaign.training, "zoh"), campaign, noise)
+
+
+def rubbed(seed: int, friction: float) -> list[Run]:
+    """Runs with dry friction of that size [N m] and white noise."""
+    made = []
+    for run in [*cold(seed), *cold(seed + 1)[:2]]:
+        missing = np.zeros((run.rows, 2))
+        missing[:, 1] = -friction * np.sign(run.speed)
+        made += pushed(SERVO, [run], missing)
+    return noisy(made, "white", 30 + seed)
+
+
+@pytest.mark.parametrize("kind", ["white", "coloured", "spiky"])
+def test_a_complete_model_is_rarely_called_incomplete(kind: str) -> None:
+    """Level 1 %: two alarms in twelve campaigns would happen less than once in a hundred times."""
+    alarms = [
+        detected(noisy(noiseless(SERVO, seed=seed, runs=5, rows=500), kind, 70 + seed)).missing
+        for seed in range(12)
+    ]
+
+    assert LEVEL == 0.01
+    assert sum(alarms) <= 1
+
+
+def test_coloured_noise_needs_its_wider_band() -> None:
+    """Negative control: a pole of 0.9 makes a mean square (1 + 0.81) / (1 - 0.81) as uncertain."""
+    runs = noiseless(SERVO, seed=3, runs=5, rows=500)
+
+    white, coloured = (detected(noisy(runs, kind, 90)) for kind in ("white", "coloured"))
+
+    narrow, wide = (np.square(d.checks[0].noise_ratio_limit - 0.02) - 1 for d in (white, coloured))
+    assert wide / narrow == pytest.approx(np.sqrt(1.81 / 0.19), rel=0.3)
+
+
+def test_dry_friction_of_a_hundredth_of_the_stall_torque_is_detected() -> None:
+    """Stall torque is 24 V / 0.6 ohm x 0.07 N m/A = 2.8 N m; every campaign of four is caught."""
+    found = [detected(rubbed(seed, 0.028)) for seed in range(4)]
+
+    assert all(d.missing for d in found)
+    assert all(d.sentence.startswith("Something is missing") for d in found)
+
+
+def test_a_noise_that_is_half_of_the_true_one_shows_in_every_channel() -> None:
+    """The ratio of a complete model is then 2, in all four checks."""
+    found = detected(noisy(noiseless(SERVO, seed=4, runs=5, rows=500), "white", 80), SIZE / 2)
+
+    assert [check.role for check in found.checks] == ["training"] * 2 + ["validation"] * 2
+    assert [check.channel for check in found.checks] == ["current", "speed"] * 2
+    for check in found.checks:
+        assert check.noise_ratio == pytest.approx(2.0, rel=0.05)
+        assert not check.passed
+        assert "times the noise" in check.reason
+
+
+def test_a_model_that_changed_after_training_fails_on_validation_alone() -> None:
+    """Runs left out have a third more resistance: training passes, validation does not."""
+    hot = dataclasses.replace(SERVO, values=(1.3 * SERVO.values[0], *SERVO.values[1:]))
+    clean = [
+        *noiseless(SERVO, seed=5, runs=3, rows=500),
+        *noiseless(hot, seed=6, runs=2, rows=500),
+    ]
+
+    found = detected(noisy(clean, "white", 81))
+
+    assert found.missing
+    assert [check.passed for check in found.checks[:2]] == [True, True]
+    assert not all(check.passed for check in found.checks[2:])
+
+
+def test_without_validation_runs_there_are_two_checks() -> None:
+    """Nothing is said about runs that are not there."""
+    found = detected(noisy(noiseless(SERVO, seed=7, runs=3, rows=500), "white", 82))
+
+    assert [check.role for check in found.checks] == ["training", "training"]
+    assert not found.missing
+    assert "validation" not in found.sentence
+
+
+def test_a_channel_that_was_not_measured_passes() -> None:
+    """A speed that is zero throughout says nothing, and is not counted as a fault."""
+    runs = [
+        dataclasses.replace(run, speed=np.zeros(run.rows))
+        for run in noisy(noiseless(SERVO, seed=8, runs=3, rows=500), "white", 83)
+    ]
+
+    found = detected(runs)
+
+    assert found.checks[1].passed
+    assert found.checks[1].reason == "it was not measured"

@@ -1,0 +1,62 @@
+"""docs/effects.md against the catalogue it is written from."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import Survey
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.confusions import CONFUSIONS, confusions_of
+from identification.report.effects_page import effects_page, example_survey
+
+PAGE = (Path(__file__).parents[2] / "docs/effects.md").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def survey() -> Survey:
+    """Natural sizes of the example on the page."""
+    return example_survey()
+
+
+def test_page_is_what_the_catalogue_writes_today(survey: Survey) -> None:
+    """`python -m identification.report.effects_page` writes it anew."""
+    assert effects_page(survey) == PAGE
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_effect_has_its_section_with_formula_parameters_and_source(
+    name: str, survey: Survey
+) -> None:
+    """What the class says, found under its heading."""
+    kind = CATALOGUE[name]
+    section = PAGE.split(f"\n## {name}\n")[1].split("\n## ")[0]
+    (candidate, *_) = kind.candidates(survey)
+
+    assert kind.source in section
+    assert f"Equation: {kind.equation}." in section
+    assert "=" in section or "->" in section or not candidate.term.parameters
+    for parameter in candidate.term.parameters:
+        assert re.search(
+            rf"^\| `{parameter.name}` \| {re.escape(parameter.unit)} \|", section, re.M
+        )
+
+
+def test_confusions_name_effects_and_parameters_that_exist() -> None:
+    """A renamed effect must not leave a warning behind that no one is shown."""
+    effects = {name for confusion in CONFUSIONS for name in confusion.effects}
+    parameters = {name for confusion in CONFUSIONS for name in confusion.parameters}
+
+    assert effects <= set(CATALOGUE)
+    assert parameters <= set(DECLARED_PARAMETERS)
+
+
+def test_a_found_effect_brings_its_confusions_and_no_others() -> None:
+    """A brush drop is taken for resistance, and has nothing to do with the zero of the speed."""
+    titles = [confusion.title for confusion in confusions_of(["brush_drop"])]
+
+    assert titles == ["brush drop and armature resistance"]
+    assert confusions_of([]) == []

@@ -1,0 +1,141 @@
+"""The missing voltage or torque with the fitted effect: known motors, known laws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.diagnosis.localise import Deficiency, Localisation, Missing
+from identification.effects.electrical import BrushDrop, FluxSaturation
+from identification.effects.friction import CoulombFriction, ViscousTemperature
+from identification.effects.load import LoadStep
+from identification.effects.refit import refitted_with
+from identification.effects.sensor import CurrentOffset
+from identification.effects.thermal import SelfHeating
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit, Patience
+from identification.model.excitation import records_of
+from identification.model.term import AbstractTerm
+from identification.report.along import FinalPath, final_path
+from identification.report.missing import missing_terms
+from identification.report.missing_time import missing_traces
+from identification.report.pictured import undrawn_sentence
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+
+STAYS = Patience(steps=0)
+"""The refit stops where it begins: the effect has the size that the test gives it."""
+
+
+@pytest.fixture(scope="module")
+def declared() -> Fit:
+    """A servo motor without effects."""
+    return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=8)), "zoh")
+
+
+def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:
+    """The motor with an effect of given size, as if fitted, all draws alike."""
+    final = refitted_with(declared, term, np.array(sizes), STAYS)
+    draws = {
+        name: np.full(20, value)
+        for name, value in zip(final.coordinates.names, final.values, strict=True)
+    }
+    return final_path(final, draws, trace)
+
+
+def trace_of(declared: Fit, voltage: list[Array], torque: list[Array]) -> Localisation:
+    """A trace that says exactly this of every record."""
+    none = Deficiency("electrical", "V", 0.0, 1.0, 0.0, 1.0, False)
+    pieces = []
+    for k, record in enumerate(declared.simulator.records):
+        zero = np.zeros(record.rows)
+        pieces.append(
+            Missing(k, record.run, record.start, record.time, voltage[k], zero, torque[k], zero)
+        )
+    return Localisation(none, none, np.ones(2), tuple(pieces))
+
+
+def test_a_voltage_is_drawn_as_its_law(declared: Fit) -> None:
+    """-V i / sqrt(i^2 + k^2) in NumPy along the simulated current."""
+    path = path_of(declared, CoulombFriction(0.1, 1.0), [0.02, 0.0])
+    speed = path.everywhere.drivers["speed"]
+
+    drawn = path.everywhere.effects["coulomb_friction"][0]
+
+    np.testing.assert_allclose(drawn[:, 1], -0.02 * speed / np.sqrt(speed**2 + 1.0), atol=1e-12)
+    np.testing.assert_allclose(drawn[:, 0], 0.0, atol=1e-9)
+
+
+def test_dots_lie_on_the_curve_though_resistance_had_soaked_part_of_it_up(declared: Fit) -> None:
+    """The trace of a brush drop beside a resistance 30 % too high: drop plus 0.3 Ra i."""
+    term = BrushDrop(24.0, 10.0)
+    sizes = {"voltage": 0.8, "knee": 0.4, "sharpness": 2.0}
+    bare = path_of(declared, term, [sizes.get(p.name, 0.0) for p in term.parameters])
+    logged = bare.final.simulator.states(bare.final.values[:, None], bare.final.states)
+    current = [states[:, 0, 0] for states in logged]
+    drop = [-0.8 * i / np.sqrt(i**2 + 0.4**2) for i in current]
+    resistance = 0.3 * bare.final.values[0]
+    said = trace_of(
+        declared,
+        [v + resistance * i for v, i in zip(drop, current, strict=True)],
+        [np.zeros(i.size) for i in current],
+    )
+    path = FinalPath(bare.final, bare.values, bare.states, said)
+
+    (picture,) = missing_terms(path.final, path.everywhere)
+
+    expected = -0.8 * picture.driver_values / np.sqrt(picture.driver_values**2 + 0.4**2)
+    np.testing.assert_allclose(picture.estimate, expected, atol=0.02)
+    assert (picture.quantity, picture.unit, picture.driver) == ("missing voltage", "V", "current")
+
+
+def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
+    """The law b (exp(-k (T - 25)) - 1) with k of 0.01 1/K."""
+    path = path_of(declared, ViscousTemperature(), [0.01])
+
+    (picture,) = missing_terms(path.final, path.everywhere)
+
+    friction = path.final.values[5]
+    expected = friction * np.expm1(-0.01 * (picture.grid - 25.0))
+    np.testing.assert_allclose(picture.median, expected, rtol=0.02, atol=0.01 * friction)
+    assert picture.quantity == "change of b"
+
+
+def test_a_loss_of_torque_constant_is_drawn_over_the_current(declared: Fit) -> None:
+    """Kt (1 / (1 + c (i / i_0)^2) - 1) at every temperature; the runs span a tenth of Kt."""
+    path = path_of(declared, FluxSaturation(20.0), [0.3, 2.0])
+
+    (picture,) = missing_terms(path.final, path.everywhere)
+
+    constant = path.final.values[2]
+    expected = constant * (1 / (1 + 0.3 * (picture.grid / 20.0) ** 2) - 1)
+    np.testing.assert_allclose(picture.median, expected, rtol=0.15, atol=0.01 * constant)
+
+
+@pytest.mark.parametrize(
+    ("term", "sizes"),
+    [(LoadStep(0, 0.1, 2e-3, 1.5), [0.1, 0.4, 0.9]), (SelfHeating(1.0, 0.01, 10.0), [1.0, 0.5])],
+)
+def test_what_is_no_function_of_a_driver_is_drawn_over_time_alone(
+    declared: Fit, term: AbstractTerm, sizes: list[float]
+) -> None:
+    """A load belongs to the time of one run, a temperature has a memory."""
+    path = path_of(declared, term, sizes)
+
+    assert missing_terms(path.final, path.everywhere) == []
+    (trace,) = missing_traces(path, path.everywhere, ["a.csv", "b.csv", "c.csv"])
+    assert trace.effect == term.name
+    assert np.abs(trace.fitted).max() > 0
+
+
+def test_an_effect_of_the_log_has_a_sentence_and_no_picture(declared: Fit) -> None:
+    """A zero error of a sensor moves no motor."""
+    path = path_of(declared, CurrentOffset(1.0), [0.2])
+
+    assert missing_terms(path.final, path.everywhere) == []
+    assert missing_traces(path, path.everywhere, ["a", "b", "c"]) == []
+    assert "in the log and not in the motor" in undrawn_sentence(path.final.simulator.model.terms)

@@ -1,0 +1,129 @@
+"""The story of an effect in words: what it claims has to stand in the outcome and the result."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from identification.effects.evidence import Gates
+from identification.effects.friction import CoulombFriction
+from identification.effects.search import Alternative, Found, Outcome, Searched
+from identification.fit.solve import Fit
+from identification.report.story import searched_entries, story_of
+
+PASSED = Gates(900.0, 12.0, 0.7, 0.6, 0.6, False)
+CHANCE = Gates(3.0, 12.0, 0.001, 0.0, 0.0, False)
+
+
+class Unlisted:
+    """A term that stands for no kind of the catalogue."""
+
+    name = "unlisted"
+    equation = "electrical"
+    drivers = ("current", "speed")
+
+
+def fit_with(*terms: object) -> Fit:
+    """As much of a fit as the story reads: its terms."""
+    model = SimpleNamespace(terms=terms)
+    return cast(Fit, SimpleNamespace(simulator=SimpleNamespace(model=model)))
+
+
+def result(off: bool = True) -> dict[str, Any]:
+    """A diagnosis with one shift of 11 % and nothing else."""
+    relative = {"q05": 0.105, "median": 0.11, "q95": 0.115}
+    return {
+        "diagnosis": {
+            "residual": {"sentence": "Something is missing."},
+            "trace": {},
+            "remaining": {"sentence": "Nothing is missing."},
+            "shifts": {"b": {"relative": relative, "off": off}},
+        },
+        "warnings": ["the current lacks something there"],
+    }
+
+
+def outcome(name: str, *searched: Searched) -> Outcome:
+    """One effect with an alternative."""
+    other = Alternative("viscous_temperature", 0.03)
+    found = Found(name, 0.97, PASSED, (other,))
+    return Outcome(fit_with(), (found,), searched)
+
+
+def test_a_shift_is_told_with_its_interval_and_its_cause() -> None:
+    """11 % from 10.5 to 11.5 %, since the friction was in it."""
+    story = story_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
+
+    assert story is not None
+    told = " ".join(story.sentences)
+    assert "b was 11 % too high (10.5 to 11.5 %), because the coulomb friction was in it" in told
+    assert "viscous temperature (3 %)" in told
+    assert story.remaining[0] == "Nothing is missing."
+
+
+def test_a_shift_that_is_none_is_not_told() -> None:
+    """Where the result does not call a parameter off, the story does not either."""
+    story = story_of(
+        outcome("coulomb_friction"), result(off=False), fit_with(CoulombFriction(1.0, 1.0))
+    )
+
+    assert story is not None
+    assert "too high" not in " ".join(story.sentences)
+
+
+def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
+    """The catalogue knows nothing of it: equation and drivers are those of the term."""
+    story = story_of(outcome("unlisted"), result(), fit_with(Unlisted()))
+
+    assert story is not None
+    told = " ".join(story.sentences)
+    assert "Nothing in the catalogue explains what the electrical equation lacks" in told
+    assert "a curve over current and speed" in told
+    assert story.candidates[0].equation == "electrical"
+
+
+def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
+    """An effect that came in by exchange was never chosen in a round, and is in all the same."""
+    story = story_of(
+        outcome(
+            "coulomb_friction",
+            Searched("coulomb_friction", 1, 5.0, CHANCE, False),
+            Searched("quadratic_drag", 1, 50.0, PASSED, True),
+            Searched("viscous_temperature", 1, 40.0, PASSED, False),
+            Searched("brush_drop", 1, 4.0, None, False),
+        ),
+        result(),
+        fit_with(CoulombFriction(1.0, 1.0)),
+    )
+
+    assert story is not None
+    verdicts = {candidate.name: candidate.verdict for candidate in story.candidates}
+    assert next(iter(verdicts)) == "coulomb_friction"
+    assert verdicts == {
+        "coulomb_friction": "chosen",
+        "viscous_temperature": "alternative",
+        "quadratic_drag": "ruled out",
+        "brush_drop": "ruled out",
+    }
+    reasons = {candidate.name: candidate.reason for candidate in story.candidates}
+    assert "given up" in reasons["quadratic_drag"]
+
+
+@pytest.mark.parametrize(
+    ("gates", "chosen", "words"),
+    [(PASSED, True, "explains most"), (CHANCE, False, "within chance"), (None, False, "screening")],
+)
+def test_every_candidate_has_a_reason(gates: Gates | None, chosen: bool, words: str) -> None:
+    """Taken, refused by a gate, or not worth a fit."""
+    searched = Searched("load_torque", 1, 5.0, gates, chosen)
+
+    (entry,) = searched_entries(outcome("coulomb_friction", searched))
+
+    assert words in entry["reason"]
+
+
+def test_without_a_search_there_is_no_story() -> None:
+    """Nothing was looked for, and nothing is claimed."""
+    assert story_of(None, result(), fit_with()) is None
