@@ -33,7 +33,9 @@ from identification.effects.search import search
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
+from identification.fit.noise import effective_shares, with_noise_model
 from identification.fit.solve import Fit
+from identification.posterior.density import Posterior
 
 __all__ = ["main", "plan", "tried"]
 
@@ -122,7 +124,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
         "where": [equations[found.name] for found in outcome.effects],
         "before": _ratios(declared, campaign, noise_sd),
         "after": _ratios(outcome.fit, campaign, noise_sd),
-        "off": _off(outcome.fit, measured.truth["parameters"]),
+        "deviations": _deviations(outcome.fit, measured.truth["parameters"]),
         "seconds": round(seconds, 2),
         "complete": outcome.complete,
     }
@@ -138,15 +140,17 @@ def _ratios(fit: Fit, campaign: Campaign, noise: Sequence[float]) -> list[float]
     return [round(float(r), 4) for r in np.sqrt(squares / counts) / np.array(noise)]
 
 
-def _off(fit: Fit, truth: dict[str, float]) -> float:
-    """Largest deviation of a declared parameter from the truth, in standard deviations."""
-    deviations = np.sqrt(np.diag(fit.equations.covariance()))
-    at = dict(zip(fit.coordinates.names, range(fit.position.size), strict=True))
-    wanted = fit.values.copy()
+def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
+    """By how many posterior standard deviations each declared parameter is off."""
+    final = with_noise_model(fit)
+    posterior = Posterior(final, effective_shares(final))
+    spread = np.sqrt(np.diag(posterior.covariance()))
+    at = dict(zip(final.coordinates.names, range(final.position.size), strict=True))
+    wanted = final.values.copy()
     for name, value in truth.items():
         wanted[at[name]] = value
-    gap = np.abs(fit.coordinates.of(wanted) - fit.position)[[at[name] for name in truth]]
-    return round(float(np.max(gap / deviations[[at[name] for name in truth]])), 2)
+    gap = final.coordinates.of(wanted) - final.position
+    return {name: round(float(gap[at[name]] / spread[at[name]]), 3) for name in truth}
 
 
 def _begin(cores: Any) -> None:

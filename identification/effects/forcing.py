@@ -11,7 +11,7 @@ sample interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
 from identification.model.composite import INPUTS, MotorModel
+from identification.model.division import Counts
 from identification.model.parameter import Parameter
 from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
@@ -64,14 +65,14 @@ class _Push(AbstractTorque, AbstractVoltage):
         return states.torque
 
 
-def responses(fit: Fit, forces: Sequence[Array]) -> list[Array]:
-    """What forces change in the logged channels, to first order.
+def responses(fit: Fit, forces: Callable[[int], Array]) -> Iterator[Array]:
+    """What forces change in the logged channels, to first order, one record after the other.
 
     Args:
         fit: A model at its optimum.
-        forces: For each record (n_sample, 2, n_lane) voltage [V] and torque [N m].
+        forces: From the number of a record to (n_sample, 2, n_lane) voltage [V] and torque [N m].
 
-    Returns:
+    Yields:
         For each record (n_sample, 2, n_lane) [A, rad/s].
     """
     simulator = Simulator.fitting(
@@ -81,28 +82,30 @@ def responses(fit: Fit, forces: Sequence[Array]) -> list[Array]:
         fit.simulator.divisions,
     )
     n = len(fit.simulator.model.state_names)
-    starts = [np.append(state, [0.0, 0.0])[:, None] for state in fit.states]
     scan = _transitions(simulator.model, simulator.plan)
-    outputs = scan(simulator.inputs, fit.values[:, None], starts)[1]
-    found = []
-    for k, (output, force) in enumerate(zip(outputs, forces, strict=True)):
-        flat = output[:, : n * (n + 2), 0]
-        transitions = flat.reshape(-1, n + 2, n).transpose(0, 2, 1)
-        logged = output[:, n * (n + 2) :, 0].reshape(-1, n, 2).transpose(0, 2, 1)
-        rows = np.arange(force.shape[0])
-        if simulator.divisions is not None:
-            rows = np.repeat(rows, simulator.divisions[k])
-        pushed = np.matmul(transitions[:, :, n:], force[rows])
-        moved = np.empty((rows.size, n, force.shape[2]))
-        state = np.zeros((n, force.shape[2]))
-        matrices = np.ascontiguousarray(transitions[:, :, :n])
-        for row in range(rows.size):
-            moved[row] = state
-            state = matrices[row] @ state + pushed[row]
-        if simulator.divisions is not None:
-            first = np.flatnonzero(np.diff(rows, prepend=-1))
-            moved, logged = moved[first], logged[first]
-        found.append(np.matmul(logged, moved))
+    for k, state in enumerate(fit.states):
+        start = np.append(state, [0.0, 0.0])[:, None]
+        output = scan(simulator.inputs[k : k + 1], fit.values[:, None], [start])[1][0]
+        counts = None if simulator.divisions is None else simulator.divisions[k]
+        yield _response(output[:, :, 0], n, forces(k), counts)
+
+
+def _response(output: Array, n: int, force: Array, counts: Counts | None) -> Array:
+    """The response in one record from its transitions."""
+    transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
+    logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
+    samples = np.arange(force.shape[0])
+    rows = samples if counts is None else np.repeat(samples, counts)
+    matrices = np.ascontiguousarray(transitions[:, :, :n])
+    pushes = np.ascontiguousarray(transitions[:, :, n:])
+    found = np.empty_like(force)
+    state = np.zeros((n, force.shape[2]))
+    before = -1
+    for row, sample in enumerate(rows.tolist()):
+        if sample != before:
+            found[sample] = logged[row] @ state
+            before = sample
+        state = matrices[row] @ state + pushes[row] @ force[sample]
     return found
 
 

@@ -152,13 +152,13 @@ class CoggingTorque(AbstractTorque):
 
         tau = A sin(k phi) + B cos(k phi) + C sin(2 k phi) + D cos(2 k phi)  [N m]
 
-    Where the angle is logged the four amplitudes are those of the motor.  Where it is only the
-    integral of the speed, each run begins at an unknown angle, and the amplitudes are free in
-    each record: they are states that do not move.
+    Where the angle is logged from a mark on the shaft, the four amplitudes are those of the motor.
+    Where it is counted from wherever a run began, or is only the integral of the speed, the
+    amplitudes are free in each record: they are states that do not move.
 
     Args:
         torque_size: Natural torque [N m].
-        logged: Whether the angle is logged.
+        logged: Whether the angle is logged, from the same zero in all runs.
     """
 
     torque_size: float
@@ -214,7 +214,7 @@ class CoggingTorque(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its order scanned; sine and cosine of an order belong together."""
+        """One structure, two where the angle may have a zero; sine and cosine belong together."""
         revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
         if revolutions < 0.5:
             return []
@@ -225,8 +225,10 @@ class CoggingTorque(AbstractTorque):
             for phase in ((size, 0.0), (0.0, size))
         ]
         scanned = cls(survey.torque, logged=True)
-        fitted = cls(survey.torque, logged=survey.angle_logged)
-        return [Candidate(scanned, columns(*starts), joint=2, fitted=fitted)]
+        return [
+            Candidate(scanned, columns(*starts), joint=2, fitted=cls(survey.torque, logged=logged))
+            for logged in {survey.angle_logged, False}
+        ]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ without the effect have soaked part of it up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,14 +63,17 @@ def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
         fit: The current model at its optimum.
         candidates: Structures to try.
     """
+    fit = fit.full()
     residuals = [
         record.measured - logged
         for record, logged in zip(fit.simulator.records, fit.equations.logged, strict=True)
     ]
     scores: list[Score] = []
     forced = [candidate for candidate in candidates if isinstance(candidate.term, AbstractForced)]
-    for candidate, deviations in zip(forced, _forced(fit, forced), strict=True):
-        scores += _scores(fit, candidate, deviations, residuals)
+    scores += _scores_of_forced(fit, [c for c in forced if not c.by_record], residuals)
+    own = [candidate for candidate in forced if candidate.by_record]
+    for candidate, deviations in zip(own, _separated(_forced(fit, own), own), strict=True):
+        scores += _scores_by_record(fit, candidate, deviations, residuals)
     for group in _groups([c for c in candidates if not isinstance(c.term, AbstractForced)]):
         for candidate, deviations in zip(group, _deviations(fit, group), strict=True):
             scores += _scores(fit, candidate, deviations, residuals)
@@ -96,30 +100,56 @@ def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
     return groups + ([small] if small else [])
 
 
-def _forced(fit: Fit, candidates: Sequence[Candidate]) -> list[list[Array]]:
-    """For each candidate and record deviations of terms that push and nothing else."""
-    if not candidates:
-        return []
-    trajectories = fit.simulator.states(fit.values[:, None], fit.states)
-    forces = []
-    for record, states in zip(fit.simulator.records, trajectories, strict=True):
-        columns = [
-            candidate.term.forces(record, states[:, 0, 0], states[:, 1, 0], candidate.starts)  # type: ignore[attr-defined]
-            for candidate in candidates
-        ]
-        force = np.zeros((record.rows, 2, sum(column.shape[1] for column in columns)))
+def _forced(fit: Fit, candidates: Sequence[Candidate]) -> Iterator[Array]:
+    """Deviations of terms that push and nothing else, all side by side, record by record."""
+
+    def forces(k: int) -> Array:
+        record = fit.simulator.records[k]
+        part = replace(
+            fit.simulator,
+            records=(record,),
+            divisions=fit.simulator.divisions and (fit.simulator.divisions[k],),
+        )
+        states = part.states(fit.values[:, None], fit.states[k : k + 1])[0]
+        force = np.zeros((record.rows, 2, sum(candidate.lanes for candidate in candidates)))
         start = 0
-        for candidate, column in zip(candidates, columns, strict=True):
+        for candidate in candidates:
             row = 0 if candidate.term.equation == "electrical" else 1
-            force[:, row, start : start + column.shape[1]] = column
-            start += column.shape[1]
-        forces.append(force)
-    moved = responses(fit, forces)
+            term: Any = candidate.term
+            force[:, row, start : start + candidate.lanes] = term.forces(
+                record, states[:, 0, 0], states[:, 1, 0], candidate.starts
+            )
+            start += candidate.lanes
+        return force
+
+    return responses(fit, forces) if candidates else iter(())
+
+
+def _separated(responses: Iterator[Array], candidates: Sequence[Candidate]) -> list[list[Array]]:
+    """For each candidate its deviations in each record."""
+    records = list(responses)
     ends = np.cumsum([candidate.lanes for candidate in candidates])
     return [
-        [response[:, :, end - candidate.lanes : end] for response in moved]
+        [response[:, :, end - candidate.lanes : end] for response in records]
         for candidate, end in zip(candidates, ends, strict=True)
     ]
+
+
+def _scores_of_forced(
+    fit: Fit, candidates: Sequence[Candidate], residuals: Sequence[Array]
+) -> list[Score]:
+    """Scores of many curves at once; only one record's responses are kept at a time."""
+    if not candidates:
+        return []
+    lanes = sum(candidate.lanes for candidate in candidates)
+    projections, products = _normal(fit, _forced(fit, candidates), residuals, lanes)
+    scores: list[Score] = []
+    start = 0
+    for candidate in candidates:
+        span = slice(start, start + candidate.lanes)
+        scores += _scores_from(candidate, projections[span], products[span, span])
+        start += candidate.lanes
+    return scores
 
 
 def _scores(
@@ -148,10 +178,13 @@ def _scores_together(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
     """Scores of starts whose amplitudes are the same in all records."""
-    lanes = candidate.lanes
-    projections, products = _normal(fit, deviations, residuals)
+    projections, products = _normal(fit, deviations, residuals, candidate.lanes)
+    return _scores_from(candidate, projections, products)
+
+
+def _scores_from(candidate: Candidate, projections: Array, products: Array) -> list[Score]:
     scores = []
-    for first in range(0, lanes, candidate.joint):
+    for first in range(0, candidate.lanes, candidate.joint):
         span = slice(first, first + candidate.joint)
         gain, weights = _gain(products[span, span], projections[span])
         if np.isfinite(gain):
@@ -234,12 +267,11 @@ def _deviations(fit: Fit, group: Sequence[Candidate]) -> list[list[Array]]:
 
 
 def _normal(
-    fit: Fit, deviations: Sequence[Array], residuals: Sequence[Array]
+    fit: Fit, deviations: Iterable[Array], residuals: Sequence[Array], count: int
 ) -> tuple[Array, Array]:
     """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp."""
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
-    count = deviations[0].shape[2]
     right = np.zeros(count)
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))

@@ -36,6 +36,9 @@ _REFITTED: Final = 7
 _RIVALS: Final = 4
 _CURVES: Final = 4
 _FAR_MORE: Final = 3.0
+_FAR_LESS: Final = 0.1
+"""Share of the best promise below which nothing is refitted; the effect that is there has been seen
+to promise 0.4 of the best at least (`make attribution` with this at zero)."""
 _LISTED_SHARE: Final = 0.6
 _MOST_EFFECTS: Final = 4
 _KEPT: Final = 0.005
@@ -159,7 +162,7 @@ def search(
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
     effects = _explained(state)
     traces = traced(trials.curves(first)) if effects else ()
-    fit = with_known_amplitudes(state.current.fit)
+    fit = with_known_amplitudes(state.current.fit).full()
     return Outcome(fit, tuple(effects), tuple(state.searched), complete, traces)
 
 
@@ -167,19 +170,25 @@ def _forward(state: _State, round_: int) -> bool:
     """Add the best effect that passes; False where none does."""
     trials, current = state.trials, state.current
     scores = trials.scores(current)
-    wanted = promising(scores, _REFITTED, trials.worth_a_refit(current))
+    wanted = promising(scores, _REFITTED, _least(trials, current, scores))
     chosen = _taken(state, wanted, round_)
     if chosen is not None and _is_proxy(trials, current, chosen):
         chosen = None
-    looked = {(s.candidate.term.name, variant(s.candidate.term)) for s in wanted}
+    looked = {(s.candidate.term.name, variant(s.candidate.final)) for s in wanted}
     for score in promising(scores, len(scores)):
-        key = (score.candidate.term.name, variant(score.candidate.term))
+        key = (score.candidate.term.name, variant(score.candidate.final))
         if key not in looked:
             state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
     if chosen is None:
         return False
     state.current = chosen
     return True
+
+
+def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
+    """Promised gain below which no prototype is refitted."""
+    most = max((score.gain for score in scores), default=0.0)
+    return max(trials.worth_a_refit(current), _FAR_LESS * most)
 
 
 def _is_proxy(trials: Trials, current: Judged, chosen: Judged) -> bool:
@@ -207,7 +216,7 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     judgements = [*near, *far]
     for k in [*order, *range(len(near), len(fits))]:
         score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
-        term = score.candidate.term
+        term = score.candidate.final
         state.searched.append(
             Searched(term.name, round_, score.gain, gates, k == chosen, variant(term))
         )
@@ -242,7 +251,7 @@ def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
     hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
-    wanted = promising(scores, _RIVALS, trials.worth_a_refit(simpler))
+    wanted = promising(scores, _RIVALS, _least(trials, simpler, scores))
     fits = trials.refits(simpler, wanted, hopeless)
     return trials.near(simpler, [(s, f) for s, f in fits if f.cost <= hopeless])
 

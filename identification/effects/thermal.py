@@ -165,7 +165,7 @@ class MagnetLag(_Lag):
 class ResistanceCurvature(AbstractCoefficient):
     """A second-order term in Ra(T).
 
-    Ra -> Ra (1 + c (T - 25)^2)                                         [ohm]
+    Ra = Ra25 (1 + alpha_Ra (T - 25) + c (T - 25)^2)                    [ohm]
     """
 
     name: ClassVar[str] = "resistance_curvature"
@@ -187,7 +187,8 @@ class ResistanceCurvature(AbstractCoefficient):
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on Ra [-]."""
-        return 1 + values.curvature * (signals.winding_temperature - 25) ** 2
+        rise = signals.winding_temperature - 25
+        return 1 + values.curvature * rise**2 / (1 + values.alpha_Ra * rise)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from identification.effects.curve import MissingTorque, MissingVoltage, curves
 from identification.effects.effect import survey_of
+from identification.effects.hysteresis import LaggingFriction
 from identification.effects.ripple import ripples
 from identification.effects.screen import Score, screened
 from identification.fit.solve import Fit
@@ -59,7 +60,8 @@ def missing_curves(fit: Fit) -> list[Score]:
         fit: A model at its optimum.
     """
     survey = survey_of(fit)
-    scores = screened(fit, [*curves(survey), *ripples(survey, _peaks(fit))])
+    candidates = [*curves(survey), *ripples(survey, _peaks(fit))]
+    scores = screened(fit, candidates + LaggingFriction.candidates(survey))
     best: dict[object, Score] = {}
     for score in scores:
         best.setdefault(score.candidate.final, score)

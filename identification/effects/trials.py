@@ -75,7 +75,7 @@ class Trials:
         known = self._judged.get(key)
         if known is None or fit.cost < known.fit.cost - 1e-3:
             share = float(np.min(effective_shares(fit))) if share is None else share
-            known = self._judged[key] = judged(fit, self.campaign, share)
+            known = self._judged[key] = judged(fit.light(), self.campaign, share)
         return known
 
     def without(self, current: Judged, term: AbstractTerm) -> Judged:
@@ -128,7 +128,7 @@ class Trials:
                 fit = refitted_with(
                     current.fit, score.candidate.final, score.start, patience, score.own
                 )
-                self._fits[key] = fit
+                fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
             found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
@@ -143,7 +143,7 @@ class Trials:
             if fit.cost > reach:
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
-            self._fits[key] = refined(fit, self.patience())
+            self._fits[key] = refined(fit, self.patience()).light()
             finer.append(self.judge(self._fits[key]))
         return finer
 
@@ -170,7 +170,7 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
     """
     best: dict[tuple[str, str], Score] = {}
     for score in scores:
-        best.setdefault((score.candidate.term.name, variant(score.candidate.term)), score)
+        best.setdefault((score.candidate.term.name, variant(score.candidate.final)), score)
     kinds: dict[str, int] = {}
     kept = []
     for score in best.values():
@@ -187,10 +187,14 @@ def variant(term: AbstractTerm) -> str:
     if run is not None:
         return f"run {run + 1}"
     if term.name == "unlisted":
+        if hasattr(term, "farthest"):
+            return f"direction with a lag in the {term.equation} equation"
         form = " carried by ".join(
             filter(None, (getattr(term, f, "") for f in ("along", "carrier")))
         )
         return f"{form or 'ripple'} in the {term.equation} equation"
+    if term.name == "cogging_torque":
+        return "one angle" if getattr(term, "logged", False) else "an angle of each run"
     return str(getattr(term, "channel", "")) if term.name == "channel_delay" else ""
 
 

@@ -1,10 +1,11 @@
-"""What stands in where no effect of the catalogue explains what is missing: a curve or a ripple."""
+"""What stands in where no effect of the catalogue explains it: a curve, a ripple, a lag."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
 from identification.effects.curve import MissingTorque, MissingVoltage
+from identification.effects.hysteresis import LaggingFriction
 from identification.effects.ripple import MissingTorqueRipple, MissingVoltageRipple
 from identification.model.term import AbstractTerm
 
@@ -29,5 +30,7 @@ def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
     if "starts" in fields:
         fields["starts"] = tuple(fields["starts"])
         fields["imitated"] = tuple((float(a), float(b)) for a, b in fields["imitated"])
+    if "farthest" in fields:
+        return LaggingFriction(**fields)
     term: AbstractTerm = _KINDS[equation, "duration" in fields](**fields)
     return term

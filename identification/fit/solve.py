@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -87,6 +87,19 @@ class Fit:
     def values(self) -> Array:
         """(n_parameter,) physical values."""
         return self.coordinates.values(self.position)
+
+    def light(self) -> Fit:
+        """The fit without the derivatives of every sample, which are most of its memory."""
+        return replace(self, equations=replace(self.equations, tangents=()))
+
+    def full(self) -> Fit:
+        """The fit with those derivatives."""
+        if self.equations.tangents:
+            return self
+        equations = normal_equations(
+            self.simulator, self.coordinates, self.position, self.states, self.weighting
+        )
+        return replace(self, equations=equations)
 
     def simulated(self) -> list[Array]:
         """For each record (n_sample, 2) what the sensors would log."""

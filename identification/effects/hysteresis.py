@@ -1,0 +1,77 @@
+"""What is missing as a friction that lags behind reversals.
+
+Presliding: contacts bend before they slide, so that friction turns over a distance and not at
+once.  Neither a function of speed nor one of any other signal has that memory.
+
+Source: Dahl, AIAA Journal 14 (1976), 1675-1682 (solid friction damping of mechanical vibrations).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.model.parameter import Parameter
+from identification.model.term import AbstractTorque, Expression, Signals, State, Values
+
+__all__ = ["LaggingFriction"]
+
+_ROUNDED = 1e-3
+
+
+@dataclass(frozen=True)
+class LaggingFriction(AbstractTorque):
+    """A friction that follows the direction of the motion over a distance.
+
+        tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
+
+    Args:
+        torque_size: Natural torque [N m].
+        speed_size: Natural speed [rad/s].
+        nearest: Shortest distance that the sampling shows [rad].
+        farthest: Longest [rad].
+    """
+
+    torque_size: float
+    speed_size: float
+    nearest: float
+    farthest: float
+
+    name: ClassVar[str] = "unlisted"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("speed",)
+    source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976), 1675-1682"
+    states: ClassVar[tuple[State, ...]] = (State("deflection", "-", scale=1.0),)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Torque and distance."""
+        return (
+            amplitude("torque", "N m", "friction while sliding", self.torque_size),
+            shape("distance", "rad", "distance of a reversal", self.nearest, self.farthest),
+        )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque against the deflection [N m]."""
+        return -values.torque * states.deflection
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rate of the relative deflection [1/s]."""
+        speed = signals.speed
+        size = ca.sqrt(speed * speed + (_ROUNDED * self.speed_size) ** 2)
+        return [(speed - size * states.deflection) / values.distance]
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, its distance scanned."""
+        nearest = 0.3 * survey.speed * survey.interval
+        farthest = 0.3 * survey.speed * survey.duration
+        if farthest < 10 * nearest:
+            return []
+        scanned = np.geomspace(2 * nearest, farthest / 3, 5)
+        starts = [(0.05 * survey.torque, float(d)) for d in scanned]
+        return [Candidate(cls(survey.torque, survey.speed, nearest, farthest), columns(*starts))]
