@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.division import Counts
+from identification.model.division import Counts, begins
 from identification.model.parameter import Parameter
 from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
@@ -65,15 +65,16 @@ class _Push(AbstractTorque, AbstractVoltage):
         return states.torque
 
 
-def responses(fit: Fit, forces: Callable[[int], Array]) -> Iterator[Array]:
+def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iterator[Array]:
     """What forces change in the logged channels, to first order, one record after the other.
 
     Args:
         fit: A model at its optimum.
         forces: From the number of a record to (n_sample, 2, n_lane) voltage [V] and torque [N m].
+        stride: Samples from one response that is put out to the next.
 
     Yields:
-        For each record (n_sample, 2, n_lane) [A, rad/s].
+        For each record (n_kept, 2, n_lane) [A, rad/s].
     """
     simulator = Simulator.fitting(
         fit.simulator.model.adding(_Push()),
@@ -87,26 +88,33 @@ def responses(fit: Fit, forces: Callable[[int], Array]) -> Iterator[Array]:
         start = np.append(state, [0.0, 0.0])[:, None]
         output = scan(simulator.inputs[k : k + 1], fit.values[:, None], [start])[1][0]
         counts = None if simulator.divisions is None else simulator.divisions[k]
-        yield _response(output[:, :, 0], n, forces(k), counts)
+        yield _response(output[:, :, 0], n, forces(k), counts, stride)
 
 
-def _response(output: Array, n: int, force: Array, counts: Counts | None) -> Array:
-    """The response in one record from its transitions."""
+def _response(output: Array, n: int, force: Array, counts: Counts | None, stride: int) -> Array:
+    """The response in one record from its transitions, at every so many samples."""
     transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
     logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
-    samples = np.arange(force.shape[0])
-    rows = samples if counts is None else np.repeat(samples, counts)
-    matrices = np.ascontiguousarray(transitions[:, :, :n])
-    pushes = np.ascontiguousarray(transitions[:, :, n:])
-    found = np.empty_like(force)
+    first = np.arange(force.shape[0]) if counts is None else begins(counts)
+    kept = np.arange(0, force.shape[0], stride)
+    # Rows between two samples that are kept make one transition; all such spans go side by side.
+    starts = first[kept]
+    stops = np.append(starts[1:], output.shape[0])
+    samples = np.repeat(np.arange(force.shape[0]), np.diff(np.append(first, output.shape[0])))
+    matrices = np.repeat(np.eye(n)[None], kept.size, axis=0)
+    pushed = np.zeros((kept.size, n, force.shape[2]))
+    for ahead in range(int((stops - starts).max())):
+        rows = starts + ahead
+        on = rows < stops
+        here = transitions[rows[on]]
+        matrices[on] = here[:, :, :n] @ matrices[on]
+        pushed[on] = here[:, :, :n] @ pushed[on] + here[:, :, n:] @ force[samples[rows[on]]]
     state = np.zeros((n, force.shape[2]))
-    before = -1
-    for row, sample in enumerate(rows.tolist()):
-        if sample != before:
-            found[sample] = logged[row] @ state
-            before = sample
-        state = matrices[row] @ state + pushes[row] @ force[sample]
-    return found
+    states = np.empty_like(pushed)
+    for k in range(kept.size):
+        states[k] = state
+        state = matrices[k] @ state + pushed[k]
+    return np.asarray(logged[starts] @ states)
 
 
 @lru_cache(32)

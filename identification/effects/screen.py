@@ -32,6 +32,10 @@ __all__ = ["Score", "screened"]
 _MANY = 1_000_000
 """Samples times prototypes above which better code pays for itself in one run."""
 
+_ENOUGH = 20_000
+"""Samples at which curves are compared with the residual; more of them say nothing new of a curve
+with nine heights."""
+
 Array = NDArray[np.float64]
 
 
@@ -100,7 +104,7 @@ def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
     return groups + ([small] if small else [])
 
 
-def _forced(fit: Fit, candidates: Sequence[Candidate]) -> Iterator[Array]:
+def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Iterator[Array]:
     """Deviations of terms that push and nothing else, all side by side, record by record."""
 
     def forces(k: int) -> Array:
@@ -122,7 +126,7 @@ def _forced(fit: Fit, candidates: Sequence[Candidate]) -> Iterator[Array]:
             start += candidate.lanes
         return force
 
-    return responses(fit, forces) if candidates else iter(())
+    return responses(fit, forces, stride) if candidates else iter(())
 
 
 def _separated(responses: Iterator[Array], candidates: Sequence[Candidate]) -> list[list[Array]]:
@@ -142,7 +146,11 @@ def _scores_of_forced(
     if not candidates:
         return []
     lanes = sum(candidate.lanes for candidate in candidates)
-    projections, products = _normal(fit, _forced(fit, candidates), residuals, lanes)
+    samples = sum(record.rows for record in fit.simulator.records)
+    is_white = all(len(taps) == 1 for taps in fit.weighting.whitening)
+    stride = max(samples // _ENOUGH, 1) if is_white else 1
+    forced = _forced(fit, candidates, stride)
+    projections, products = _normal(fit, forced, residuals, lanes, stride)
     scores: list[Score] = []
     start = 0
     for candidate in candidates:
@@ -267,9 +275,13 @@ def _deviations(fit: Fit, group: Sequence[Candidate]) -> list[list[Array]]:
 
 
 def _normal(
-    fit: Fit, deviations: Iterable[Array], residuals: Sequence[Array], count: int
+    fit: Fit,
+    deviations: Iterable[Array],
+    residuals: Sequence[Array],
+    count: int,
+    stride: int = 1,
 ) -> tuple[Array, Array]:
-    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp."""
+    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp, each sample standing for `stride`."""
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
     right = np.zeros(count)
@@ -278,14 +290,14 @@ def _normal(
     for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
-        right += gradient_of(residual, safe, weighting, k)
         both = np.zeros((n + fit.simulator.n_state, count))
         for channel in range(2):
-            weight = weighting.sample_weights(k)[:, channel, None]
+            weight = stride * weighting.sample_weights(k)[::stride, channel, None]
             white = weighting.whitened(safe[:, channel, :], channel)
             scaled = white * (weight / weighting.deviation[channel] ** 2)
             square += white.T @ scaled
-            tangent = weighting.whitened(equations.tangents[k][:, channel, :], channel)
+            right += scaled.T @ weighting.whitened(residual[::stride, channel], channel)
+            tangent = weighting.whitened(equations.tangents[k][::stride, channel, :], channel)
             both += tangent.T @ scaled
         solved = np.linalg.solve(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved

@@ -41,7 +41,9 @@ def accurate(
     coarse = simulator.divided_for(values, states, share * deviation)
     for _ in range(_ATTEMPTS):
         share /= _FINER
-        fine = simulator.divided_for(values, states, share * deviation)
+        fine = simulator.divided_for(
+            values, states, share * deviation, looks=1, start=coarse.divisions
+        )
         if np.all(change_between(coarse, fine, values, states) < TOLERATED * deviation):
             return coarse
         coarse = fine

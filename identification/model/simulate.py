@@ -170,7 +170,14 @@ class Simulator:
         plan = plan_for(margin * rate, linear=not model.terms)
         return Simulator(model, tuple(records), plan, divisions)
 
-    def divided_for(self, values: Array, states: Sequence[Array], tolerance: Array) -> Simulator:
+    def divided_for(
+        self,
+        values: Array,
+        states: Sequence[Array],
+        tolerance: Array,
+        looks: int = _LOOKS,
+        start: tuple[Counts, ...] | None = None,
+    ) -> Simulator:
         """This simulator with its sample intervals divided until each is accurate.
 
         The error of a part is what two halves of it change, measured at `values`.
@@ -179,10 +186,11 @@ class Simulator:
             values: (n_parameter,) physical.
             states: For each record (n_state,) at its first sample.
             tolerance: (2,) error of current and speed that one interval may have [A, rad/s].
+            looks: How often the error is measured.
+            start: Parts to start from; one where absent.
         """
-        simulator = self
-        divisions = evenly([record.rows for record in self.records], 1)
-        for _ in range(_LOOKS):
+        divisions = start or evenly([record.rows for record in self.records], 1)
+        for _ in range(looks):
             simulator = replace(self, divisions=divisions)
             errors = simulator._errors_of_parts(values, states)
             more = tuple(
