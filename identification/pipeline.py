@@ -131,7 +131,7 @@ def identify(
         loops=tuple(simulated_loops(final, draws, options.temperatures, options.controllers)),
         localisation=found,
         left=left,
-        before=detect(declared, campaign, found.noise) if found else None,
+        before=detect(declared, campaign, left.noise) if left else None,
         after=detect(final, campaign, left.noise) if left else None,
     )
     result = assemble(findings)

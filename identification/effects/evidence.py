@@ -32,7 +32,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 
-__all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities"]
+__all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities", "scores_of"]
 
 Array = NDArray[np.float64]
 
@@ -141,11 +141,25 @@ class Judged:
             local=bool(names) and names <= LOCAL,
         )
 
-    def score(self) -> float:
-        """Half the Bayesian information criterion in effective samples; smaller is better."""
-        samples = max(float(self.fit.weighting.counts.sum()) * self.share, 2.0)
+    def score(self, share: float) -> float:
+        """Half the Bayesian information criterion; smaller is better.
+
+        Args:
+            share: Effective share of the samples, the same for all that are compared.
+        """
+        samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
         size = self.fit.position.size + sum(len(s) - 2 for s in self.fit.states)
-        return self.share * self.fit.cost + 0.5 * size * float(np.log(samples))
+        return share * self.fit.cost + 0.5 * size * float(np.log(samples))
+
+
+def scores_of(models: Sequence[Judged]) -> list[float]:
+    """Scores of models against each other, counted in the samples of the whitest of them.
+
+    What a model lacks colours its residual, so that the best one says best how much the samples
+    are worth.
+    """
+    share = max((one.share for one in models), default=1.0)
+    return [one.score(share) for one in models]
 
 
 def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:

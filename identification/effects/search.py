@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.evidence import Gates, Judged, probabilities
+from identification.effects.evidence import Gates, Judged, probabilities, scores_of
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.screen import Score
 from identification.effects.tracing import Trace, traced
@@ -145,19 +145,25 @@ def search(
     first = trials.judge(declared)
     state = _State(trials, first)
     alone: Judged | None = None
+    is_exhausted = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
-        if time.monotonic() > listed_until or not _forward(state, round_):
+        if time.monotonic() > listed_until:
+            break
+        if not _forward(state, round_):
+            is_exhausted = True
             break
         if round_ == 1:
             alone = _curve_alone(state, first)
+            if alone is not None and _is_far_better(alone, state.current, first):
+                break
             continue
-        if alone is not None and alone.score() < state.current.score():
+        if alone is not None and _is_better(alone, state.current):
             break
         _backward(state)
         _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
-    _unlisted(state, first, alone)
+    _unlisted(state, first, alone, is_exhausted)
     complete = not trials.over
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
     effects = _explained(state)
@@ -172,8 +178,6 @@ def _forward(state: _State, round_: int) -> bool:
     scores = trials.scores(current)
     wanted = promising(scores, _REFITTED, _least(trials, current, scores))
     chosen = _taken(state, wanted, round_)
-    if chosen is not None and _is_proxy(trials, current, chosen):
-        chosen = None
     looked = {(s.candidate.term.name, variant(s.candidate.final)) for s in wanted}
     for score in promising(scores, len(scores)):
         key = (score.candidate.term.name, variant(score.candidate.final))
@@ -191,22 +195,14 @@ def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
     return max(trials.worth_a_refit(current), _FAR_LESS * most)
 
 
-def _is_proxy(trials: Trials, current: Judged, chosen: Judged) -> bool:
-    """Whether a curve in some signal promises several times what the best kind has brought.
-
-    Then nothing in the catalogue is what is missing, and more rounds would pile up stand-ins.
-    """
-    gain = current.fit.cost - chosen.fit.cost
-    return any(score.gain > _FAR_MORE * gain for score in trials.curves(current)[:1])
-
-
 def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None:
     """The best of the refits of prototypes that passes the gates."""
     trials, current = state.trials, state.current
     fits = trials.refits(current, wanted)
     near = trials.near(current, fits)
     far = [Judged(fit, current.share, None) for _, fit in fits[len(near) :]]
-    order = sorted(range(len(near)), key=lambda k: near[k].score())
+    scores = scores_of(near)
+    order = sorted(range(len(near)), key=lambda k: scores[k])
     chosen = next((k for k in order if near[k].gates(current, trials.tried).passed), None)
     if chosen is None and far:
         # Those in reach of the best have failed; only then is it worth to judge the others.
@@ -236,14 +232,13 @@ def _backward(state: _State) -> None:
 def _exchange(state: _State) -> None:
     """Replace effects for which another kind serves better beside the others."""
     for term in state.current.fit.simulator.model.terms:
-        if state.trials.over or term.name == "unlisted":
-            continue
+        if state.trials.over:
+            return
         simpler = state.trials.without(state.current, term)
         rivals = _rivals(state, simpler, term.name)
         if rivals:
-            best = min(rivals, key=lambda rival: rival.score())
-            if best.score() < state.current.score():
-                state.current = best
+            models = [state.current, *rivals]
+            state.current = models[int(np.argmin(scores_of(models)))]
 
 
 def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
@@ -274,25 +269,41 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
     return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
 
 
-def _unlisted(state: _State, declared: Judged, alone: Judged | None) -> None:
+def _is_better(one: Judged, other: Judged) -> bool:
+    scores = scores_of([one, other])
+    return scores[0] < scores[1]
+
+
+def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
+    """Whether a curve gains several times what the best kind does.
+
+    Then nothing in the catalogue is what is missing, and more rounds would pile up stand-ins.
+    """
+    gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
+    return _is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
+
+
+def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
     """Put a curve in the place of the effects of the catalogue, or beside them, where one passes.
 
     Where something is left beside the effects that were found, they may all be stand-ins: a curve
-    by itself is tried first, then one beside them, after which they have to pass again.
+    by itself is tried first.  One beside them is tried only where the catalogue is exhausted; after
+    it they have to pass again, and so has the curve against the kinds that were not taken.
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
     if left and alone is None and listed is not declared:
         alone = _curve_alone(state, declared)
-    if alone is not None and alone.score() < listed.score():
+    if alone is not None and _is_better(alone, listed):
         state.current = alone
         return
-    if left:
+    if left and is_exhausted:
         round_ = 1 + max((s.round for s in state.searched), default=0)
         chosen = _taken(state, left[:_CURVES], round_)
         if chosen is not None:
             state.current = chosen
             _backward(state)
+            _exchange(state)
 
 
 def _explained(state: _State) -> list[Found]:
@@ -305,7 +316,7 @@ def _explained(state: _State) -> list[Found]:
         is_final = trials.over or term.name == "unlisted"
         looked = [] if is_final else _rivals(state, simpler, term.name)
         rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
-        odds = probabilities([current.score(), *(r.score() for r in rivals)])
+        odds = probabilities(scores_of([current, *rivals]))
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):
             added = rival.fit.simulator.model.terms[-1].name

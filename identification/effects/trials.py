@@ -21,8 +21,9 @@ from identification.effects.refit import refined, refitted_with, refitted_withou
 from identification.effects.screen import Score, screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
+from identification.fit.declared import replanned
 from identification.fit.noise import effective_shares
-from identification.fit.solve import Fit, Patience
+from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
 
 __all__ = ["Trials", "promising", "variant"]
@@ -30,6 +31,7 @@ __all__ = ["Trials", "promising", "variant"]
 Key = frozenset[tuple[str, str]]
 
 _STEPS: Final = 20
+_LEGS: Final = 4
 _WORTH: Final = 2.0
 _SLACK: Final = 30.0
 _REACH: Final = 0.15
@@ -143,9 +145,33 @@ class Trials:
             if fit.cost > reach:
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
-            self._fits[key] = refined(fit, self.patience()).light()
+            self._fits[key] = self._finished(fit).light()
             finer.append(self.judge(self._fits[key]))
         return finer
+
+    def _finished(self, fit: Fit) -> Fit:
+        """The fit at its optimum, on intervals as fine as it needs.
+
+        A base that has not converged would make everything that is added to it look good.
+        """
+        for _ in range(_LEGS):
+            if fit.converged or self.over:
+                break
+            before = fit.cost
+            fit = replanned(
+                solve(
+                    fit.simulator,
+                    fit.coordinates,
+                    fit.position,
+                    fit.states,
+                    fit.weighting,
+                    self.patience(),
+                ),
+                self.patience(),
+            )
+            if before - fit.cost < 1.0:
+                break
+        return refined(fit, self.patience())
 
     def worth_a_refit(self, current: Judged) -> float:
         """Promised gain below which an effect would fail even if it were five times larger.

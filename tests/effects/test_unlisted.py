@@ -1,0 +1,100 @@
+"""Effects that no catalogue knows: a curve stands in, in the right balance and signals."""
+
+from __future__ import annotations
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from bench import make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.curve import MissingTorque, curves
+from identification.effects.effect import survey_of
+from identification.effects.search import Outcome, search
+from identification.effects.tracing import missing_curves, traced
+from identification.effects.unlisted import unlisted_term
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from identification.model.composite import INPUTS, MotorModel
+
+
+def _campaign(motor: str | int, effects: list[tuple[str, float]], seed: int) -> Campaign:
+    measured = make_campaign(motor, effects, seed=seed, rows=1200, training=4, validation=1)
+    return campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+
+
+def _outcome(motor: str | int, effect: str, size: float, seed: int) -> Outcome:
+    campaign = _campaign(motor, [(effect, size)], seed)
+    return search(fit_declared(campaign.training, "zoh"), campaign)
+
+
+@pytest.mark.parametrize(
+    ("effect", "equation", "driver"),
+    [
+        ("commutation_loss", "electrical", "current"),
+        ("time_ripple", "mechanical", "time"),
+        ("bristle_friction", "mechanical", "speed"),
+        ("load_dependent_friction", "mechanical", "current"),
+    ],
+)
+def test_an_effect_in_no_catalogue_is_called_unlisted(
+    effect: str, equation: str, driver: str
+) -> None:
+    """The bench simulator put it in; equation and driver are those it declares."""
+    outcome = _outcome("servo_150w", effect, 0.1, seed=21)
+
+    assert "unlisted" in [found.name for found in outcome.effects]
+    term = next(t for t in outcome.fit.simulator.model.terms if t.name == "unlisted")
+    assert term.equation == equation
+    assert driver in term.drivers
+    gates = next(found.gates for found in outcome.effects if found.name == "unlisted")
+    assert gates.validation is not None
+    assert gates.validation > 0.5 * gates.possible
+
+
+def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance() -> None:
+    """Of single signals the one that the bench simulator's torque depends on comes first."""
+    campaign = _campaign("servo_150w", [("rub_above_speed", 0.1)], seed=22)
+
+    traces = traced(missing_curves(fit_declared(campaign.training, "zoh")))
+
+    assert (traces[0].equation, traces[0].driver) == ("mechanical", "speed")
+    fast = traces[0].grid > 0.8 * traces[0].grid.max()
+    slow = np.abs(traces[0].grid) < 0.1 * traces[0].grid.max()
+    assert np.abs(traces[0].curve[fast]).mean() > 2 * np.abs(traces[0].curve[slow]).mean()
+
+
+def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
+    """Each basis function is orthogonal to current and speed over the runs, by construction."""
+    campaign = _campaign("servo_150w", [], seed=23)
+    survey = survey_of(fit_declared(campaign.training, "zoh"))
+    term = next(c.term for c in curves(survey) if c.term.drivers == ("speed",))
+    assert isinstance(term, MissingTorque)
+
+    columns = np.concatenate([term.columns(r, *r.measured.T) for r in survey.records])
+    signals = np.concatenate([r.measured for r in survey.records])
+
+    size = np.linalg.norm(columns, axis=0)[:, None] * np.linalg.norm(signals, axis=0)
+    assert np.abs(columns.T @ signals / size).max() < 0.05
+
+
+def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
+    """Its settings go through JSON; expected are the same rates of the same motor."""
+    campaign = _campaign("servo_150w", [], seed=24)
+    survey = survey_of(fit_declared(campaign.training, "zoh"))
+
+    for candidate in curves(survey):
+        settings = json.loads(json.dumps(dict(vars(candidate.term))))
+        again = unlisted_term(candidate.term.equation, settings)
+
+        assert again == candidate.term
+        model = MotorModel((again,))
+        x, u = ca.SX.sym("x", 2), ca.SX.sym("u", len(INPUTS))
+        p = ca.SX.sym("p", len(model.parameters))
+        rates = ca.Function("rates", [x, u, p], [model.rates(x, u, p)])
+        assert np.isfinite(np.asarray(rates([1.0, 10.0], np.ones(len(INPUTS)), 1.0))).all()
