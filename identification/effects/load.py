@@ -278,14 +278,16 @@ class InertiaChange(AbstractCoefficient):
 
 
 @dataclass(frozen=True)
-class ShaftCompliance(AbstractTorque):
-    """A second inertia behind a springy shaft.
+class ShaftCompliance(AbstractTorque, AbstractCoefficient):
+    """A second inertia behind a springy shaft: part of J turns with the rotor, part behind it.
 
+        J -> J (1 - s) + J_2 behind the shaft,   J_2 = s J
         tau = -k g theta - c (w - w_2),   J_2 dw_2/dt = k g theta + c (w - w_2),
         dtheta/dt = w - w_2,              g = 1 + h (k theta / T)^2
 
-    with J_2 = r J, k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load
-    against a held rotor; `h` says by how much the coupling stiffens at the natural torque T.
+    with k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load against a held
+    rotor; `h` says by how much the coupling stiffens at the natural torque T.  J stays what slow
+    motions show, all of it.
 
     Args:
         torque_size: Natural torque T [N m].
@@ -301,13 +303,14 @@ class ShaftCompliance(AbstractTorque):
     equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
+    coefficient: ClassVar[str] = "J"
     states: ClassVar[tuple[State, ...]] = (State("twist", "rad"), State("speed", "rad/s", "speed"))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Inertia ratio, resonance and damping."""
+        """Share of the inertia behind the shaft, resonance and damping."""
         return (
-            shape("ratio", "-", "second inertia over the first", 0.003, 30.0),
+            shape("share", "-", "share of the inertia that sits behind the shaft", 0.003, 0.99),
             shape(
                 "resonance", "rad/s", "resonance of the second inertia", self.slowest, self.fastest
             ),
@@ -326,12 +329,16 @@ class ShaftCompliance(AbstractTorque):
     def _pull(self, states: Values, values: Values) -> Expression:
         """Torque of the spring over the second inertia [rad/s^2]."""
         stiffness = values.resonance**2
-        torque = values.ratio * values.J * stiffness * states.twist / self.torque_size
+        torque = values.share * values.J * stiffness * states.twist / self.torque_size
         return stiffness * states.twist * (1 + values.hardening * torque * torque)
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Share of J that turns with the rotor [-]."""
+        return 1 - values.share
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the shaft on the rotor [N m]."""
-        inertia = values.ratio * values.J
+        inertia = values.share * values.J
         damping = 2 * values.damping * inertia * values.resonance
         return -inertia * self._pull(states, values) - damping * (signals.speed - states.speed)
 
@@ -351,4 +358,5 @@ class ShaftCompliance(AbstractTorque):
             return []
         term = cls(survey.torque, slowest, fastest)
         scanned = np.geomspace(1.5 * slowest, 0.7 * fastest, 16)
-        return [Candidate(term, columns(*[(0.2, w, 0.3, 0.0) for w in scanned]))]
+        starts = [(share, w, 0.3, 0.0) for share in (0.2, 0.5) for w in scanned]
+        return [Candidate(term, columns(*starts))]
