@@ -104,7 +104,9 @@ def _refitted(
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
     )
-    position = coordinates.of(_shortened(simulator, values, set(added), states, plain))
+    if patience.steps:
+        values = _shortened(simulator, values, set(added), states, plain)
+    position = coordinates.of(values)
     return replanned(solve(simulator, coordinates, position, states, plain, patience), patience)
 
 
