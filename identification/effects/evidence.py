@@ -15,6 +15,10 @@ pass three gates, none of which was tuned on a simulator:
    where that is less; an effect of a single run only must not make it worse.  Amplitudes that every
    record has for itself are fitted to the runs left out: a phase is no prediction.
 
+Models are compared by half the Bayesian information criterion.  Two that differ by less than one
+are alike; the one whose kinds come first in the catalogue, commoner things first, is then named,
+and the other is listed beside it.
+
 Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Kass and Raftery, J. American Statistical
 Association 90 (1995), 773-795 (probabilities from differences of BIC).
 """
@@ -148,8 +152,18 @@ class Judged:
             share: Effective share of the samples, the same for all that are compared.
         """
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
-        size = self.fit.position.size + sum(len(s) - 2 for s in self.fit.states)
+        own = sum(len(states) - 2 for states in self.fit.states)
+        size = _determined(self.fit) + own
         return share * self.fit.cost + 0.5 * size * float(np.log(samples))
+
+
+def _determined(fit: Fit) -> float:
+    """Number of parameters that the data determine and not the priors.
+
+    A parameter that is left where its prior has it costs no evidence: the asymmetry of a friction,
+    where a motor turns one way only.
+    """
+    return float(np.trace(np.linalg.lstsq(fit.equations.matrix, fit.equations.information)[0]))
 
 
 def scores_of(models: Sequence[Judged]) -> list[float]:

@@ -22,6 +22,7 @@ from typing import Final
 
 import numpy as np
 
+from identification.effects.catalogue import CATALOGUE
 from identification.effects.evidence import Gates, Judged, probabilities, scores_of
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.screen import Score
@@ -42,6 +43,8 @@ to promise 0.4 of the best at least (`make attribution` with this at zero)."""
 _LISTED_SHARE: Final = 0.6
 _MOST_EFFECTS: Final = 4
 _KEPT: Final = 0.005
+_ALIKE: Final = 1.0
+_PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
 _NEAR: Final = 0.02
 _SLACK: Final = 30.0
 
@@ -201,8 +204,7 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     fits = trials.refits(current, wanted)
     near = trials.near(current, fits)
     far = [Judged(fit, current.share, None) for _, fit in fits[len(near) :]]
-    scores = scores_of(near)
-    order = sorted(range(len(near)), key=lambda k: scores[k])
+    order = _ranked(near)
     chosen = next((k for k in order if near[k].gates(current, trials.tried).passed), None)
     if chosen is None and far:
         # Those in reach of the best have failed; only then is it worth to judge the others.
@@ -238,7 +240,7 @@ def _exchange(state: _State) -> None:
         rivals = _rivals(state, simpler, term.name)
         if rivals:
             models = [state.current, *rivals]
-            state.current = models[int(np.argmin(scores_of(models)))]
+            state.current = models[_ranked(models)[0]]
 
 
 def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
@@ -267,6 +269,19 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
         return None
     beside = _State(state.trials, declared)
     return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
+
+
+def _ranked(models: Sequence[Judged]) -> list[int]:
+    """Places of models, best first; of those that are alike, the commonest kinds first."""
+    scores = scores_of(models)
+    best = min(scores, default=0.0)
+
+    def key(k: int) -> tuple[float, float]:
+        alike = scores[k] < best + _ALIKE
+        places = [_PLACES.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
+        return (best, float(sum(places))) if alike else (scores[k], 0.0)
+
+    return sorted(range(len(models)), key=key)
 
 
 def _is_better(one: Judged, other: Judged) -> bool:
@@ -313,8 +328,9 @@ def _explained(state: _State) -> list[Found]:
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
         gates = current.gates(simpler, trials.tried)
-        is_final = trials.over or term.name == "unlisted"
-        looked = [] if is_final else _rivals(state, simpler, term.name)
+        looked = trials.known_beside(simpler, term)
+        if not trials.over and term.name != "unlisted":
+            looked = _rivals(state, simpler, term.name)
         rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
         odds = probabilities(scores_of([current, *rivals]))
         others: dict[str, float] = {}

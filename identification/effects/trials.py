@@ -91,6 +91,17 @@ class Trials:
             known = self.judge(fit)
         return known
 
+    def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:
+        """What was judged of models with another kind in the place of a term."""
+        key = _key(simpler.fit)
+        return [
+            one
+            for known, one in self._judged.items()
+            if known > key
+            and len(known) == len(key) + 1
+            and next(iter(known - key))[0] != term.name
+        ]
+
     def scores(self, current: Judged) -> list[Score]:
         """Scores of every prototype of every kind that is not in the model, best first."""
         key = _key(current.fit)
