@@ -32,7 +32,7 @@ __all__ = [
 class SelfHeating(AbstractTemperature):
     """The winding is hotter than the log, by its own losses.
 
-        d(rise)/dt = (R_th Ra25 i^2 - rise) / tau                           [K/s]
+        d(rise)/dt = (R_th Ra(T + rise) i^2 - rise) / tau                   [K/s]
 
     Args:
         power_size: Natural loss [W].
@@ -76,7 +76,8 @@ class SelfHeating(AbstractTemperature):
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rate of the rise [K/s]."""
-        loss = values.Ra25 * signals.current**2
+        heat = signals.temperature + states.rise - 25
+        loss = values.Ra25 * (1 + values.alpha_Ra * heat) * signals.current**2
         return [(values.resistance * loss - states.rise) / values.time_constant]
 
     @classmethod

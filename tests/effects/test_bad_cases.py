@@ -1,0 +1,92 @@
+"""Campaigns that a search must survive: little data, one run, effects that are hardly there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench import EffectRequest, make_campaign
+from benchmarks.coverage import run_of
+from identification import FitOptions, InputError, identify
+from identification.ingest.run import Run
+
+FAST = FitOptions(posterior=False)
+
+
+def _runs(
+    effects: list[EffectRequest], seed: int = 31, **options: Any
+) -> tuple[list[Run], list[Run]]:
+    measured = make_campaign("servo_150w", effects, seed=seed, **options)
+    return (
+        [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)],
+        [run_of(run, f"v{k}.csv") for k, run in enumerate(measured.validation)],
+    )
+
+
+def _names(result: dict[str, Any]) -> list[str]:
+    return [effect["name"] for effect in result["effects"]]
+
+
+def test_an_effect_of_the_validation_runs_alone_is_said_and_not_added() -> None:
+    """The bench simulator put friction into the runs left out and nowhere else."""
+    hidden = [EffectRequest("coulomb_friction", 0.05, role="validation")]
+    training, validation = _runs(hidden, rows=800, training=2, validation=1)
+
+    result: Any = identify(training, validation, FAST).result
+
+    assert _names(result) == []
+    assert any("validation runs" in warning for warning in result["warnings"])
+    assert result["diagnosis"]["remaining"]["missing"]
+
+
+def test_one_short_run_is_enough_for_a_large_friction() -> None:
+    """Eighty samples; nothing is left out, so the result rests on chance and size."""
+    training, _ = _runs([EffectRequest("coulomb_friction", 0.08)], rows=80, training=1)
+
+    result: Any = identify(training, [], FAST).result
+
+    assert _names(result) == ["coulomb_friction"]
+    assert result["errors"]["after"]["validation"] is None
+
+
+def test_a_load_in_one_run_is_found_in_that_run() -> None:
+    """The bench simulator loads one training run for a while; its number is in the truth."""
+    hidden = [EffectRequest("load_step", 0.15)]
+    measured = make_campaign("servo_150w", hidden, seed=31, rows=800, training=4, validation=1)
+    training = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
+    validation = [run_of(run, f"v{k}.csv") for k, run in enumerate(measured.validation)]
+
+    result: Any = identify(training, validation, FAST).result
+
+    assert _names(result) == ["load_step"]
+    hidden_in = measured.truth["effects"][0]["values"]["run"]
+    assert result["effects"][0]["settings"]["run"] == hidden_in
+
+
+def test_a_motor_that_is_not_driven_is_refused() -> None:
+    """No voltage in any run: expected is an error that names the column."""
+    training, _ = _runs([], rows=300, training=2, validation=1)
+    still = [
+        Run(run.name, run.sha256, run.time, 0.0 * run.voltage, run.current, run.speed)
+        for run in training
+    ]
+
+    with pytest.raises(InputError, match="voltage_V is 0 in every training run"):
+        identify(still, [], FAST)
+
+
+def test_a_result_with_effects_is_plain_numbers() -> None:
+    """Shifts and loops of a motor with friction: finite, and the friction had been in `b`."""
+    training, validation = _runs(
+        [EffectRequest("coulomb_friction", 0.05)], rows=800, training=3, validation=1
+    )
+
+    result: Any = identify(training, validation, FAST).result
+
+    shift = result["diagnosis"]["shifts"]["b"]
+    assert shift["before"]["median"] > shift["after"]["median"]
+    assert shift["off"]
+    assert len(result["feedback_before"]) == len(result["feedback"])
+    assert all(np.isfinite(entry["step_rad_s"]) for entry in result["feedback_nonlinear"])
