@@ -21,7 +21,16 @@ from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractDelay, AbstractHold, AbstractTerm
 
-__all__ = ["AbstractForced", "Candidate", "Survey", "amplitude", "columns", "shape", "survey_of"]
+__all__ = [
+    "AbstractForced",
+    "Candidate",
+    "Survey",
+    "amplitude",
+    "asymmetry",
+    "columns",
+    "shape",
+    "survey_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -186,6 +195,19 @@ def amplitude(
     """
     return Parameter(
         name, unit, meaning, scale=size, lower=-np.inf if signed else 0.0, prior_sd=3.0
+    )
+
+
+def asymmetry() -> Parameter:
+    """How far two directions differ, as contacts and preloaded bearings do."""
+    return Parameter(
+        "asymmetry",
+        "-",
+        "half the difference between the directions over their mean",
+        scale=0.1,
+        lower=-0.6,
+        upper=0.6,
+        prior_sd=2.0,
     )
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import Candidate, Survey, amplitude, asymmetry, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -61,15 +61,7 @@ class BrushDrop(AbstractVoltage):
                 1.5 * self.current_size,
             ),
             shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
-            Parameter(
-                "asymmetry",
-                "-",
-                "half the difference between the directions over their mean",
-                scale=0.1,
-                lower=-0.6,
-                upper=0.6,
-                prior_sd=2.0,
-            ),
+            asymmetry(),
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import Candidate, Survey, amplitude, asymmetry, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -57,15 +57,7 @@ class CoulombFriction(AbstractTorque):
         """Torque and asymmetry."""
         return (
             amplitude("torque", "N m", "dry friction torque", self.torque_size),
-            Parameter(
-                "asymmetry",
-                "-",
-                "half the difference between the directions over their mean",
-                scale=0.1,
-                lower=-0.6,
-                upper=0.6,
-                prior_sd=2.0,
-            ),
+            asymmetry(),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:

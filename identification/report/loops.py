@@ -8,11 +8,11 @@ from typing import Any, Final
 
 from identification.report.numbers import Interval, interval_text, number_text, unit_text
 
-__all__ = ["LoopComparison", "loop_comparisons"]
+__all__ = ["METRICS", "LoopComparison", "loop_comparisons"]
 
 Entry = Mapping[str, Any]
 
-_METRICS: Final = {
+METRICS: Final = {
     "rise_time_s": "Rise time, 10–90 %",
     "settling_time_s": "Settling time, 2 %",
     "steady_state": "Final value",
@@ -71,7 +71,7 @@ def _comparison(controller: str, result: Entry, told: Mapping[str, str]) -> Loop
     temperatures = sorted(found["feedback"])
     cells = [found[key].get(t, {}) for t in temperatures for key in kept]
     rows = []
-    for metric, label in _METRICS.items():
+    for metric, label in METRICS.items():
         entries = [cell.get(metric) for cell in cells]
         known = [entry for entry in entries if entry is not None]
         if any(entry["median"] is not None for entry in known):

@@ -11,6 +11,7 @@ import numpy as np
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.quantities import DECLARED_PARAMETERS
 from identification.report.data import ReportData, RunTraces
+from identification.report.loops import METRICS
 from identification.report.numbers import (
     UNKNOWN,
     Interval,
@@ -44,17 +45,6 @@ _SOURCES = {
     "J": "eqs. 3–6",
     "b": "eqs. 3–6",
     "L": "eqs. 3–6",
-}
-_METRICS = {
-    "rise_time_s": "Rise time, 10–90 %",
-    "settling_time_s": "Settling time, 2 %",
-    "steady_state": "Final value",
-    "overshoot_percent": "Overshoot",
-    "peak": "Peak",
-    "peak_time_s": "Peak time",
-    "bandwidth_rad_s": "Bandwidth",
-    "phase_margin_deg": "Phase margin",
-    "gain_margin_db": "Gain margin",
 }
 
 
@@ -167,7 +157,7 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
         )
         rows = tuple(
             (label, _metric_unit(entries[0][key]), tuple(_interval(e[key]) for e in entries))
-            for key, label in _METRICS.items()
+            for key, label in METRICS.items()
             if all(entry.get(key) is not None for entry in entries)
         )
         columns = tuple(f"{entry['temperature_degC']:g} °C" for entry in entries)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bench import make_campaign
+from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
 from identification.effects.search import Outcome, search
 from identification.fit.campaign import campaign_of
@@ -37,3 +37,30 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
     assert outcome.effects[0].gates.passed
     assert outcome.effects[0].gates.validation is not None
     assert outcome.effects[0].gates.validation > 0.05
+
+
+def test_two_hidden_effects_are_both_named_and_nothing_else() -> None:
+    """The bench simulator put these two in, in different balances."""
+    outcome = _outcome("servo_150w", ["brush_drop", "coulomb_friction"], seed=13)
+
+    assert sorted(effect.name for effect in outcome.effects) == ["brush_drop", "coulomb_friction"]
+
+
+def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
+    """A brush drop whose two directions differ and whose knee is a hyperbolic tangent."""
+    measured = make_campaign(
+        "disc_servo_750w",
+        [EffectRequest("brush_drop", law="uneven")],
+        seed=14,
+        rows=1500,
+        training=3,
+        validation=1,
+    )
+    campaign = campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert outcome.effects[0].name == "brush_drop"
