@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(json.dumps(outcome), flush=True)  # noqa: T201
     options = f"--campaigns {chosen.campaigns} --rows {chosen.rows}"
     command = f"python -m benchmarks.attribution {options}"
-    text = tables(done, command, list(CATALOGUE))
+    text = tables(done, command, list(CATALOGUE), chosen.campaigns)
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     chosen.out.write_text(text, encoding="utf-8")
     print(text)  # noqa: T201
