@@ -39,8 +39,8 @@ def tables(done: Sequence[dict[str, Any]], command: str, kinds: Sequence[str], a
         "the error on the runs left out rises by 8 to 30 %.",
         "The campaigns come in such an order that any beginning of the list is a fair mixture.",
         "",
-        f"{len(counted)} of {asked} campaigns; {len(failed)} failed, {len(skipped)} could not be made "
-        f"as small as wanted.  Seconds a campaign on one core, fit and search: median "
+        f"{len(counted)} of {asked} campaigns; {len(failed)} failed, and {len(skipped)} could not "
+        f"be made as small as wanted.  Seconds a campaign on one core, fit and search: median "
         f"{np.median(seconds):.0f}, nine in ten below {np.quantile(seconds, 0.9):.0f}.",
         "",
         "| campaigns | number | what is counted | share |",
