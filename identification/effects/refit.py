@@ -151,11 +151,13 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
     the fit is repeated where it had not been enough.
     """
     patience = patience or Patience(_STEPS)
+    known = None
     for _ in range(_ATTEMPTS):
         deviation = fit.weighting.deviation
-        simulator = accurate(fit.simulator, fit.values, fit.states, deviation)
+        simulator = accurate(fit.simulator, fit.values, fit.states, deviation, known)
         change = change_between(fit.simulator, simulator, fit.values, fit.states)
         if patience.over or np.all(change < TOLERATED * deviation):
             return fit
         fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
+        known = simulator.divisions
     return fit

@@ -36,6 +36,7 @@ __all__ = ["Alternative", "Found", "Outcome", "Searched", "search"]
 _REFITTED: Final = 7
 _RIVALS: Final = 4
 _CURVES: Final = 4
+_CURVE_UNDERSTATED: Final = 2.0
 _FAR_MORE: Final = 3.0
 _FAR_LESS: Final = 0.1
 """Share of the best promise below which nothing is refitted; the effect that is there has been seen
@@ -254,8 +255,8 @@ def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
 
 
 def _is_left(state: _State) -> list[Score]:
-    """Curves that promise something beside what the model has."""
-    needed = state.trials.worth_a_refit(state.current)
+    """Curves that promise something beside what the model has; they have no shape to find."""
+    needed = state.trials.worth_a_refit(state.current, _CURVE_UNDERSTATED)
     return [s for s in state.trials.curves(state.current) if s.gain > needed]
 
 

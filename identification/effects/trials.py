@@ -184,17 +184,21 @@ class Trials:
                 break
         return refined(fit, self.patience())
 
-    def worth_a_refit(self, current: Judged) -> float:
-        """Promised gain below which an effect would fail even if it were five times larger.
+    def worth_a_refit(self, current: Judged, understated: float = _UNDERSTATED) -> float:
+        """Promised gain below which an effect would fail even if it were several times larger.
 
         Screening is exact for small effects and understates large ones, whose prototypes have
         another shape parameter than the motor; five is more than any has been seen to be
         understated by.
+
+        Args:
+            current: The model that is added to.
+            understated: How many times larger the gain may be than what is promised.
         """
         counts = current.fit.weighting.counts
         chance = np.log(max(self.tried, 1)) + 0.5 * np.log(max(counts.sum() * current.share, 2.0))
         size = LEAST_SIZE * float(counts.max()) * current.share
-        return float(max(chance / 2, size / _UNDERSTATED)) / current.share
+        return float(max(chance / 2, size / understated)) / current.share
 
 
 def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.division import Counts
 from identification.model.simulate import Simulator
 
 __all__ = ["TOLERATED", "accurate", "change_between"]
@@ -23,7 +24,11 @@ _ATTEMPTS: Final = 3
 
 
 def accurate(
-    simulator: Simulator, values: Array, states: Sequence[Array], deviation: Array
+    simulator: Simulator,
+    values: Array,
+    states: Sequence[Array],
+    deviation: Array,
+    start: tuple[Counts, ...] | None = None,
 ) -> Simulator:
     """The simulator with as few parts of its sample intervals as the noise allows.
 
@@ -36,9 +41,10 @@ def accurate(
         values: (n_parameter,) physical.
         states: For each record (n_state,) at its first sample.
         deviation: (2,) noise of current and speed [A, rad/s].
+        start: Parts that are needed in any case; one where absent.
     """
     share = _SHARE
-    coarse = simulator.divided_for(values, states, share * deviation)
+    coarse = simulator.divided_for(values, states, share * deviation, start=start)
     for _ in range(_ATTEMPTS):
         share /= _FINER
         fine = simulator.divided_for(

@@ -18,6 +18,7 @@ from typing import Final
 import casadi as ca
 
 from identification.errors import ComputationError
+from identification.model.vectors import WIDTH, vector_function
 
 __all__ = ["LANES", "VECTOR", "Translation"]
 
@@ -27,6 +28,7 @@ LANES: Final = 8
 VECTOR: Final = f"<{LANES} x double>"
 """Type of a block of lanes."""
 
+_PART = f"<{WIDTH} x double>"
 _MASK = f"<{LANES} x i1>"
 # Contraction to fused multiply-add and division by a reciprocal only where LLVM proves it exact:
 # NaN and infinity have to survive, they are how a diverging simulation is noticed.
@@ -180,9 +182,9 @@ class Translation:
         if operation in _BINARY:
             return emit(f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}")
         if operation in _INTRINSIC:
-            return emit(self._call(_INTRINSIC[operation], kind, names[:1]))
+            return self._called(_INTRINSIC[operation], kind, names[:1], emit)
         if operation in _INTRINSIC_2:
-            return emit(self._call(_INTRINSIC_2[operation], kind, names[:2]))
+            return self._called(_INTRINSIC_2[operation], kind, names[:2], emit)
         if operation in _COMPARE:
             bit = emit(f"fcmp {_COMPARE[operation]} {kind} {names[0]}, {names[1]}")
             return emit(f"uitofp {mask} {bit.name} to {kind}")
@@ -216,7 +218,7 @@ class Translation:
             return emit(simple[operation])
         if operation == ca.OP_TANH:
             double = emit(f"fmul {kind} {first}, {number(2.0)}")
-            power = emit(self._call("exp", kind, [double.name]))
+            power = self._called("exp", kind, [double.name], emit)
             below = emit(f"fadd {kind} {power.name}, {number(1.0)}")
             part = emit(f"fdiv {kind} {number(2.0)}, {below.name}")
             return emit(f"fsub {kind} {number(1.0)}, {part.name}")
@@ -243,12 +245,31 @@ class Translation:
             "sin, cos, tanh, sqrt, powers, comparisons or if_else: write the term with those"
         )
 
-    def _call(self, intrinsic: str, kind: str, names: list[str]) -> str:
+    def _called(
+        self, name: str, kind: str, operands: list[str], emit: Callable[[str], _Value]
+    ) -> _Value:
+        """A function of one or two operands."""
+        symbol = vector_function(name) if kind == VECTOR else None
+        if symbol is not None:
+            parts = [
+                emit(self._call(symbol, _PART, [emit(_half(x, half)).name for x in operands])).name
+                for half in range(2)
+            ]
+            lanes = ", ".join(f"i32 {lane}" for lane in range(LANES))
+            both = ", ".join(f"{_PART} {part}" for part in parts)
+            return emit(f"shufflevector {both}, <{LANES} x i32> <{lanes}>")
         suffix = "f64" if kind == "double" else f"v{LANES}f64"
-        self.declared.add(
-            f"declare {kind} @llvm.{intrinsic}.{suffix}({', '.join([kind] * len(names))})"
-        )
-        return f"call {kind} @llvm.{intrinsic}.{suffix}({', '.join(f'{kind} {n}' for n in names)})"
+        return emit(self._call(f"llvm.{name}.{suffix}", kind, operands))
+
+    def _call(self, symbol: str, kind: str, operands: list[str]) -> str:
+        self.declared.add(f"declare {kind} @{symbol}({', '.join([kind] * len(operands))})")
+        return f"call {kind} @{symbol}({', '.join(f'{kind} {operand}' for operand in operands)})"
+
+
+def _half(operand: str, half: int) -> str:
+    """The first or second half of a block of lanes."""
+    lanes = ", ".join(f"i32 {half * WIDTH + lane}" for lane in range(WIDTH))
+    return f"shufflevector {VECTOR} {operand}, {VECTOR} poison, <{WIDTH} x i32> <{lanes}>"
 
 
 def _literal(x: float) -> _Value:

@@ -2,9 +2,10 @@
 
 The ensemble starts from the normal approximation of the fit, and a good share of the proposals
 comes from there too (independent draws from a multivariate t around the optimum): for the nearly
-normal posteriors of long records they decorrelate in a few steps where the stretch move takes
-fifty.  Differential evolution and stretch moves keep the sampler right where the posterior is
-bent or runs into a bound.
+normal posteriors of long records they decorrelate in two steps where the stretch move takes fifty.
+Differential evolution and stretch moves keep the sampler right where the posterior is bent or runs
+into a bound.  How much is left to them depends on how well the normal approximation weighs the
+walkers that start from it.
 
 Source: Foreman-Mackey et al., PASP 125 (2013), 306 (emcee); ter Braak, Statistics and Computing 16
 (2006), 239-249 (differential evolution); Tierney, Annals of Statistics 22 (1994), 1701-1728
@@ -29,10 +30,12 @@ __all__ = ["Sample", "sample"]
 
 Array = NDArray[np.float64]
 
-_FREEDOM: Final = 5.0
-_INFLATION: Final = 1.1
-_CHUNK: Final = 50
-_LEAST_STEPS: Final = 400
+_NARROW: Final = (200.0, 1.02)
+_WIDE: Final = (5.0, 1.1)
+"""Degrees of freedom of proposals, and their covariance over that of the normal approximation."""
+_NORMAL: Final = 0.5
+_CHUNK: Final = 10
+_LEAST_STEPS: Final = 80
 _LENGTHS: Final = 50.0
 
 
@@ -79,11 +82,15 @@ def sample(
     covariance = posterior.covariance()
     n_dim = covariance.shape[0]
     walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
-    sampler = emcee.EnsembleSampler(
-        walkers, n_dim, posterior, vectorize=True, moves=_moves(posterior.centre, covariance)
-    )
     start = _start(posterior, covariance, walkers, rng)
-    state = emcee.State(start, random_state=np.random.RandomState(seed).get_state())  # noqa: NPY002
+    density = posterior(start)
+    proposals = _moves(posterior.centre, covariance, start, density)
+    sampler = emcee.EnsembleSampler(walkers, n_dim, posterior, vectorize=True, moves=proposals)
+    state = emcee.State(
+        start,
+        log_prob=density,
+        random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
+    )
     done, tau = 0, np.inf
     while done < most_steps:
         state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
@@ -110,29 +117,51 @@ def _burn_in(done: int, tau: float) -> int:
     return int(np.clip(3 * tau, done // 10, done // 2)) if np.isfinite(tau) else done // 2
 
 
-def _moves(centre: Array, covariance: Array) -> list[tuple[object, float]]:
-    independent = moves.MHMove(_Independent(centre, _INFLATION * covariance))
-    return [(independent, 0.6), (moves.DEMove(), 0.25), (moves.StretchMove(), 0.15)]
+def _moves(
+    centre: Array, covariance: Array, start: Array, density: Array
+) -> list[tuple[object, float]]:
+    narrow, wide = (
+        moves.MHMove(_Independent(centre, inflation * covariance, freedom))
+        for freedom, inflation in (_NARROW, _WIDE)
+    )
+    if _efficiency(centre, covariance, start, density) > _NORMAL:
+        return [(narrow, 0.75), (wide, 0.1), (moves.DEMove(), 0.1), (moves.StretchMove(), 0.05)]
+    return [(narrow, 0.1), (wide, 0.4), (moves.DEMove(), 0.3), (moves.StretchMove(), 0.2)]
+
+
+def _efficiency(centre: Array, covariance: Array, start: Array, density: Array) -> float:
+    """Share of draws from the normal approximation that count as draws of the posterior [-].
+
+    Source: Kong, A note on importance sampling using standardized weights, University of Chicago
+    Technical Report 348 (1992).
+    """
+    root = np.linalg.cholesky(covariance)
+    scaled = np.linalg.solve(root, (start - centre).T)
+    weights = density + 0.5 * np.sum(scaled**2, axis=0)
+    weights = np.exp(weights - weights.max())
+    return float(weights.sum() ** 2 / np.sum(weights**2) / weights.size)
 
 
 class _Independent:
     """Draws from a multivariate t around the optimum, whatever the walker's place."""
 
-    def __init__(self, centre: Array, covariance: Array) -> None:
+    def __init__(self, centre: Array, covariance: Array, freedom: float) -> None:
         self._centre = centre
         self._root = np.linalg.cholesky(covariance)
+        self._freedom = freedom
 
     def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
         n_walker, n_dim = coordinates.shape
         normal = random.randn(n_walker, n_dim)
-        size = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=n_walker))
+        size = np.sqrt(self._freedom / random.chisquare(self._freedom, size=n_walker))
         proposed = self._centre + (normal * size[:, None]) @ self._root.T
         return proposed, self._log_density(coordinates) - self._log_density(proposed)
 
     def _log_density(self, points: Array) -> Array:
         scaled = np.linalg.solve(self._root, (points - self._centre).T)
         distance = np.sum(scaled**2, axis=0)
-        return np.asarray(-0.5 * (_FREEDOM + points.shape[1]) * np.log1p(distance / _FREEDOM))
+        power = -0.5 * (self._freedom + points.shape[1])
+        return np.asarray(power * np.log1p(distance / self._freedom))
 
 
 def _start(

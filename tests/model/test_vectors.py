@@ -1,0 +1,39 @@
+"""Functions of whole registers and those of single numbers are the same functions."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from identification.model import lowering
+from identification.model.scan import Scan
+
+FUNCTIONS = {
+    "exp": (ca.exp, np.linspace(-700.0, 700.0, 4001)),
+    "log": (ca.log, np.geomspace(1e-300, 1e300, 4001)),
+    "sin": (ca.sin, np.linspace(-1e4, 1e4, 4001)),
+    "cos": (ca.cos, np.linspace(-1e4, 1e4, 4001)),
+    "pow": (lambda x: x**2.7, np.geomspace(1e-80, 1e80, 4001)),
+}
+
+
+def scanned(function: object, points: np.ndarray) -> np.ndarray:
+    """Values of a function of the carry at many points, a lane each."""
+    x, u, p = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p")
+    step = ca.Function("step", [x, u, p], [x, function(x)])  # type: ignore[operator]
+    lanes = np.zeros((1, points.size))
+    _, outputs = Scan(step)([np.zeros((1, 1))], lanes, [points[None, :]])
+    return np.asarray(outputs[0][0, 0])
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_of_registers_is_within_four_units_of_the_last_place(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four units in the last place is what libmvec promises; one number at a time is the oracle."""
+    function, points = FUNCTIONS[name]
+    fast = scanned(function, points)
+    monkeypatch.setattr(lowering, "vector_function", lambda name: None)
+    slow = scanned(function, points)
+    assert np.all(np.abs(fast - slow) <= 4 * np.spacing(np.abs(slow)))
