@@ -22,6 +22,7 @@ from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.noise import effective_shares, with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
@@ -87,6 +88,10 @@ def identify(
     parse_controllers(options.controllers)
     campaign = campaign_of(training, validation)
     declared = _declared(campaign, options)
+    gains = current_gains(declared, campaign)
+    if gains:
+        campaign = with_one_gain(campaign, gains)
+        declared = _declared(campaign, options)
     outcome: Outcome | None = None
     found: Localisation | None = None
     if options.effects:

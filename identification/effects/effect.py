@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.orders import HIGHEST_ORDER, orders_of
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
@@ -51,6 +52,7 @@ class Survey:
         current_noise: Residual deviation of the current [A].
         values: (7,) declared parameters, physical.
         angle_logged: Whether the shaft angle is logged, and not integrated from the speed.
+        orders: Periods a revolution that stand out of the residual [-].
     """
 
     records: tuple[Record, ...]
@@ -64,6 +66,7 @@ class Survey:
     speed_noise: float
     values: Array
     angle_logged: bool
+    orders: tuple[float, ...] = ()
 
     @property
     def runs(self) -> tuple[int, ...]:
@@ -178,6 +181,7 @@ def survey_of(fit: Fit) -> Survey:
         speed_noise=float(fit.weighting.deviation[1]),
         values=fit.values[:7].copy(),
         angle_logged=all(record.angle_logged for record in records),
+        orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
     )
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.orders import HIGHEST_ORDER
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -20,7 +21,6 @@ from identification.model.term import (
     Values,
 )
 
-_ORDERS = 36
 """Highest order scanned: three times the slots of a usual armature."""
 
 _HARMONICS = {
@@ -174,7 +174,7 @@ class CoggingTorque(AbstractTorque):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Order, and, where the angle is logged, the amplitudes of two harmonics."""
-        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * _ORDERS)
+        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * HIGHEST_ORDER)
         amplitudes = tuple(
             amplitude(name, "N m", meaning, self.torque_size, signed=True)
             for name, meaning in _HARMONICS.items()
@@ -221,7 +221,7 @@ class CoggingTorque(AbstractTorque):
         size = 0.05 * survey.torque
         starts = [
             (float(order), *phase, 0.0, 0.0)
-            for order in range(1, _ORDERS + 1)
+            for order in (*range(1, HIGHEST_ORDER + 1), *survey.orders)
             for phase in ((size, 0.0), (0.0, size))
         ]
         scanned = cls(survey.torque, logged=True)

@@ -259,9 +259,7 @@ def _rough(fit: Fit) -> Fit:
     return replace(fit, simulator=replace(fit.simulator, divisions=few))
 
 
-def _deviations(
-    fit: Fit, known: Sequence[Array], group: Sequence[Candidate]
-) -> list[list[Array]]:
+def _deviations(fit: Fit, known: Sequence[Array], group: Sequence[Candidate]) -> list[list[Array]]:
     """For each candidate of a group and each record (n_sample, 2, n_start) deviations from `known`.
 
     All terms of the group are in one model; in the lanes of one the others are switched off.
@@ -287,9 +285,7 @@ def _deviations(
     with np.errstate(over="ignore", invalid="ignore"):
         deviations = [
             logged - before[:, :, None]
-            for logged, before in zip(
-                simulator.logged(values, states, effort), known, strict=True
-            )
+            for logged, before in zip(simulator.logged(values, states, effort), known, strict=True)
         ]
     return [
         [deviation[:, :, end - candidate.lanes : end] for deviation in deviations]

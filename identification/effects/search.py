@@ -27,7 +27,7 @@ from identification.effects.evidence import Gates, Judged, probabilities, scores
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.screen import Score
 from identification.effects.tracing import Trace, traced
-from identification.effects.trials import Trials, promising, variant
+from identification.effects.trials import UNDERSTATED, Trials, promising, variant
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 
@@ -41,7 +41,9 @@ _FAR_MORE: Final = 3.0
 _FAR_LESS: Final = 0.1
 """Share of the best promise below which nothing is refitted; the effect that is there has been seen
 to promise 0.4 of the best at least (`make attribution` with this at zero)."""
-_LISTED_SHARE: Final = 0.6
+_LISTED_SHARE: Final = 0.75
+_REFIT_SHARE: Final = 0.06
+"""Shares of the time that the catalogue and a single refit may take."""
 _MOST_EFFECTS: Final = 4
 _KEPT: Final = 0.005
 _ALIKE: Final = 1.0
@@ -144,7 +146,7 @@ def search(
     """
     tell = progress or (lambda fraction: None)
     began = time.monotonic()
-    trials = Trials(campaign, until=began + seconds)
+    trials = Trials(campaign, until=began + seconds, longest=_REFIT_SHARE * seconds)
     listed_until = began + _LISTED_SHARE * seconds
     first = trials.judge(declared)
     state = _State(trials, first)
@@ -158,7 +160,8 @@ def search(
             is_exhausted = True
             break
         if round_ == 1:
-            alone = _curve_alone(state, first)
+            if _leaves_more(state, first):
+                alone = _curve_alone(state, first)
             if alone is not None and _is_far_better(alone, state.current, first):
                 break
             continue
@@ -206,7 +209,9 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     near = trials.near(current, fits)
     far = [Judged(fit, current.share, None) for _, fit in fits[len(near) :]]
     order = _ranked(near)
-    chosen = next((k for k in order if near[k].gates(current, trials.tried).passed), None)
+    passing = [k for k in order if near[k].gates(current, trials.tried).passed]
+    # Ranked anew: those that are alike are alike among what passes.
+    chosen = passing[_ranked([near[k] for k in passing])[0]] if passing else None
     if chosen is None and far:
         # Those in reach of the best have failed; only then is it worth to judge the others.
         far = [trials.judge(one.fit, current.share) for one in far]
@@ -249,7 +254,8 @@ def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
     hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
-    wanted = promising(scores, _RIVALS, _least(trials, simpler, scores))
+    least = max(_least(trials, simpler, scores), (simpler.fit.cost - hopeless) / UNDERSTATED)
+    wanted = promising(scores, _RIVALS, least)
     fits = trials.refits(simpler, wanted, hopeless)
     return trials.near(simpler, [(s, f) for s, f in fits if f.cost <= hopeless])
 
@@ -258,6 +264,12 @@ def _is_left(state: _State) -> list[Score]:
     """Curves that promise something beside what the model has; they have no shape to find."""
     needed = state.trials.worth_a_refit(state.current, _CURVE_UNDERSTATED)
     return [s for s in state.trials.curves(state.current) if s.gain > needed]
+
+
+def _leaves_more(state: _State, declared: Judged) -> bool:
+    """Whether curves promise more beside the kind that was taken than it has gained itself."""
+    left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
+    return left > declared.fit.cost - state.current.fit.cost
 
 
 def _curve_alone(state: _State, declared: Judged) -> Judged | None:

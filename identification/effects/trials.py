@@ -26,7 +26,7 @@ from identification.fit.noise import effective_shares
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
 
-__all__ = ["Trials", "promising", "variant"]
+__all__ = ["UNDERSTATED", "Trials", "promising", "variant"]
 
 Key = frozenset[tuple[str, str]]
 
@@ -35,7 +35,8 @@ _LEGS: Final = 4
 _WORTH: Final = 2.0
 _SLACK: Final = 30.0
 _REACH: Final = 0.15
-_UNDERSTATED: Final = 5.0
+UNDERSTATED: Final = 5.0
+"""Gain of a refit over what screening promised, at most."""
 _COMMON: Final = 4.0
 
 
@@ -46,11 +47,13 @@ class Trials:
     Args:
         campaign: Records of training and of runs left out.
         until: Moment of the monotonic clock at which nothing new is begun [s].
+        longest: Time after which one refit is given up [s].
         tried: Number of prototypes that were scored in one round.
     """
 
     campaign: Campaign
     until: float = np.inf
+    longest: float = np.inf
     tried: int = 1
     _judged: dict[Key, Judged] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
@@ -64,7 +67,7 @@ class Trials:
 
     def patience(self, hopeless: float = np.inf) -> Patience:
         """What a refit may take."""
-        return Patience(_STEPS, hopeless, self.until)
+        return Patience(_STEPS, hopeless, min(self.until, time.monotonic() + self.longest))
 
     def judge(self, fit: Fit, share: float | None = None) -> Judged:
         """The fit with its errors on the runs left out; the first of a model is kept.
@@ -184,7 +187,7 @@ class Trials:
                 break
         return refined(fit, self.patience())
 
-    def worth_a_refit(self, current: Judged, understated: float = _UNDERSTATED) -> float:
+    def worth_a_refit(self, current: Judged, understated: float = UNDERSTATED) -> float:
         """Promised gain below which an effect would fail even if it were several times larger.
 
         Screening is exact for small effects and understates large ones, whose prototypes have

@@ -221,7 +221,7 @@ def _header_warnings(
     if spare:
         titles = listed(column.title for column in spare)
         warnings.append(places.warning("unused_columns", f"columns that were not used: {titles}"))
-    return warnings + _override_warnings(channels, places)
+    return warnings + _override_warnings(channels, places) + _gain_warnings(channels, places)
 
 
 def _override_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
@@ -237,6 +237,22 @@ def _override_warnings(channels: dict[str, Channel], places: Places) -> list[Run
         if (header := channel.column.unit) is not None
         and header != channel.unit
         and channel.scale == 1.0
+    ]
+
+
+def _gain_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
+    """Say that the gain of a current sensor rests on the mapping alone."""
+    header, unit = channels["current_A"].column.unit, channels["current_A"].unit
+    if header is None or header.quantity == unit.quantity:
+        return []
+    return [
+        places.warning(
+            "unknown_gain",
+            f"the header says {header.name}, and {unit.name} come from the mapping alone: no run "
+            "can tell the gain of a current sensor, so Ra25, L, J, b and torques are known only up "
+            "to that gain",
+            "current_A",
+        )
     ]
 
 

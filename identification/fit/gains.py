@@ -1,0 +1,144 @@
+"""Runs whose current was logged with another gain than the others'.
+
+A model of a motor does not know the unit of its current: with Kt from voltage and speed, a sensor
+that reads g times the current gives Ra/g, L/g, J g and b g, and every run fits as well as before.
+So no run tells its own gain.  Two runs tell their ratio, and what tells a gain from a hotter
+winding or another inertia is that both equations agree on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import ComputationError
+from identification.fit.campaign import Campaign
+from identification.fit.declared import fit_declared
+from identification.fit.evaluate import simulate_fitted, simulate_unseen
+from identification.fit.solve import Fit
+from identification.model.excitation import Record
+from identification.quantities import DECLARED_PARAMETERS
+
+__all__ = ["GainRatio", "current_gains", "with_one_gain"]
+
+Array = NDArray[np.float64]
+
+_LEAST: Final = np.log(1.25)
+"""Ratio from which a gain is looked at; a winding 65 K hotter has 1.25 times the resistance."""
+_AGREE: Final = 0.25
+"""Part of the logarithm of a gain by which the two equations may differ about it."""
+
+
+@dataclass(frozen=True)
+class GainRatio:
+    """A run whose current reads more or less than that of the first training run.
+
+    Args:
+        run: Number of the run in the order of recording.
+        name: Its file name.
+        ratio: Its reading over that of the first training run, for the same current [-].
+    """
+
+    run: int
+    name: str
+    ratio: float
+
+
+def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
+    """Runs in which resistance and inertia say that the current has another gain.
+
+    Args:
+        declared: Fit of the declared model to all training runs.
+        campaign: Records of training and of runs left out.
+    """
+    if not _is_suspected(declared, campaign):
+        return ()
+    runs: dict[int, list[Record]] = {}
+    for record in (*campaign.training, *campaign.validation):
+        runs.setdefault(record.run, []).append(record)
+    alone = {run: _alone(records, declared) for run, records in runs.items()}
+    first = alone[min(runs)]
+    found = []
+    for run, one in alone.items():
+        if first is None or one is None or one is first:
+            continue
+        by_voltage, same, by_torque = np.log(one.values / first.values)
+        ratio = 0.5 * (by_torque - by_voltage)
+        apart = max(abs(by_torque - ratio), abs(by_voltage + ratio), abs(same))
+        unsure = max(one.spread, first.spread)
+        if abs(ratio) > _LEAST and max(apart, unsure) < _AGREE * abs(ratio):
+            found.append(GainRatio(run, runs[run][0].name, float(np.exp(ratio))))
+    return tuple(found)
+
+
+def _is_suspected(declared: Fit, campaign: Campaign) -> bool:
+    """Whether the current of some run is larger or smaller than simulated, as a whole."""
+    simulated = [*simulate_fitted(declared), *simulate_unseen(declared, campaign.validation)]
+    if len({one.record.run for one in simulated}) < 2:
+        return False
+    for one in simulated:
+        weight, current = one.record.weight[:, 0], one.logged[:, 0]
+        size = float(np.sum(weight * current**2))
+        slope = float(np.sum(weight * current * one.record.measured[:, 0])) / max(size, 1e-300)
+        if not np.exp(-0.5 * _LEAST) < slope < np.exp(0.5 * _LEAST):
+            return True
+    return False
+
+
+def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
+    """The campaign with the current of every run as the first training run would read it.
+
+    Args:
+        campaign: Records.
+        gains: Of `current_gains`.
+    """
+    if not gains:
+        return campaign
+    ratios = {gain.run: gain.ratio for gain in gains}
+    training, validation = (
+        tuple(_scaled(record, ratios.get(record.run, 1.0)) for record in records)
+        for records in (campaign.training, campaign.validation)
+    )
+    told = ", ".join(f"{gain.name} ({gain.ratio:.3g} times)" for gain in gains)
+    warning = (
+        f"the gain of the current sensor is not determined: for the same current it reads "
+        f"differently in {told} than in {campaign.training[0].name}; all runs were taken as the "
+        "latter reads them, so Ra25, L, J, b and torques are known up to that gain"
+    )
+    return replace(
+        campaign,
+        training=training,
+        validation=validation,
+        warnings=(*campaign.warnings, warning),
+    )
+
+
+def _scaled(record: Record, ratio: float) -> Record:
+    return replace(record, measured=record.measured / [ratio, 1.0]) if ratio != 1.0 else record
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """Ra25, Kt25 and J of one run by itself, and the largest of their relative deviations."""
+
+    values: Array
+    spread: float
+
+
+def _alone(records: Sequence[Record], declared: Fit) -> _Alone | None:
+    """What one run tells by itself, None where that is nothing."""
+    try:
+        fit = fit_declared(records, declared.simulator.model.hold)
+    except ComputationError:
+        return None
+    slopes = fit.coordinates.slopes(fit.position)
+    spread = np.sqrt(np.diag(fit.equations.covariance())) * np.abs(slopes)
+    chosen = [list(DECLARED_PARAMETERS).index(name) for name in ("Ra25", "Kt25", "J")]
+    values = fit.values[chosen]
+    if not (fit.converged and np.all(values > 0)):
+        return None
+    return _Alone(values, float(np.max(spread[chosen] / values)))
