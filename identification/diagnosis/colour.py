@@ -16,7 +16,7 @@ from scipy import fft
 
 from identification.fit import noise
 
-__all__ = ["autoregression", "effective_samples", "spectrum"]
+__all__ = ["autoregression", "spectrum"]
 
 Array = NDArray[np.float64]
 
@@ -54,19 +54,3 @@ def spectrum(coefficients: Array, length: int) -> Array:
     transfer = fft.fft(np.concatenate(([1.0], -coefficients)), length)
     power = 1.0 / np.abs(transfer) ** 2
     return np.asarray(power / power.mean(), dtype=np.float64)
-
-
-def effective_samples(residual: Array) -> float:
-    """Number of independent samples that say as much about a mean as this residual.
-
-        n / sum_j rho(j) = n / S(0),   S the spectrum of mean 1
-
-    Args:
-        residual: (n_sample,) any unit.
-
-    Returns:
-        Effective number of samples, at least 1 [-].
-    """
-    length = fft.next_fast_len(max(2 * residual.size, 4096))
-    power = spectrum(autoregression(residual), length)
-    return float(max(residual.size / power[0], 1.0))

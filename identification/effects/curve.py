@@ -107,6 +107,12 @@ class _Curve(AbstractForced):
     source: ClassVar[str] = "Eilers and Marx, Statistical Science 11 (1996), 89-121"
 
     @property
+    def variant(self) -> str:
+        """Its signals and its equation."""
+        form = " carried by ".join(filter(None, (self.along, self.carrier)))
+        return f"{form} in the {self.equation} equation"
+
+    @property
     def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
         """The signals, the one it runs along first, but what is multiplied with before that."""
         along = self.along.removeprefix("size of ")

@@ -48,6 +48,11 @@ class LaggingFriction(AbstractTorque):
     states: ClassVar[tuple[State, ...]] = (State("deflection", "-", scale=1.0),)
 
     @property
+    def variant(self) -> str:
+        """What it follows."""
+        return "direction with a lag in the mechanical equation"
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque and distance."""
         return (

@@ -100,6 +100,11 @@ class LoadStep(AbstractTorque):
     source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
+    def variant(self) -> str:
+        """The run."""
+        return "" if self.run is None else _run_name(self.run)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque, and the times at which it comes and goes."""
         time = {
@@ -170,6 +175,11 @@ class CoggingTorque(AbstractTorque):
     source: ClassVar[str] = (
         "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
     )
+
+    @property
+    def variant(self) -> str:
+        """Whose zero the angle has."""
+        return "one angle" if self.logged else "an angle of each run"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -248,6 +258,11 @@ class InertiaChange(AbstractCoefficient):
     drivers: ClassVar[tuple[str, ...]] = ("time",)
     source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
     coefficient: ClassVar[str] = "J"
+
+    @property
+    def variant(self) -> str:
+        """The run."""
+        return "" if self.run is None else _run_name(self.run)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

@@ -57,6 +57,11 @@ class _Ripple(AbstractForced):
     unit: ClassVar[str]
     source: ClassVar[str] = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
 
+    @property
+    def variant(self) -> str:
+        """Its equation."""
+        return f"ripple in the {self.equation} equation"
+
     def _names(self) -> list[str]:
         return [
             f"{wave}_{order}" for order in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")

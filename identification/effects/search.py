@@ -27,7 +27,7 @@ from identification.effects.evidence import Gates, Judged, probabilities, scores
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.screen import Score
 from identification.effects.tracing import Trace, traced
-from identification.effects.trials import UNDERSTATED, Trials, promising, variant
+from identification.effects.trials import UNDERSTATED, Trials, promising
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 
@@ -39,8 +39,7 @@ _CURVES: Final = 4
 _CURVE_UNDERSTATED: Final = 2.0
 _FAR_MORE: Final = 3.0
 _FAR_LESS: Final = 0.1
-"""Share of the best promise below which nothing is refitted; the effect that is there has been seen
-to promise 0.4 of the best at least (`make attribution` with this at zero)."""
+"""Share of the best promise below which nothing is refitted."""
 _LISTED_SHARE: Final = 0.75
 _REFIT_SHARE: Final = 0.06
 """Shares of the time that the catalogue and a single refit may take."""
@@ -185,9 +184,9 @@ def _forward(state: _State, round_: int) -> bool:
     scores = trials.scores(current)
     wanted = promising(scores, _REFITTED, _least(trials, current, scores))
     chosen = _taken(state, wanted, round_)
-    looked = {(s.candidate.term.name, variant(s.candidate.final)) for s in wanted}
+    looked = {(s.candidate.term.name, s.candidate.final.variant) for s in wanted}
     for score in promising(scores, len(scores)):
-        key = (score.candidate.term.name, variant(score.candidate.final))
+        key = (score.candidate.term.name, score.candidate.final.variant)
         if key not in looked:
             state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
     if chosen is None:
@@ -222,7 +221,7 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
         score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
         term = score.candidate.final
         state.searched.append(
-            Searched(term.name, round_, score.gain, gates, k == chosen, variant(term))
+            Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
         )
     return None if chosen is None else judgements[chosen]
 

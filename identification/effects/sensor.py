@@ -199,6 +199,11 @@ class ChannelDelay(AbstractDelay):
     source: ClassVar[str] = _SOURCE
 
     @property
+    def variant(self) -> str:
+        """The channel."""
+        return self.channel
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The delay."""
         return (

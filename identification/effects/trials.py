@@ -26,7 +26,7 @@ from identification.fit.noise import effective_shares
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
 
-__all__ = ["UNDERSTATED", "Trials", "promising", "variant"]
+__all__ = ["UNDERSTATED", "Trials", "promising"]
 
 Key = frozenset[tuple[str, str]]
 
@@ -214,7 +214,7 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
     """
     best: dict[tuple[str, str], Score] = {}
     for score in scores:
-        best.setdefault((score.candidate.term.name, variant(score.candidate.final)), score)
+        best.setdefault((score.candidate.term.name, score.candidate.final.variant), score)
     kinds: dict[str, int] = {}
     kept = []
     for score in best.values():
@@ -225,25 +225,8 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
     return kept[:count]
 
 
-def variant(term: AbstractTerm) -> str:
-    """Which variant of its kind a term is: the channel, the run or the signals it concerns."""
-    run = getattr(term, "run", None)
-    if run is not None:
-        return f"run {run + 1}"
-    if term.name == "unlisted":
-        if hasattr(term, "farthest"):
-            return f"direction with a lag in the {term.equation} equation"
-        form = " carried by ".join(
-            filter(None, (getattr(term, f, "") for f in ("along", "carrier")))
-        )
-        return f"{form or 'ripple'} in the {term.equation} equation"
-    if term.name == "cogging_torque":
-        return "one angle" if getattr(term, "logged", False) else "an angle of each run"
-    return str(getattr(term, "channel", "")) if term.name == "channel_delay" else ""
-
-
 def _name(term: AbstractTerm) -> tuple[str, str]:
-    return term.name, variant(term)
+    return term.name, term.variant
 
 
 def _key(fit: Fit) -> Key:
@@ -269,17 +252,17 @@ def _single(scores: Sequence[Score]) -> list[Score]:
     model promises about as much in every run, so the other runs are the control: the run has to
     promise four times what they do in the middle.
     """
-    kept = []
+    promised: dict[str, dict[str, float]] = {}
     for score in scores:
         term = score.candidate.term
         if term.name in LOCAL:
-            runs: dict[int, float] = {}
-            for other in scores:
-                if other.candidate.term.name == term.name:
-                    run = int(other.candidate.term.run)  # type: ignore[attr-defined]
-                    runs[run] = max(runs.get(run, 0.0), other.gain)
-            control = [gain for run, gain in runs.items() if run != term.run]  # type: ignore[attr-defined]
-            if control and score.gain < _COMMON * float(np.median(control)):
-                continue
-        kept.append(score)
+            runs = promised.setdefault(term.name, {})
+            runs[term.variant] = max(runs.get(term.variant, 0.0), score.gain)
+    kept = []
+    for score in scores:
+        term = score.candidate.term
+        runs = promised.get(term.name, {})
+        control = [gain for run, gain in runs.items() if run != term.variant]
+        if not control or score.gain >= _COMMON * float(np.median(control)):
+            kept.append(score)
     return kept

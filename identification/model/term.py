@@ -110,6 +110,11 @@ class AbstractTerm(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     states: ClassVar[tuple[State, ...]] = ()
 
+    @property
+    def variant(self) -> str:
+        """Which of several terms of this name it is: its channel, run or signals; empty for one."""
+        return ""
+
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term [unit of the state / s]."""
         return []

@@ -27,9 +27,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "finite_or_null",
     "parameter_entry",
-    "parameter_entry_from_normal",
     "quantity_entry",
-    "quantity_entry_from_normal",
     "result_schema",
     "result_text",
     "write_result",
@@ -40,7 +38,6 @@ INTERVAL_KIND: Final = "equal-tailed"
 INTERVAL_LEVEL: Final = 0.90
 
 _QUANTILES: Final = (0.05, 0.5, 0.95)
-_NORMAL_Q95: Final = 1.6448536269514722
 
 
 def finite_or_null(value: object) -> Any:
@@ -101,38 +98,6 @@ def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, 
         QUANTITY with ``identified``.
     """
     return quantity_entry(draws, unit) | {"identified": bool(identified)}
-
-
-def quantity_entry_from_normal(mean: float, sd: float, unit: str) -> dict[str, Any]:
-    """QUANTITY from the mean and standard deviation of a normal distribution.
-
-    Args:
-        mean: In `unit`; NaN where unknown.
-        sd: In `unit`; NaN or infinity where unknown.
-        unit: Unit as the contract spells it.
-
-    Returns:
-        Mean, standard deviation, quantiles and unit; an unknown spread leaves mean and median.
-    """
-    reach = _NORMAL_Q95 * sd
-    return _entry(unit, mean, sd, (mean - reach, mean, mean + reach))
-
-
-def parameter_entry_from_normal(
-    mean: float, sd: float, unit: str, identified: bool
-) -> dict[str, Any]:
-    """PARAMETER from the mean and standard deviation of a normal distribution.
-
-    Args:
-        mean: In `unit`; NaN where unknown.
-        sd: In `unit`; NaN or infinity where unknown.
-        unit: Unit as the contract spells it.
-        identified: Whether the data determine the parameter.
-
-    Returns:
-        QUANTITY with ``identified``.
-    """
-    return quantity_entry_from_normal(mean, sd, unit) | {"identified": bool(identified)}
 
 
 def result_text(result: Mapping[str, Any]) -> str:

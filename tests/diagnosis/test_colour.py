@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from identification.diagnosis.colour import autoregression, effective_samples, spectrum
+from identification.diagnosis.colour import autoregression, spectrum
 
 
 @pytest.mark.parametrize("pole", [-0.5, 0.0, 0.6, 0.95])
-def test_effective_samples_follow_the_closed_form(pole: float) -> None:
-    """The closed form for a first-order autoregression is n (1 - a) / (1 + a)."""
+def test_the_spectrum_at_zero_follows_the_closed_form(pole: float) -> None:
+    """The closed form of the sum of all correlations of a first order is (1 + a) / (1 - a)."""
     rng = np.random.default_rng(21)
-    size = 60_000
-    residual = signal.lfilter([1.0], [1.0, -pole], rng.standard_normal(size))
+    residual = signal.lfilter([1.0], [1.0, -pole], rng.standard_normal(60_000))
 
-    found = effective_samples(residual)
+    found = spectrum(autoregression(residual), 4096)[0]
 
-    assert found == pytest.approx(size * (1 - pole) / (1 + pole), rel=0.12)
+    assert found == pytest.approx((1 + pole) / (1 - pole), rel=0.12)
 
 
 def test_coefficients_of_a_second_order_autoregression_are_recovered() -> None:
@@ -52,4 +51,3 @@ def test_a_spectrum_has_mean_one_and_its_peak_where_the_pole_is() -> None:
 def test_a_residual_of_zero_has_no_colour() -> None:
     """There is nothing to predict."""
     assert autoregression(np.zeros(100)).size == 0
-    assert effective_samples(np.zeros(100)) == 100

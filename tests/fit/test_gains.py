@@ -1,0 +1,63 @@
+"""The gain of the current sensor: no run tells its own, two runs tell their ratio."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.gains import GainRatio, current_gains, with_one_gain
+from identification.ingest.run import Run
+from tests.motors import NAMES, Motor, campaign, motor_named
+
+SERVO = motor_named("servo 100 W")
+
+
+def driven(motor: Motor, gain: float = 1.0, *, seed: int = 1) -> Run:
+    """One run of a motor whose current is logged with a gain."""
+    run = campaign(motor, seed=seed, noise=0.005, rows=1500)[0]
+    return replace(run, current=run.current * gain)
+
+
+def gains(training: Sequence[Run], validation: Sequence[Run]) -> tuple[GainRatio, ...]:
+    """What is found in a campaign of these runs."""
+    made = campaign_of(training, validation)
+    return current_gains(fit_declared(made.training, "zoh"), made)
+
+
+@pytest.mark.parametrize("gain", [0.5, 1.6, 10.0])
+def test_the_ratio_of_two_gains_is_found(gain: float) -> None:
+    """Expected is the gain that the second run was logged with."""
+    (found,) = gains([driven(SERVO)], [driven(SERVO, gain, seed=2)])
+
+    assert found.run == 1
+    assert found.ratio == pytest.approx(gain, rel=0.02)
+
+
+def test_runs_of_one_gain_have_no_ratio() -> None:
+    """All were logged alike."""
+    assert gains([driven(SERVO), driven(SERVO, seed=2)], [driven(SERVO, seed=3)]) == ()
+
+
+@pytest.mark.parametrize("changed", ["Ra25", "J"])
+def test_another_resistance_or_inertia_is_no_gain(changed: str) -> None:
+    """A gain changes both equations, in opposite directions; a motor that changed does not."""
+    values = [1.5 * v if n == changed else v for n, v in zip(NAMES, SERVO.values, strict=True)]
+    other = replace(SERVO, values=tuple(values))
+
+    assert gains([driven(SERVO)], [driven(other, seed=2)]) == ()
+
+
+def test_runs_are_taken_as_the_first_reads_them() -> None:
+    """After that the fit to all of them has the parameters of the first run's motor."""
+    made = campaign_of([driven(SERVO), driven(SERVO, 0.5, seed=2)], [])
+    found = current_gains(fit_declared(made.training, "zoh"), made)
+
+    fit = fit_declared(with_one_gain(made, found).training, "zoh")
+
+    assert fit.values[0] == pytest.approx(SERVO.vector[0], rel=0.01)
+    assert fit.values[4] == pytest.approx(SERVO.vector[4], rel=0.01)
+    assert any("gain" in warning for warning in with_one_gain(made, found).warnings)

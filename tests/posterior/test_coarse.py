@@ -1,0 +1,63 @@
+"""The coarser simulation of a posterior leaves it what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench import make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.effect import survey_of
+from identification.effects.electrical import BrushDrop
+from identification.effects.refit import refined, refitted_with
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit
+from identification.posterior.coarse import coarser
+from identification.posterior.density import Posterior
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    """A motor whose brushes have a knee that asks for divided sample intervals."""
+    measured = make_campaign(
+        "servo_150w", [("brush_drop", 0.03)], seed=5, rows=1500, training=2, validation=1
+    )
+    runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
+    declared = fit_declared(campaign_of(runs, []).training, "zoh")
+    (candidate,) = BrushDrop.candidates(survey_of(declared))
+    return refined(refitted_with(declared, candidate.term, candidate.starts[:, 1]))
+
+
+def rows(simulator: object) -> int:
+    """Parts of sample intervals, all records together."""
+    return sum(inputs.shape[0] for inputs in simulator.inputs)  # type: ignore[attr-defined]
+
+
+def test_at_the_optimum_every_coarse_simulation_has_the_same_residual(fit: Fit) -> None:
+    """What the fine one logs differently was taken from what was measured."""
+    expected = fit.residuals()
+    found = list(coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation))
+
+    assert found
+    for simulator in found:
+        assert rows(simulator) < rows(fit.simulator)
+        logged = simulator.logged(fit.values[:, None], fit.states)
+        for record, simulated, residual in zip(simulator.records, logged, expected, strict=True):
+            np.testing.assert_allclose(
+                record.measured - simulated[:, :, 0], residual, atol=1e-9 * record.span.max()
+            )
+
+
+def test_the_density_falls_as_that_of_the_fine_simulation_does(fit: Fit) -> None:
+    """Draws other than those that it was chosen on; a fifth leaves room for their scatter."""
+    posterior = Posterior(fit, np.ones(2))
+    root = np.linalg.cholesky(posterior.covariance())
+    normal = np.random.default_rng(8).standard_normal((24, root.shape[0]))
+    points = np.vstack([posterior.centre, posterior.centre + normal @ root.T])
+
+    coarse = posterior(points)
+    fine = posterior._density(fit.simulator, points)
+
+    error = (coarse - coarse[0]) - (fine - fine[0])
+    assert np.sqrt(np.mean(error**2)) < 0.2 * np.sqrt(np.mean((fine - fine[0]) ** 2))
