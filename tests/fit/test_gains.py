@@ -46,7 +46,7 @@ def test_runs_of_one_gain_have_no_ratio() -> None:
 def test_another_resistance_or_inertia_is_no_gain(changed: str) -> None:
     """A gain changes both equations, in opposite directions; a motor that changed does not."""
     values = [1.5 * v if n == changed else v for n, v in zip(NAMES, SERVO.values, strict=True)]
-    other = replace(SERVO, values=tuple(values))
+    other = replace(SERVO, values=tuple(values))  # type: ignore[arg-type]
 
     assert gains([driven(SERVO)], [driven(other, seed=2)]) == ()
 
