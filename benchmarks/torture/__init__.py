@@ -1,1 +1,1 @@
-"""The service under what benches, networks and machines do to it; `python -m benchmarks.torture`."""
+"""The service under what benches, networks and machines do to it."""
