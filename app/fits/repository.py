@@ -36,6 +36,7 @@ __all__ = [
     "renew",
     "run_ids",
     "runs_of",
+    "unclaim",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -149,14 +150,22 @@ def remove(session: Session, fit_id: str) -> None:
     session.execute(delete(FitRow).where(FitRow.id == fit_id))
 
 
-def next_queued(session: Session) -> FitRow | None:
-    """The fit that waits longest, or None."""
+def next_queued(session: Session, *, lock: bool = False) -> FitRow | None:
+    """The fit that waits longest, or None.
+
+    Args:
+        session: Session of the database.
+        lock: Whether to pass over fits that another server is about to take, and to keep this one
+            from the others until the session ends.
+    """
     query = (
         select(FitRow)
         .where(FitRow.status == "queued")
         .order_by(FitRow.created_at, FitRow.position, FitRow.id)
         .limit(1)
     )
+    if lock:
+        query = query.with_for_update(skip_locked=True)
     return session.scalars(query).one_or_none()
 
 
@@ -201,9 +210,12 @@ def finish(
     now: float,
     error: dict[str, Any] | None = None,
 ) -> bool:
-    """End a fit with what an attempt came to; False where that is no longer the current one."""
+    """End a fit with what an attempt came to; False where that is no longer the current one.
+
+    Said twice it is true twice: a commit whose answer was lost is made again.
+    """
     values: dict[str, Any] = {"stage": "done", "fraction": 1.0} if status == "succeeded" else {}
-    return _changed(
+    is_done = _changed(
         session,
         _current(fit_id, attempt),
         status=status,
@@ -212,6 +224,27 @@ def finish(
         owner=None,
         lease_until=None,
         **values,
+    )
+    return is_done or _has_ended_so(session, fit_id, attempt, status)
+
+
+def _has_ended_so(session: Session, fit_id: str, attempt: int, status: str) -> bool:
+    query = select(FitRow.id).where(
+        FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == status
+    )
+    return session.scalars(query).one_or_none() is not None
+
+
+def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
+    """Let a fit wait as if it had not been taken: nothing was begun, so nothing is counted."""
+    return _changed(
+        session,
+        _current(fit_id, attempt),
+        status="queued",
+        stage="queued",
+        attempt=attempt - 1,
+        owner=None,
+        lease_until=None,
     )
 
 
