@@ -69,13 +69,23 @@ class FitQueue:
                 if repository.next_queued(session) is None:
                     return None
             with self._database.writing() as session:
-                row = repository.next_queued(session)
+                row = repository.next_queued(session, lock=True)
                 if row is None:
                     return None
                 job = self._job(session, row)
                 # Where another server was faster, the next one is tried.
                 if repository.claim(session, row, self._owner, time.time(), self.lease()):
                     return job, row.failures
+
+    def unclaim(self, fit_id: str, attempt: int) -> None:
+        """Let a fit wait again whose attempt could not be begun; the attempt is not counted.
+
+        Args:
+            fit_id: The fit.
+            attempt: The attempt that was claimed.
+        """
+        with self._database.writing() as session:
+            repository.unclaim(session, fit_id, attempt)
 
     def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
         """Let a fit wait again, unless it was interrupted so often that it must be the cause.
