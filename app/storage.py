@@ -4,6 +4,7 @@
     DATA/incoming/NODE/XXXX           uploads that are coming in; swept at each start
     DATA/runs/RUN_ID                  the bytes of a run that was accepted
     DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
+    DATA/fits/FIT_ID/checkpoints/     what attempts had so far, until the fit has ended
     DATA/nodes/NODE.lock              held by the server of this machine
 
 The database says what there is.  A file without a row is the rest of something that was interrupted
@@ -19,9 +20,11 @@ import secrets
 import shutil
 import time
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from app.fits.job import CHECKPOINTS
 from app.identifiers import is_id
 from identification.errors import OptionError
 
@@ -125,6 +128,13 @@ class Storage:
     def remove_attempt(self, fit_id: str, attempt: int) -> None:
         """Remove what one attempt left."""
         shutil.rmtree(self.attempt(fit_id, attempt), ignore_errors=True)
+
+    def remove_checkpoints(self, fit_id: str) -> None:
+        """Remove what attempts at a fit had so far."""
+        shutil.rmtree(self.fit(fit_id) / CHECKPOINTS, ignore_errors=True)
+        with suppress(OSError):
+            # Of a fit that was cancelled nothing else is left.
+            self.fit(fit_id).rmdir()
 
     def keep_attempt(self, fit_id: str, attempt: int) -> None:
         """Remove what all other attempts of a fit left."""

@@ -10,7 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["LOG", "OUTPUTS", "Job", "RunFile"]
+__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "Job", "RunFile"]
+
+CHECKPOINTS = "checkpoints"
+"""Directory beside those of the attempts: what each has so far, in a file named by its number."""
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Files that a fit may leave; the last only where the posterior was sampled."""

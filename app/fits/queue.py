@@ -57,6 +57,11 @@ class FitQueue:
         with self._database.reading() as session:
             return repository.held(session, self._owner)
 
+    def has_ended(self, fit_id: str) -> bool:
+        """Whether a fit is in a state that it does not leave, or was removed."""
+        with self._database.reading() as session:
+            return repository.has_ended(session, fit_id)
+
     def claim(self) -> tuple[Job, int] | None:
         """Take the fit that waits longest.
 

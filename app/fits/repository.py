@@ -26,6 +26,7 @@ __all__ = [
     "expired",
     "finish",
     "get",
+    "has_ended",
     "held",
     "next_queued",
     "of_batch",
@@ -190,6 +191,12 @@ def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
         FitRow.status == "running", FitRow.owner == owner
     )
     return {(fit_id, attempt): failures for fit_id, attempt, failures in session.execute(query)}
+
+
+def has_ended(session: Session, fit_id: str) -> bool:
+    """Whether a fit is in a state that it does not leave, or is not there any more."""
+    query = select(FitRow.status).where(FitRow.id == fit_id)
+    return session.scalars(query).one_or_none() in (None, *ENDED)
 
 
 def renew(

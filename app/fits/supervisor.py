@@ -255,6 +255,8 @@ class Supervisor:
             if key not in held:
                 # Cancelled, or taken over by another server.
                 self._drop(attempt)
+                if self._queue.has_ended(attempt.job.fit_id):
+                    self._storage.remove_checkpoints(attempt.job.fit_id)
                 _log.info("fit given up", extra={"fit": attempt.job.fit_id})
         for fit_id, number in held.keys() - running.keys():
             # Claimed, and then an error kept it from being started or given back.
