@@ -13,7 +13,7 @@ import os
 import re
 import socket
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -129,6 +129,11 @@ class Settings(BaseSettings):
     heartbeat_s: float = Field(
         default=3.0, gt=0, description="Interval in which a lease is renewed [s]."
     )
+    checkpoint_s: float = Field(
+        default=10.0,
+        ge=0,
+        description="Least time between two savings of a posterior in progress [s].",
+    )
     session_s: float = Field(
         default=12 * 3600.0,
         gt=0,
@@ -224,14 +229,21 @@ class Settings(BaseSettings):
 def load_settings(**given: object) -> Settings:
     """Settings from arguments and, for what is not given, from the environment.
 
+    Where MOTORID_SECRETS_DIR names a directory, a file in it that is called as a variable (such as
+    ``motorid_database_url``) gives what neither an argument nor the variable does.
+
     Args:
         **given: Settings by name; None counts as not given.
 
     Raises:
         OptionError: A setting has a value that is not accepted; the message is one line.
     """
+    chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    secrets = os.environ.get("MOTORID_SECRETS_DIR") or None
+    if secrets is not None and not Path(secrets).is_dir():
+        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is no directory", value=secrets)
     try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+        return Settings(_secrets_dir=secrets, **chosen)  # type: ignore[call-arg]
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         name = ".".join(str(part) for part in first["loc"])

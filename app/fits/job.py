@@ -49,6 +49,7 @@ class Job:
         validation: Runs to check the model on.
         options: Fields of `identification.options.FitOptions`.
         pipeline: Function that computes, as module:function.
+        checkpoint_s: Least time between two savings of what it has so far [s].
     """
 
     fit_id: str
@@ -58,6 +59,7 @@ class Job:
     validation: tuple[RunFile, ...]
     options: dict[str, Any]
     pipeline: str
+    checkpoint_s: float = 10.0
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:

@@ -37,15 +37,23 @@ class FitQueue:
         storage: Where their files are, and the name of this machine.
         lease_s: How long a fit is held without a heartbeat [s].
         pipeline: Function that computes, as module:function.
+        checkpoint_s: Least time between two checkpoints of a fit [s].
     """
 
     def __init__(
-        self, database: Database, storage: Storage, *, lease_s: float, pipeline: str
+        self,
+        database: Database,
+        storage: Storage,
+        *,
+        lease_s: float,
+        pipeline: str,
+        checkpoint_s: float,
     ) -> None:
         self._database = database
         self._storage = storage
         self._lease_s = lease_s
         self._pipeline = pipeline
+        self._checkpoint_s = checkpoint_s
         self._owner = f"{storage.node}/{secrets.token_hex(8)}"
 
     def lease(self) -> float:
@@ -141,4 +149,5 @@ class FitQueue:
             validation=files("validation"),
             options=row.options,
             pipeline=self._pipeline,
+            checkpoint_s=self._checkpoint_s,
         )

@@ -82,7 +82,11 @@ class Supervisor:
         self._settings = settings
         self._metrics = metrics
         self._queue = FitQueue(
-            database, storage, lease_s=settings.lease_s, pipeline=settings.pipeline
+            database,
+            storage,
+            lease_s=settings.lease_s,
+            pipeline=settings.pipeline,
+            checkpoint_s=settings.checkpoint_s,
         )
         self._attempts: dict[str, _Attempt] = {}
         self._looked = 0.0

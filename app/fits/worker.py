@@ -102,7 +102,7 @@ def checkpoint_of(job: Job) -> Checkpoint:
     found = [path for path in folder.glob("*.npz") if path.stem.isdecimal()]
     earlier = [path for path in found if int(path.stem) < job.attempt]
     earlier.sort(key=lambda path: int(path.stem), reverse=True)
-    return Checkpoint(folder / f"{job.attempt}.npz", earlier)
+    return Checkpoint(folder / f"{job.attempt}.npz", earlier, job.checkpoint_s)
 
 
 class _Messages:

@@ -94,6 +94,24 @@ def test_cluster_that_anyone_could_command_is_refused(address: str | None, words
         load_settings(engine="dask", dask_scheduler=address)
 
 
+def test_settings_come_from_files_where_no_variable_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As Docker and Kubernetes hand out secrets: one file each, with a line end."""
+    (tmp_path / "motorid_database_url").write_text("postgresql://user:pa55@host/base\n")
+    (tmp_path / "motorid_port").write_text("9001")
+    monkeypatch.setenv("MOTORID_SECRETS_DIR", str(tmp_path))
+    monkeypatch.setenv("MOTORID_PORT", "9002")
+
+    settings = load_settings()
+
+    assert settings.database_url == "postgresql://user:pa55@host/base"
+    assert settings.port == 9002
+    monkeypatch.setenv("MOTORID_SECRETS_DIR", str(tmp_path / "none"))
+    with pytest.raises(OptionError, match="is no directory"):
+        load_settings()
+
+
 def test_password_of_the_database_is_not_shown() -> None:
     """Settings end up in tracebacks and logs."""
     settings = load_settings(database_url="postgresql://user:pa55@host/base")
