@@ -44,7 +44,7 @@ class Services:
         batches: Calls about batches.
         health: Calls about health.
         nursery: Process that forks those that read uploads.
-        engine: What computes fits.
+        engine: What computes fits; the supervisor closes it.
         supervisor: The thread that has fits computed.
         reading: Bounds how many uploads are read at once.
         stopping: Set when the service wants to stop.
@@ -111,7 +111,6 @@ class Services:
         """Stop working; fits that run wait for the next start."""
         self.stopping.set()
         self.supervisor.stop()
-        self.engine.close()
         self.nursery.stop()
         self.database.close()
         self.storage.unlock()

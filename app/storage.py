@@ -143,7 +143,7 @@ class Storage:
                 shutil.rmtree(entry, ignore_errors=True)
 
     def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
-        """Remove what no row of the database names.
+        """Remove what no row of the database names; nothing where it names nothing at all.
 
         Args:
             runs: Ids of the runs that there are.
@@ -156,6 +156,9 @@ class Storage:
         for entry in _entries(self.incoming):
             entry.unlink(missing_ok=True)
             removed += 1
+        if not runs and not fits:
+            # An empty database beside files is more likely a wrong address than a reason.
+            return removed
         for entry in _entries(self.directory / "runs"):
             if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
                 entry.unlink(missing_ok=True)

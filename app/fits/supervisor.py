@@ -133,6 +133,7 @@ class Supervisor:
             self._looked = time.monotonic()
             self._compare()
             self._queue.take_over()
+        self._metrics.fit_capacity.set(self._engine.capacity())
         while len(self._attempts) < self._engine.capacity() and self._begin():
             pass
 
@@ -289,6 +290,8 @@ class Supervisor:
 
     def _release(self) -> None:
         """End what runs here, without counting it against the fits."""
+        # All at once; one after the other could take longer than there is time to stop.
+        self._engine.close()
         for attempt in list(self._attempts.values()):
             attempt.running.kill()
             job = attempt.job

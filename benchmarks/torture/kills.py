@@ -12,18 +12,21 @@ import collections
 import random
 import re
 import sqlite3
+import statistics
 import time
 from pathlib import Path
 
 import psycopg
 
+from benchmarks.torture import processes
 from benchmarks.torture.clients import Client
 from benchmarks.torture.outcome import Outcome
 from benchmarks.torture.rig import COMBINATIONS, Rig
 from tests.app.postgresql import MISSING
-from tests.app.service import Caller
+from tests.app.pretended import FAMILY
+from tests.app.service import Caller, run_text
 
-__all__ = ["resumed", "run", "torture"]
+__all__ = ["cancelled", "resumed", "run", "torture"]
 
 _CAMPAIGN = Path("data/clean_servo")
 _REAL = "identification.pipeline:identify"
@@ -54,9 +57,45 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
         part = directory / f"{database}-{engine}"
         part.mkdir()
         outcomes.append(torture(part, database, engine, kills, random.Random(number)))
+    for engine in ("local", "dask"):
+        outcomes.append(cancelled(directory / f"cancel-{engine}", engine, 3 if short else 30))
     if not short:
         outcomes.append(resumed(directory / "resumed"))
     return outcomes
+
+
+def cancelled(directory: Path, engine: str, count: int) -> Outcome:
+    """How long it takes from the call to the end of all processes of a fit.
+
+    Args:
+        directory: Where data go.
+        engine: ``local`` or ``dask``.
+        count: How many fits are cancelled.
+    """
+    took = []
+    with (
+        Rig.running(directory, database="sqlite", engine=engine, WORKERS=2) as rig,
+        Caller(rig.server) as caller,
+    ):
+        run = caller.upload(run_text(1))["id"]
+        for _ in range(count):
+            fit = caller.begin(run, seed=FAMILY)["id"]
+            pids = rig.data_dir / "fits" / fit / "1" / "pids"
+            while not pids.exists() or len(pids.read_text().split()) < 2:
+                time.sleep(0.005)
+            family = [int(pid) for pid in pids.read_text().split()]
+            began = time.monotonic()
+            caller.http.delete(f"/fits/{fit}")
+            while any(map(processes.is_running, family)) and time.monotonic() < began + 10:
+                time.sleep(0.001)
+            took.append(time.monotonic() - began)
+    return Outcome(
+        test=f"cancelling a fit that runs, engine {engine}",
+        asked="its process and what that started are gone within 1 s",
+        measured=f"{count} times: median {statistics.median(took) * 1e3:.0f} ms, longest "
+        f"{max(took) * 1e3:.0f} ms",
+        passed=max(took) < 1.0,
+    )
 
 
 def resumed(directory: Path) -> Outcome:

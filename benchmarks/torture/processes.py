@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["children", "kill", "marked", "nurseries"]
+__all__ = ["children", "is_running", "kill", "marked", "nurseries"]
 
 
 def _all() -> Iterator[int]:
@@ -24,6 +24,11 @@ def _state(process: int) -> tuple[str, int]:
         return "Z", 0
     state, parent = text.rsplit(")", 1)[1].split()[:2]
     return state, int(parent)
+
+
+def is_running(process: int) -> bool:
+    """Whether a process has not ended; one that only waits to be counted has."""
+    return _state(process)[0] != "Z"
 
 
 def children(process: int) -> list[int]:
