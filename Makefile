@@ -129,6 +129,10 @@ coverage: $(READY) ## do 90 % intervals cover in 90 % of simulated campaigns? (l
 attribution: $(READY) ## are hidden effects named? (long)
 	$(BIN)/python -m benchmarks.attribution
 
+.PHONY: torture
+torture: $(READY) ## the service under kills, bombs and load (hours; ARGS=--short for minutes)
+	$(BIN)/python -m benchmarks.torture $(ARGS)
+
 # ---------------------------------------------------------------- container
 
 .PHONY: image

@@ -17,7 +17,7 @@ from pathlib import Path
 __all__ = ["Limits", "child_environment", "confine", "die_with_parent", "prefer_as_victim"]
 
 _PR_SET_PDEATHSIG = 1
-_SECRETS = ("MOTORID_DATABASE_URL",)
+_SECRETS = ("MOTORID_DATABASE_URL", "PGPASSWORD")
 
 
 @dataclass(frozen=True)

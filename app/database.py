@@ -1,9 +1,13 @@
-"""The database: one writer at a time, any number of readers, the same on SQLite and PostgreSQL.
+"""The database: any number of readers and writers, the same on SQLite and PostgreSQL.
 
     database = Database("sqlite:////data/motorid.sqlite3")
     database.migrate()
     with database.writing() as session: ...      committed at the end, rolled back on an error
     with database.reading() as session: ...
+
+An address that begins with postgresql:// is reached by psycopg.  A connection that the server has
+closed is noticed before it is used, so a restart of PostgreSQL costs the calls that were under way
+and nothing after them.
 
 SQLite before 3.51.3 can corrupt a database in WAL mode when two connections write and checkpoint at
 once, so such versions keep a rollback journal.  A write begins with BEGIN IMMEDIATE: it waits for
@@ -21,14 +25,23 @@ from typing import Any
 import sqlalchemy
 from sqlalchemy import event
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import ArgumentError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from app.migrations import NEWEST
+from identification.errors import OptionError
 
-__all__ = ["Database"]
+__all__ = ["NO_ANSWER", "Database"]
+
+NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
+"""Errors after which a call may succeed when it is made again."""
 
 _BUSY_S = 30.0
+_CONNECT_S = 10
 _FIRST_SAFE_WAL = (3, 51, 3)
+_MIGRATING = 6_032_011
+"""Name of the lock under which one server at a time migrates a PostgreSQL database."""
 
 
 class Database:
@@ -36,31 +49,68 @@ class Database:
 
     Args:
         url: Address in SQLAlchemy's form.
+
+    Raises:
+        OptionError: It is no address, or what it needs is not installed.
     """
 
     def __init__(self, url: str) -> None:
-        self.url = sqlalchemy.make_url(url)
+        self.url = _parsed(url)
         if self.url.get_backend_name() == "sqlite":
             self._readers = _sqlite(self.url, begin="BEGIN", pool_size=8, max_overflow=32)
             self._writer = _sqlite(self.url, begin="BEGIN IMMEDIATE", pool_size=1, max_overflow=0)
         else:
-            self._readers = self._writer = sqlalchemy.create_engine(
-                self.url, pool_size=8, max_overflow=32, pool_pre_ping=True
+            self._writer = _postgresql(self.url)
+            # One consistent state for all queries of a session, as SQLite has it.
+            self._readers = self._writer.execution_options(
+                isolation_level="REPEATABLE READ", postgresql_readonly=True
             )
 
     def migrate(self) -> None:
-        """Bring the tables to the newest version; a new database gets them all."""
-        if self._version() == NEWEST:
-            return
+        """Bring the tables to the newest version; a new database gets them all.
+
+        Raises:
+            OptionError: The database does not answer, or a newer motorid has made it.
+        """
+        try:
+            if self._version() != NEWEST:
+                self._upgrade()
+        except OperationalError as error:
+            raise OptionError(
+                f"database_url: {self._place} does not answer ({_first_line(error)}); start the "
+                "database or name another"
+            ) from error
+
+    @property
+    def _place(self) -> str:
+        """Where the database is, without the user and the password."""
+        if not self.url.host:
+            return f"{self.url.get_backend_name()} database {self.url.database}"
+        port = f":{self.url.port}" if self.url.port else ""
+        return f"{self.url.get_backend_name()}://{self.url.host}{port}/{self.url.database or ''}"
+
+    def _upgrade(self) -> None:
         # Imported where it is needed: it costs each start a second, and most find nothing to do.
         import alembic.command
         import alembic.config
+        import alembic.util
 
         config = alembic.config.Config()
         config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
-        with self._writer.begin() as connection:
-            config.attributes["connection"] = connection
-            alembic.command.upgrade(config, "head")
+        try:
+            with self._writer.begin() as connection:
+                if connection.dialect.name == "postgresql":
+                    # Of servers that start at once the second waits here, and finds it done.
+                    # SQLite has one writer at a time in any case.
+                    lock = sqlalchemy.text(f"SELECT pg_advisory_xact_lock({_MIGRATING})")
+                    connection.execute(lock)
+                config.attributes["connection"] = connection
+                alembic.command.upgrade(config, "head")
+        except alembic.util.CommandError as error:
+            raise OptionError(
+                f"database_url: {self._place} has tables of a newer motorid (this one knows "
+                f"version {NEWEST}); install that one, or name another database"
+            ) from error
 
     def _version(self) -> str | None:
         with self._readers.connect() as connection:
@@ -94,6 +144,47 @@ class Database:
         """Give all connections back."""
         self._readers.dispose()
         self._writer.dispose()
+
+
+def _parsed(address: str) -> sqlalchemy.URL:
+    try:
+        url = sqlalchemy.make_url(address)
+    except ArgumentError:
+        # Its own words may hold the address, and that a password.
+        raise OptionError(
+            "database_url: no address of a database; expected postgresql://USER@HOST/NAME or "
+            "sqlite:////PATH"
+        ) from None
+    kind = url.get_backend_name()
+    if kind in ("postgresql", "postgres"):
+        return url.set(drivername="postgresql+psycopg")
+    if kind != "sqlite":
+        raise OptionError(
+            f"database_url: {kind} is no database that is known; expected postgresql or sqlite",
+            value=kind,
+        )
+    return url
+
+
+def _postgresql(url: sqlalchemy.URL) -> Engine:
+    try:
+        return sqlalchemy.create_engine(
+            url,
+            pool_size=8,
+            max_overflow=32,
+            pool_timeout=_BUSY_S,
+            pool_pre_ping=True,
+            connect_args={"connect_timeout": _CONNECT_S, "application_name": "motorid"},
+        )
+    except ImportError as error:
+        raise OptionError(
+            f"database_url: PostgreSQL needs a package that is not installed ({error.name}); "
+            "install motorid[postgresql]"
+        ) from error
+
+
+def _first_line(error: OperationalError) -> str:
+    return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "no reason given"
 
 
 def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: int) -> Engine:

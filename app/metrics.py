@@ -48,6 +48,11 @@ class Metrics:
             "Age of the fit that waits longest.",
             registry=self.registry,
         )
+        self.fit_capacity = Gauge(
+            "motorid_fit_capacity",
+            "Fits that can be computed at once now; 0 while the cluster is away.",
+            registry=self.registry,
+        )
         self.fits_ended = Counter(
             "motorid_fits_ended",
             "Fits that ended here, by status.",

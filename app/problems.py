@@ -18,12 +18,11 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy.exc import OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from app import errors
+from app.database import NO_ANSWER
 from app.logging import request_id
 from identification.errors import InputError
 
@@ -142,8 +141,8 @@ def add_problem_handlers(application: FastAPI) -> None:
     application.add_exception_handler(InputError, _service)
     application.add_exception_handler(RequestValidationError, _validation)
     application.add_exception_handler(HTTPException, _http)
-    application.add_exception_handler(OperationalError, _database)
-    application.add_exception_handler(PoolTimeout, _database)
+    for kind in NO_ANSWER:
+        application.add_exception_handler(kind, _database)
     application.add_exception_handler(ClientDisconnect, _gone)
     application.add_exception_handler(Exception, _unexpected)
 

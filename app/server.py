@@ -34,7 +34,8 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
         listening: A socket that listens already, in place of address and port of the settings.
 
     Raises:
-        OptionError: The data directory cannot be used, or another server uses it.
+        OptionError: The data directory cannot be used, another server uses it, or the database
+            does not answer.
     """
     configure_logging(settings.log_level)
     application = create_app(settings)
@@ -42,6 +43,7 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     # Taken here and not in the lifespan, where an error would come as a traceback.
     services.storage.prepare()
     services.storage.lock()
+    services.database.migrate()
     server = _Server(
         uvicorn.Config(
             application,

@@ -13,7 +13,7 @@ from app.batches.service import BatchService
 from app.confine import Limits
 from app.database import Database
 from app.fits import repository as fits
-from app.fits.engine import LocalEngine
+from app.fits.engine import AbstractEngine, LocalEngine
 from app.fits.service import FitService
 from app.fits.supervisor import Supervisor
 from app.health.service import HealthService
@@ -24,6 +24,7 @@ from app.runs.reading import RunReader
 from app.runs.service import RunService
 from app.settings import Settings
 from app.storage import Storage
+from identification.errors import OptionError
 
 __all__ = ["Services"]
 
@@ -42,7 +43,8 @@ class Services:
         fits: Calls about fits.
         batches: Calls about batches.
         health: Calls about health.
-        nurseries: Processes that fork those that read uploads and those that compute fits.
+        nursery: Process that forks those that read uploads.
+        engine: What computes fits; the supervisor closes it.
         supervisor: The thread that has fits computed.
         reading: Bounds how many uploads are read at once.
         stopping: Set when the service wants to stop.
@@ -57,7 +59,8 @@ class Services:
     fits: FitService
     batches: BatchService
     health: HealthService
-    nurseries: tuple[Nursery, ...]
+    nursery: Nursery
+    engine: AbstractEngine
     supervisor: Supervisor
     reading: CapacityLimiter
     stopping: threading.Event = field(default_factory=threading.Event)
@@ -68,12 +71,11 @@ class Services:
         database = Database(settings.sqlalchemy_url)
         storage = Storage(settings.data_dir, settings.node)
         metrics = Metrics()
-        pipeline = settings.pipeline.partition(":")[0]
         readers = Nursery("app.runs.parser", temporary=storage.incoming)
-        workers = Nursery("app.fits.worker", pipeline, temporary=storage.incoming)
         limits = Limits(settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s)
         reader = RunReader(readers, limits, settings.max_rows)
-        supervisor = Supervisor(database, storage, LocalEngine(workers), settings, metrics)
+        engine = _engine(settings, storage)
+        supervisor = Supervisor(database, storage, engine, settings, metrics)
         return cls(
             settings=settings,
             database=database,
@@ -84,7 +86,8 @@ class Services:
             fits=FitService(database, storage, supervisor),
             batches=BatchService(database, supervisor),
             health=HealthService(database, storage, supervisor, metrics),
-            nurseries=(readers, workers),
+            nursery=readers,
+            engine=engine,
             supervisor=supervisor,
             reading=CapacityLimiter(settings.readers),
         )
@@ -100,15 +103,31 @@ class Services:
         self.database.migrate()
         with self.database.reading() as session:
             self.storage.sweep(runs.all_ids(session), fits.all_ids(session))
-        for nursery in self.nurseries:
-            nursery.start()
+        self.nursery.start()
+        self.engine.open()
         self.supervisor.start()
 
     def stop(self) -> None:
         """Stop working; fits that run wait for the next start."""
         self.stopping.set()
         self.supervisor.stop()
-        for nursery in self.nurseries:
-            nursery.stop()
+        self.nursery.stop()
         self.database.close()
         self.storage.unlock()
+
+
+def _engine(settings: Settings, storage: Storage) -> AbstractEngine:
+    if settings.engine == "dask":
+        # Its packages take a second to import, and most services compute on one machine.
+        try:
+            from app.fits.dask_engine import DaskEngine
+        except ImportError as error:
+            raise OptionError(
+                f"engine: dask needs a package that is not installed ({error.name}); install "
+                "motorid[cluster]"
+            ) from error
+
+        return DaskEngine(settings, storage)
+    pipeline = settings.pipeline.partition(":")[0]
+    nursery = Nursery("app.fits.worker", pipeline, temporary=storage.incoming)
+    return LocalEngine(nursery, settings.workers)

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import re
 import socket
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -21,6 +22,7 @@ from identification.errors import OptionError
 
 __all__ = ["Settings", "is_loopback", "load_settings"]
 
+_CLUSTER = re.compile(r"(?P<protocol>tcp|tls)://(?P<host>\[[0-9a-fA-F:.]+\]|[\w.-]+):[0-9]{1,5}")
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
 
@@ -61,10 +63,33 @@ class Settings(BaseSettings):
     )
     database_url: str | None = Field(
         default=None,
-        description="SQLAlchemy address of the database; empty: SQLite in the data directory.",
+        repr=False,  # it may hold a password
+        description="Address of the database, such as `postgresql://USER:PASSWORD@HOST/NAME`; "
+        "empty: SQLite in the data directory.",
+    )
+    engine: Literal["local", "dask"] = Field(
+        default="local", description="What computes fits: this machine, or a Dask cluster."
+    )
+    dask_scheduler: str | None = Field(
+        default=None,
+        description="Address of the cluster's scheduler, such as `tls://scheduler:8786`; "
+        "`tcp://` is accepted on a loopback address only.",
+    )
+    dask_tls_ca_file: Path | None = Field(
+        default=None, description="Certificate by which the cluster's certificates are checked."
+    )
+    dask_tls_cert_file: Path | None = Field(
+        default=None, description="Certificate that this service shows to the cluster."
+    )
+    dask_tls_key_file: Path | None = Field(
+        default=None, description="Private key of that certificate."
     )
     workers: int = Field(
-        default_factory=_cores, ge=1, le=1024, description="Fits that are computed at once."
+        default_factory=_cores,
+        ge=1,
+        le=1024,
+        description="Fits that are computed at once; on a cluster, where it is not given, as many "
+        "as it has threads.",
     )
     readers: int = Field(
         default_factory=_cores, ge=1, le=256, description="Uploads that are read at once."
@@ -103,6 +128,11 @@ class Settings(BaseSettings):
     )
     heartbeat_s: float = Field(
         default=3.0, gt=0, description="Interval in which a lease is renewed [s]."
+    )
+    checkpoint_s: float = Field(
+        default=10.0,
+        ge=0,
+        description="Least time between two savings of a posterior in progress [s].",
     )
     session_s: float = Field(
         default=12 * 3600.0,
@@ -145,7 +175,33 @@ class Settings(BaseSettings):
                 f"lease_s is {self.lease_s:g} and heartbeat_s {self.heartbeat_s:g}; expected a "
                 "lease of at least two heartbeats"
             )
+        if self.engine == "dask":
+            self._refuse_unsafe_cluster()
         return self
+
+    def _refuse_unsafe_cluster(self) -> None:
+        """A scheduler runs what it is sent, so whoever reaches it without a certificate owns it."""
+        address = self.dask_scheduler or ""
+        found = _CLUSTER.fullmatch(address)
+        if found is None:
+            raise ValueError(
+                f"dask_scheduler is {address!r}; expected tls://HOST:PORT, or tcp://HOST:PORT on "
+                "a loopback address"
+            )
+        if found["protocol"] == "tcp":
+            if not is_loopback(found["host"]):
+                raise ValueError(
+                    f"dask_scheduler is {address}: without encryption and certificates a cluster "
+                    "is used on a loopback address only; use tls:// and certificates"
+                )
+            return
+        for name in ("dask_tls_ca_file", "dask_tls_cert_file", "dask_tls_key_file"):
+            path: Path | None = getattr(self, name)
+            if path is None or not path.is_file():
+                raise ValueError(
+                    f"{name} is {str(path or '')!r}; with tls:// expected a PEM file that can be "
+                    "read"
+                )
 
     @property
     def hosts(self) -> tuple[str, ...]:
@@ -173,14 +229,21 @@ class Settings(BaseSettings):
 def load_settings(**given: object) -> Settings:
     """Settings from arguments and, for what is not given, from the environment.
 
+    Where MOTORID_SECRETS_DIR names a directory, a file in it that is called as a variable (such as
+    ``motorid_database_url``) gives what neither an argument nor the variable does.
+
     Args:
         **given: Settings by name; None counts as not given.
 
     Raises:
         OptionError: A setting has a value that is not accepted; the message is one line.
     """
+    chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    secrets = os.environ.get("MOTORID_SECRETS_DIR") or None
+    if secrets is not None and not Path(secrets).is_dir():
+        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is no directory", value=secrets)
     try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
+        return Settings(_secrets_dir=secrets, **chosen)  # type: ignore[call-arg]
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         name = ".".join(str(part) for part in first["loc"])

@@ -4,6 +4,7 @@
     DATA/incoming/NODE/XXXX           uploads that are coming in; swept at each start
     DATA/runs/RUN_ID                  the bytes of a run that was accepted
     DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
+    DATA/fits/FIT_ID/checkpoints/     what attempts had so far, until the fit has ended
     DATA/nodes/NODE.lock              held by the server of this machine
 
 The database says what there is.  A file without a row is the rest of something that was interrupted
@@ -19,9 +20,11 @@ import secrets
 import shutil
 import time
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from app.fits.job import CHECKPOINTS
 from app.identifiers import is_id
 from identification.errors import OptionError
 
@@ -126,6 +129,13 @@ class Storage:
         """Remove what one attempt left."""
         shutil.rmtree(self.attempt(fit_id, attempt), ignore_errors=True)
 
+    def remove_checkpoints(self, fit_id: str) -> None:
+        """Remove what attempts at a fit had so far."""
+        shutil.rmtree(self.fit(fit_id) / CHECKPOINTS, ignore_errors=True)
+        with suppress(OSError):
+            # Of a fit that was cancelled nothing else is left.
+            self.fit(fit_id).rmdir()
+
     def keep_attempt(self, fit_id: str, attempt: int) -> None:
         """Remove what all other attempts of a fit left."""
         for entry in _entries(self.fit(fit_id)):
@@ -133,7 +143,7 @@ class Storage:
                 shutil.rmtree(entry, ignore_errors=True)
 
     def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
-        """Remove what no row of the database names.
+        """Remove what no row of the database names; nothing where it names nothing at all.
 
         Args:
             runs: Ids of the runs that there are.
@@ -146,6 +156,9 @@ class Storage:
         for entry in _entries(self.incoming):
             entry.unlink(missing_ok=True)
             removed += 1
+        if not runs and not fits:
+            # An empty database beside files is more likely a wrong address than a reason.
+            return removed
         for entry in _entries(self.directory / "runs"):
             if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
                 entry.unlink(missing_ok=True)

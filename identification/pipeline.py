@@ -27,6 +27,7 @@ from identification.fit.noise import effective_shares, with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.options import FitOptions
+from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
 from identification.posterior.sample import Sample, sample
@@ -69,6 +70,7 @@ def identify(
     validation: Sequence[Run] = (),
     options: FitOptions = FitOptions(),  # noqa: B008  frozen
     progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Identification:
     """Identify one motor from its runs.
 
@@ -77,6 +79,7 @@ def identify(
         validation: Runs to check the model on; they are never fitted.
         options: What the user chose.
         progress: Told how far the job is.
+        checkpoint: Where a posterior in progress is kept, so that the same job goes on from there.
 
     Raises:
         InputError: There is too little to fit.
@@ -107,8 +110,12 @@ def identify(
     posterior = Posterior(final, shares)
     chain: Sample | None = None
     if options.posterior:
+        hashes = [run.sha256 for run in (*training, *validation)]
         chain = sample(
-            posterior, options.seed, progress=lambda done: tell("posterior", 0.55 + 0.3 * done)
+            posterior,
+            options.seed,
+            progress=lambda done: tell("posterior", 0.55 + 0.3 * done),
+            checkpoint=checkpoint and checkpoint.about(hashes, options),
         )
         draws = chain.draws()
     else:

@@ -22,7 +22,7 @@ resolve() {
     echo "$out: $(grep -c '==' "$out") packages"
 }
 
-resolve run pyproject.toml "$@"
+resolve run pyproject.toml --all-extras "$@"
 resolve build --group build --constraint requirements/run.txt "$@"
-resolve dev pyproject.toml --group dev --constraint requirements/run.txt \
+resolve dev pyproject.toml --all-extras --group dev --constraint requirements/run.txt \
     --constraint requirements/build.txt "$@"

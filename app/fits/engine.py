@@ -22,7 +22,7 @@ from typing import Any
 from app.fits.job import LOG, Job
 from app.nursery.client import Nursery, Task
 
-__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine"]
+__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words", "log_tail"]
 
 LOST = "the end of its engine"
 """How a job ended that did not end by itself: it is no fault of the job."""
@@ -56,6 +56,18 @@ class AbstractEngine(abc.ABC):
     """Starts jobs."""
 
     @abc.abstractmethod
+    def open(self) -> None:
+        """Begin to work; returns without waiting for others."""
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """End, with all jobs that still run."""
+
+    @abc.abstractmethod
+    def capacity(self) -> int:
+        """How many jobs may run at once now; 0 while none can be started."""
+
+    @abc.abstractmethod
     def start(self, job: Job) -> AbstractRunning:
         """Start a job.
 
@@ -72,10 +84,24 @@ class LocalEngine(AbstractEngine):
 
     Args:
         nursery: Where they are forked, with `app.fits.worker` as its module.
+        most: How many may run at once.
     """
 
-    def __init__(self, nursery: Nursery) -> None:
+    def __init__(self, nursery: Nursery, most: int) -> None:
         self._nursery = nursery
+        self._most = most
+
+    def open(self) -> None:
+        """Start the process that forks the others."""
+        self._nursery.start()
+
+    def close(self) -> None:
+        """End it, and the others with it."""
+        self._nursery.stop()
+
+    def capacity(self) -> int:
+        """As many as were asked for."""
+        return self._most
 
     def start(self, job: Job) -> AbstractRunning:
         """Start a process for a job."""
@@ -102,22 +128,32 @@ class _LocalRunning(AbstractRunning):
         self._task.kill()
 
     def log_tail(self) -> str:
-        try:
-            with (Path(self.job.directory) / LOG).open("rb") as log:
-                log.seek(max(0, log.seek(0, os.SEEK_END) - _LONGEST_LOG))
-                return log.read().decode("utf-8", "replace")
-        except OSError:
-            return ""
+        return log_tail(self.job)
 
     def _hear(self) -> None:
         for message in self._task.messages():
             if "exit" in message:
-                self._end = _in_words(message["exit"])
+                self._end = in_words(message["exit"])
             else:
                 self._told.append(message)
 
 
-def _in_words(code: int) -> str:
+def log_tail(job: Job) -> str:
+    """The end of what the process of a job printed."""
+    try:
+        with (Path(job.directory) / LOG).open("rb") as log:
+            log.seek(max(0, log.seek(0, os.SEEK_END) - _LONGEST_LOG))
+            return log.read().decode("utf-8", "replace")
+    except OSError:
+        return ""
+
+
+def in_words(code: int) -> str:
+    """How a process ended.
+
+    Args:
+        code: Its exit status, or less than zero the signal that ended it.
+    """
     if code >= 0:
         return f"exit status {code}"
     try:

@@ -10,7 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["LOG", "OUTPUTS", "Job", "RunFile"]
+__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "Job", "RunFile"]
+
+CHECKPOINTS = "checkpoints"
+"""Directory beside those of the attempts: what each has so far, in a file named by its number."""
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Files that a fit may leave; the last only where the posterior was sampled."""
@@ -46,6 +49,7 @@ class Job:
         validation: Runs to check the model on.
         options: Fields of `identification.options.FitOptions`.
         pipeline: Function that computes, as module:function.
+        checkpoint_s: Least time between two savings of what it has so far [s].
     """
 
     fit_id: str
@@ -55,6 +59,7 @@ class Job:
     validation: tuple[RunFile, ...]
     options: dict[str, Any]
     pipeline: str
+    checkpoint_s: float = 10.0
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:

@@ -37,15 +37,23 @@ class FitQueue:
         storage: Where their files are, and the name of this machine.
         lease_s: How long a fit is held without a heartbeat [s].
         pipeline: Function that computes, as module:function.
+        checkpoint_s: Least time between two checkpoints of a fit [s].
     """
 
     def __init__(
-        self, database: Database, storage: Storage, *, lease_s: float, pipeline: str
+        self,
+        database: Database,
+        storage: Storage,
+        *,
+        lease_s: float,
+        pipeline: str,
+        checkpoint_s: float,
     ) -> None:
         self._database = database
         self._storage = storage
         self._lease_s = lease_s
         self._pipeline = pipeline
+        self._checkpoint_s = checkpoint_s
         self._owner = f"{storage.node}/{secrets.token_hex(8)}"
 
     def lease(self) -> float:
@@ -56,6 +64,11 @@ class FitQueue:
         """Fits and attempts that this server holds, and how many attempts failed before."""
         with self._database.reading() as session:
             return repository.held(session, self._owner)
+
+    def has_ended(self, fit_id: str) -> bool:
+        """Whether a fit is in a state that it does not leave, or was removed."""
+        with self._database.reading() as session:
+            return repository.has_ended(session, fit_id)
 
     def claim(self) -> tuple[Job, int] | None:
         """Take the fit that waits longest.
@@ -69,13 +82,23 @@ class FitQueue:
                 if repository.next_queued(session) is None:
                     return None
             with self._database.writing() as session:
-                row = repository.next_queued(session)
+                row = repository.next_queued(session, lock=True)
                 if row is None:
                     return None
                 job = self._job(session, row)
                 # Where another server was faster, the next one is tried.
                 if repository.claim(session, row, self._owner, time.time(), self.lease()):
                     return job, row.failures
+
+    def unclaim(self, fit_id: str, attempt: int) -> None:
+        """Let a fit wait again whose attempt could not be begun; the attempt is not counted.
+
+        Args:
+            fit_id: The fit.
+            attempt: The attempt that was claimed.
+        """
+        with self._database.writing() as session:
+            repository.unclaim(session, fit_id, attempt)
 
     def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
         """Let a fit wait again, unless it was interrupted so often that it must be the cause.
@@ -126,4 +149,5 @@ class FitQueue:
             validation=files("validation"),
             options=row.options,
             pipeline=self._pipeline,
+            checkpoint_s=self._checkpoint_s,
         )

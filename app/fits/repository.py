@@ -26,6 +26,7 @@ __all__ = [
     "expired",
     "finish",
     "get",
+    "has_ended",
     "held",
     "next_queued",
     "of_batch",
@@ -36,6 +37,7 @@ __all__ = [
     "renew",
     "run_ids",
     "runs_of",
+    "unclaim",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -149,14 +151,22 @@ def remove(session: Session, fit_id: str) -> None:
     session.execute(delete(FitRow).where(FitRow.id == fit_id))
 
 
-def next_queued(session: Session) -> FitRow | None:
-    """The fit that waits longest, or None."""
+def next_queued(session: Session, *, lock: bool = False) -> FitRow | None:
+    """The fit that waits longest, or None.
+
+    Args:
+        session: Session of the database.
+        lock: Whether to pass over fits that another server is about to take, and to keep this one
+            from the others until the session ends.
+    """
     query = (
         select(FitRow)
         .where(FitRow.status == "queued")
         .order_by(FitRow.created_at, FitRow.position, FitRow.id)
         .limit(1)
     )
+    if lock:
+        query = query.with_for_update(skip_locked=True)
     return session.scalars(query).one_or_none()
 
 
@@ -183,6 +193,12 @@ def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
     return {(fit_id, attempt): failures for fit_id, attempt, failures in session.execute(query)}
 
 
+def has_ended(session: Session, fit_id: str) -> bool:
+    """Whether a fit is in a state that it does not leave, or is not there any more."""
+    query = select(FitRow.status).where(FitRow.id == fit_id)
+    return session.scalars(query).one_or_none() in (None, *ENDED)
+
+
 def renew(
     session: Session, fit_id: str, attempt: int, *, lease_until: float, progress: dict[str, Any]
 ) -> bool:
@@ -201,9 +217,12 @@ def finish(
     now: float,
     error: dict[str, Any] | None = None,
 ) -> bool:
-    """End a fit with what an attempt came to; False where that is no longer the current one."""
+    """End a fit with what an attempt came to; False where that is no longer the current one.
+
+    Said twice it is true twice: a commit whose answer was lost is made again.
+    """
     values: dict[str, Any] = {"stage": "done", "fraction": 1.0} if status == "succeeded" else {}
-    return _changed(
+    is_done = _changed(
         session,
         _current(fit_id, attempt),
         status=status,
@@ -212,6 +231,27 @@ def finish(
         owner=None,
         lease_until=None,
         **values,
+    )
+    return is_done or _has_ended_so(session, fit_id, attempt, status)
+
+
+def _has_ended_so(session: Session, fit_id: str, attempt: int, status: str) -> bool:
+    query = select(FitRow.id).where(
+        FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == status
+    )
+    return session.scalars(query).one_or_none() is not None
+
+
+def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
+    """Let a fit wait as if it had not been taken: nothing was begun, so nothing is counted."""
+    return _changed(
+        session,
+        _current(fit_id, attempt),
+        status="queued",
+        stage="queued",
+        attempt=attempt - 1,
+        owner=None,
+        lease_until=None,
     )
 
 

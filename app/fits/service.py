@@ -165,6 +165,8 @@ class FitService:
             if not is_cancelled:
                 repository.remove(session, fit_id)
         if is_cancelled:
+            # An attempt that runs is killed by its supervisor, which removes the rest.
+            self._storage.remove_checkpoints(fit_id)
             self._supervisor.wake()
             return self.get(caller, fit_id)
         self._storage.remove_fit(fit_id)

@@ -22,8 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy.exc import OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.exc import SQLAlchemyError
 
 from app.database import Database
 from app.fits import repository
@@ -65,7 +64,7 @@ class Supervisor:
         database: Where the fits are.
         storage: Where their files are.
         engine: What computes.
-        settings: Number of workers, leases, limits.
+        settings: Leases and limits.
         metrics: Where the ends of fits are counted.
     """
 
@@ -83,7 +82,11 @@ class Supervisor:
         self._settings = settings
         self._metrics = metrics
         self._queue = FitQueue(
-            database, storage, lease_s=settings.lease_s, pipeline=settings.pipeline
+            database,
+            storage,
+            lease_s=settings.lease_s,
+            pipeline=settings.pipeline,
+            checkpoint_s=settings.checkpoint_s,
         )
         self._attempts: dict[str, _Attempt] = {}
         self._looked = 0.0
@@ -115,9 +118,9 @@ class Supervisor:
         while not self._stop.is_set():
             try:
                 self._turn()
-            except (OperationalError, PoolTimeout):
+            except (SQLAlchemyError, OSError):
                 # What was done is in the tables or will be tried again; only time helps.
-                _log.exception("the database does not answer")
+                _log.exception("the database or the system refused")
                 self._stop.wait(_IDLE_S)
             self._wake.wait(_BUSY_S if self._attempts else _IDLE_S)
             self._wake.clear()
@@ -130,7 +133,8 @@ class Supervisor:
             self._looked = time.monotonic()
             self._compare()
             self._queue.take_over()
-        while len(self._attempts) < self._settings.workers and self._begin():
+        self._metrics.fit_capacity.set(self._engine.capacity())
+        while len(self._attempts) < self._engine.capacity() and self._begin():
             pass
 
     def _attend(self, attempt: _Attempt) -> None:
@@ -256,6 +260,8 @@ class Supervisor:
             if key not in held:
                 # Cancelled, or taken over by another server.
                 self._drop(attempt)
+                if self._queue.has_ended(attempt.job.fit_id):
+                    self._storage.remove_checkpoints(attempt.job.fit_id)
                 _log.info("fit given up", extra={"fit": attempt.job.fit_id})
         for fit_id, number in held.keys() - running.keys():
             # Claimed, and then an error kept it from being started or given back.
@@ -274,7 +280,7 @@ class Supervisor:
         except OSError:
             # No space, no process to be had: the fit waits, and so does this thread.
             _log.exception("a fit could not be started", extra={"fit": job.fit_id})
-            self._queue.put_back(job.fit_id, job.attempt, failures)
+            self._queue.unclaim(job.fit_id, job.attempt)
             self._stop.wait(_IDLE_S)
             return False
         now = time.monotonic()
@@ -284,12 +290,14 @@ class Supervisor:
 
     def _release(self) -> None:
         """End what runs here, without counting it against the fits."""
+        # All at once; one after the other could take longer than there is time to stop.
+        self._engine.close()
         for attempt in list(self._attempts.values()):
             attempt.running.kill()
             job = attempt.job
             try:
                 self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
-            except (OperationalError, PoolTimeout):
+            except SQLAlchemyError:
                 # The next server finds the lease of one that is gone.
                 _log.exception("a fit could not be given back")
             self._drop(attempt)

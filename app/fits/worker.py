@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import inspect
 import json
 import os
 import tempfile
@@ -20,13 +21,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.fits.job import LOG, OUTPUTS, Job, RunFile
+from app.fits.job import CHECKPOINTS, LOG, OUTPUTS, Job, RunFile
 from app.storage import sync_directory
 from identification.errors import ComputationError, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
+from identification.posterior.checkpoint import Checkpoint
 
-__all__ = ["compute", "handle"]
+__all__ = ["checkpoint_of", "compute", "handle"]
 
 _INTERVAL_S = 0.2
 _NICENESS = 5
@@ -74,13 +76,33 @@ def compute(job: Job, progress: Callable[[str, float], None]) -> None:
         if name in known
     }
     directory = Path(job.directory)
-    identify(training, validation, FitOptions(**chosen), progress).write(directory)
+    more: dict[str, Any] = {}
+    if "checkpoint" in inspect.signature(identify).parameters:
+        more["checkpoint"] = checkpoint_of(job)
+    identify(training, validation, FitOptions(**chosen), progress, **more).write(directory)
     progress("writing", 1.0)
     for name in OUTPUTS:
         if (directory / name).exists():
             with (directory / name).open("rb") as file:
                 os.fsync(file.fileno())
     sync_directory(directory)
+
+
+def checkpoint_of(job: Job) -> Checkpoint:
+    """Where an attempt keeps what it has so far, and finds what those before it had.
+
+    Each attempt has a file of its own, so that one that was given up and still runs cannot
+    overwrite what its successor keeps.  They lie beside the directories of the attempts, which are
+    removed with them, and go with the fit's end.
+
+    Args:
+        job: The attempt.
+    """
+    folder = Path(job.directory).parent / CHECKPOINTS
+    found = [path for path in folder.glob("*.npz") if path.stem.isdecimal()]
+    earlier = [path for path in found if int(path.stem) < job.attempt]
+    earlier.sort(key=lambda path: int(path.stem), reverse=True)
+    return Checkpoint(folder / f"{job.attempt}.npz", earlier, job.checkpoint_s)
 
 
 class _Messages:

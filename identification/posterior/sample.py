@@ -23,6 +23,12 @@ import numpy as np
 from emcee import moves
 from numpy.typing import NDArray
 
+from identification.posterior.checkpoint import (
+    Checkpoint,
+    chain_key,
+    kept_backend,
+    state_of,
+)
 from identification.posterior.convergence import Convergence, convergence_of
 from identification.posterior.density import Posterior
 
@@ -69,6 +75,7 @@ def sample(
     seed: int,
     most_steps: int = 3000,
     progress: Callable[[float], None] | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Sample:
     """Sample until the chain is 50 autocorrelation times long.
 
@@ -77,6 +84,7 @@ def sample(
         seed: Seed; the same seed gives the same chain.
         most_steps: Steps after which to stop in any case; `Convergence.reached` says so.
         progress: Called with the fraction done.
+        checkpoint: Where the chain is kept while it grows, and taken up again.
     """
     rng = np.random.default_rng(seed)
     covariance = posterior.covariance()
@@ -84,14 +92,23 @@ def sample(
     walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
     start = _start(posterior, covariance, walkers, rng)
     density = posterior(start)
-    proposals = _moves(posterior.centre, covariance, start, density)
-    sampler = emcee.EnsembleSampler(walkers, n_dim, posterior, vectorize=True, moves=proposals)
+    key = chain_key(posterior, covariance, seed, walkers)
+    sampler = emcee.EnsembleSampler(
+        walkers,
+        n_dim,
+        posterior,
+        vectorize=True,
+        moves=_moves(posterior.centre, covariance, start, density),
+        backend=kept_backend(checkpoint, key, walkers, n_dim),
+    )
     state = emcee.State(
         start,
         log_prob=density,
         random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
     )
-    done, tau = 0, np.inf
+    done, tau = sampler.iteration, np.inf
+    if done:
+        state = sampler.get_last_sample()
     while done < most_steps:
         state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
         done += _CHUNK
@@ -101,6 +118,8 @@ def sample(
             progress(min(1.0, done / min(goal, most_steps)))
         if done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau:
             break
+        if checkpoint is not None and checkpoint.is_due():
+            checkpoint.save(key, state_of(sampler.backend))
     burn = _burn_in(done, tau)
     chain = sampler.get_chain(discard=burn)
     return Sample(

@@ -15,14 +15,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from identification.errors import ComputationError, InputError
 from identification.ingest import Run
 from identification.options import FitOptions
+from identification.posterior.checkpoint import Checkpoint
 
-QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT = range(9)
+QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT, KEEPS = range(10)
 """Seeds.  QUICK succeeds at once; SLOW takes 2 s; KILLED dies by a signal each time; BAD_INPUT and
 NO_SOLUTION fail by their own words; RAISES has a bug; ONCE_KILLED dies in its first attempt only;
-FAMILY starts a process of its own and then does not end; SILENT ends without a result."""
+FAMILY starts a process of its own and then does not end; SILENT ends without a result; KEEPS counts
+its attempts in a checkpoint and dies until the third, whose result says so."""
 
 
 class Pretended:
@@ -45,9 +49,11 @@ def identify(
     validation: Sequence[Run],
     options: FitOptions,
     progress: Callable[[str, float], None],
+    checkpoint: Checkpoint | None = None,
 ) -> Pretended:
     """Do what the seed says; the result tells what came in."""
     progress("fit", 0.0)
+    kept = _keeps(checkpoint) if options.seed == KEEPS else 0
     _BEHAVIOURS[options.seed](progress, training[0])
     progress("report", 0.9)
     roles = [(run, "training") for run in training] + [(run, "validation") for run in validation]
@@ -57,6 +63,7 @@ def identify(
         "runs": runs,
         "speeds": [float(run.speed[0]) for run, _ in roles],
         "temperatures": list(options.temperatures),
+        "kept": kept,
     }
     return Pretended(result, options.posterior)
 
@@ -103,6 +110,17 @@ def _silent(progress: Callable[[str, float], None], run: Run) -> None:
     os._exit(0)
 
 
+def _keeps(checkpoint: Checkpoint | None) -> int:
+    assert checkpoint is not None
+    mine = checkpoint.about("pretended")
+    state = mine.load("count")
+    count = 0 if state is None else int(state["count"])
+    if count < 2:
+        mine.save("count", {"count": np.array(count + 1)})
+        os.kill(os.getpid(), signal.SIGKILL)
+    return count
+
+
 _BEHAVIOURS: dict[int, Callable[[Callable[[str, float], None], Run], None]] = {
     QUICK: _quick,
     SLOW: _slow,
@@ -113,4 +131,5 @@ _BEHAVIOURS: dict[int, Callable[[Callable[[str, float], None], Run], None]] = {
     ONCE_KILLED: _once_killed,
     FAMILY: _family,
     SILENT: _silent,
+    KEEPS: _quick,
 }

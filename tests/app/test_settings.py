@@ -72,6 +72,54 @@ def test_hosts_are_loopback_names_unless_said_otherwise() -> None:
     )
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "[::1]"])
+def test_cluster_on_this_machine_needs_no_certificates(host: str) -> None:
+    """Who can reach a loopback address is on this machine already."""
+    assert load_settings(engine="dask", dask_scheduler=f"tcp://{host}:8786").engine == "dask"
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        (None, "expected tls://HOST:PORT"),
+        ("scheduler:8786", "expected tls://HOST:PORT"),
+        ("tcp://scheduler:8786", "without encryption .* use tls://"),
+        ("tcp://10.0.0.7:8786", "without encryption .* use tls://"),
+        ("tls://scheduler:8786", "dask_tls_ca_file is ''; .* expected a PEM file"),
+    ],
+)
+def test_cluster_that_anyone_could_command_is_refused(address: str | None, words: str) -> None:
+    """A scheduler unpickles what it gets, so that reaching it is owning it."""
+    with pytest.raises(OptionError, match=words):
+        load_settings(engine="dask", dask_scheduler=address)
+
+
+def test_settings_come_from_files_where_no_variable_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As Docker and Kubernetes hand out secrets: one file each, with a line end."""
+    (tmp_path / "motorid_database_url").write_text("postgresql://user:pa55@host/base\n")
+    (tmp_path / "motorid_port").write_text("9001")
+    monkeypatch.setenv("MOTORID_SECRETS_DIR", str(tmp_path))
+    monkeypatch.setenv("MOTORID_PORT", "9002")
+
+    settings = load_settings()
+
+    assert settings.database_url == "postgresql://user:pa55@host/base"
+    assert settings.port == 9002
+    monkeypatch.setenv("MOTORID_SECRETS_DIR", str(tmp_path / "none"))
+    with pytest.raises(OptionError, match="is no directory"):
+        load_settings()
+
+
+def test_password_of_the_database_is_not_shown() -> None:
+    """Settings end up in tracebacks and logs."""
+    settings = load_settings(database_url="postgresql://user:pa55@host/base")
+
+    assert "pa55" not in repr(settings)
+    assert "pa55" not in str(settings)
+
+
 def test_every_setting_says_what_it_is() -> None:
     """The page about HTTP is made from these sentences."""
     for name, field in Settings.model_fields.items():

@@ -83,6 +83,20 @@ def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> N
     assert list(storage.incoming.iterdir()) == []
 
 
+def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
+    """Someone named another database; the files are all that is left to go back with."""
+    run, fit = new_id("run"), new_id("fit")
+    storage.run(run).write_bytes(b"")
+    storage.attempt(fit, 1).mkdir(parents=True)
+    aged(storage.run(run))
+    aged(storage.fit(fit))
+
+    storage.sweep(set(), set())
+
+    assert storage.run(run).exists()
+    assert storage.fit(fit).exists()
+
+
 def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     """A file stands where the directory should be."""
     (tmp_path / "file").write_text("")

@@ -139,6 +139,12 @@ def declared() -> set[str]:
     }
 
 
+def extras() -> set[str]:
+    """Names of the packages that come with what a user may leave out."""
+    groups = PROJECT["project"]["optional-dependencies"].values()
+    return {canonicalize_name(Requirement(line).name) for group in groups for line in group}
+
+
 def test_every_import_of_the_packages_is_a_declared_dependency() -> None:
     """What arrives only because something else needs it may be gone tomorrow."""
     distributions = packages_distributions()
@@ -146,7 +152,8 @@ def test_every_import_of_the_packages_is_a_declared_dependency() -> None:
     undeclared = {
         module: files
         for module, files in imported().items()
-        if not {canonicalize_name(n) for n in distributions.get(module, [module])} & declared()
+        if not {canonicalize_name(n) for n in distributions.get(module, [module])}
+        & (declared() | extras())
     }
 
     assert undeclared == {}

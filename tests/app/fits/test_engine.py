@@ -1,4 +1,4 @@
-"""Processes that compute, started and ended for real."""
+"""What computes, started and ended for real: the same tests for each engine."""
 
 from __future__ import annotations
 
@@ -7,16 +7,29 @@ import json
 import os
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from app.confine import child_environment
-from app.fits.engine import AbstractRunning, LocalEngine
+from app.fits.engine import AbstractEngine, AbstractRunning, LocalEngine
 from app.fits.job import Job, RunFile
 from app.nursery.client import Nursery
-from tests.app.pretended import QUICK, RAISES, SILENT
+from app.settings import load_settings
+from app.storage import Storage
+from tests.app.cluster import Cluster
+from tests.app.pretended import (
+    BAD_INPUT,
+    FAMILY,
+    KILLED,
+    NO_SOLUTION,
+    QUICK,
+    RAISES,
+    SILENT,
+    SLOW,
+)
 from tests.app.service import PRETENDED, run_text
 
 
@@ -28,13 +41,48 @@ def job(directory: Path, seed: int) -> Job:
     return Job("fit", 1, str(directory), (run,), (), options, PRETENDED)
 
 
-@pytest.fixture(scope="module")
-def engine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LocalEngine]:
-    """An engine whose processes know the pretended pipeline."""
+@pytest.fixture(scope="module", params=["local", "dask"])
+def engine(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[AbstractEngine]:
+    """Each engine in turn; what computes knows the pretended pipeline."""
     directory = tmp_path_factory.mktemp("engine")
-    nursery = Nursery("app.fits.worker", PRETENDED.partition(":")[0], temporary=directory)
-    yield LocalEngine(nursery)
-    nursery.stop()
+    if request.param == "local":
+        nursery = Nursery("app.fits.worker", PRETENDED.partition(":")[0], temporary=directory)
+        with opened(LocalEngine(nursery, 2)) as engine:
+            yield engine
+        return
+    from app.fits.dask_engine import DaskEngine
+
+    with Cluster.running(directory / "cluster") as cluster:
+        settings = load_settings(engine="dask", dask_scheduler=cluster.address)
+        # The directories of all tests are below this one.
+        storage = Storage(tmp_path_factory.getbasetemp(), "bench")
+        with opened(DaskEngine(settings, storage)) as engine:
+            yield engine
+
+
+@contextmanager
+def opened(engine: AbstractEngine) -> Iterator[AbstractEngine]:
+    """An engine that can take a job."""
+    engine.open()
+    try:
+        deadline = time.monotonic() + 30
+        while not engine.capacity():
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield engine
+    finally:
+        engine.close()
+
+
+def is_running(process: int) -> bool:
+    """Whether a process has not ended; one that only waits to be counted has."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
 
 
 def ended(running: AbstractRunning) -> tuple[str, list[dict[str, Any]]]:
@@ -50,7 +98,7 @@ def ended(running: AbstractRunning) -> tuple[str, list[dict[str, Any]]]:
     return end, told
 
 
-def test_job_is_computed_in_a_group_of_its_own(tmp_path: Path, engine: LocalEngine) -> None:
+def test_job_is_computed_in_a_group_of_its_own(tmp_path: Path, engine: AbstractEngine) -> None:
     """It tells its progress in order and, last, that all is on the disk."""
     running = engine.start(job(tmp_path, QUICK))
 
@@ -65,7 +113,7 @@ def test_job_is_computed_in_a_group_of_its_own(tmp_path: Path, engine: LocalEngi
 
 @pytest.mark.parametrize(("seed", "end"), [(RAISES, "exit status 1"), (SILENT, "exit status 0")])
 def test_crash_is_told_from_an_end(
-    tmp_path: Path, engine: LocalEngine, seed: int, end: str
+    tmp_path: Path, engine: AbstractEngine, seed: int, end: str
 ) -> None:
     """A bug prints its trace for the log; neither says that it is done or why it failed."""
     running = engine.start(job(tmp_path, seed))
@@ -75,6 +123,57 @@ def test_crash_is_told_from_an_end(
     assert found == end
     assert all(set(message) == {"progress"} for message in told)
     assert ("RuntimeError: a bug" in running.log_tail()) == (seed == RAISES)
+
+
+@pytest.mark.parametrize(
+    ("seed", "failed"),
+    [
+        (BAD_INPUT, {"code": "input", "file": "a.csv", "row": 7, "column": "speed_rad_s"}),
+        (NO_SOLUTION, {"code": "computation"}),
+    ],
+)
+def test_job_says_itself_why_it_failed(
+    tmp_path: Path, engine: AbstractEngine, seed: int, failed: dict[str, Any]
+) -> None:
+    """The library's own error with its place; the process ends in good order."""
+    end, told = ended(engine.start(job(tmp_path, seed)))
+
+    assert end == "exit status 0"
+    assert failed.items() <= told[-1]["failed"].items()
+
+
+def test_killed_job_is_gone_within_a_second_with_what_it_started(
+    tmp_path: Path, engine: AbstractEngine
+) -> None:
+    """The job wrote down its process and that of its child."""
+    running = engine.start(job(tmp_path, FAMILY))
+    pids = tmp_path / "pids"
+    deadline = time.monotonic() + 30
+    while not (pids.exists() and len(pids.read_text().split()) == 2):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    processes = [int(pid) for pid in pids.read_text().split()]
+    assert running.exit() is None
+
+    began = time.monotonic()
+    running.kill()
+    while any(map(is_running, processes)):
+        assert time.monotonic() < began + 1.0
+        time.sleep(0.005)
+
+    assert running.exit() is not None
+
+
+def test_crash_of_one_job_leaves_the_others_alone(tmp_path: Path, engine: AbstractEngine) -> None:
+    """One is killed by a signal while another runs beside it."""
+    slow, killed = tmp_path / "slow", tmp_path / "killed"
+    for directory in (slow, killed):
+        directory.mkdir()
+    beside = engine.start(job(slow, SLOW))
+    end, _ = ended(engine.start(job(killed, KILLED)))
+
+    assert end == "signal 9 (SIGKILL)"
+    assert ended(beside)[1][-1] == {"done": True}
 
 
 def test_job_comes_out_as_it_was_sent(tmp_path: Path) -> None:

@@ -62,6 +62,17 @@ class Engine(AbstractEngine):
     def __init__(self) -> None:
         self.started: list[Running] = []
         self.refusals = 0
+        self.most = 2
+
+    def open(self) -> None:
+        """There is nothing to begin."""
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+    def capacity(self) -> int:
+        """What the test said."""
+        return self.most
 
     def start(self, job: Job) -> AbstractRunning:
         """Start nothing."""
@@ -81,7 +92,7 @@ class Bench:
         self.storage.prepare()
         self.engine = Engine()
         self.metrics = Metrics()
-        chosen = {"workers": 2, "heartbeat_s": 0.05, "lease_s": 1.0} | settings
+        chosen = {"heartbeat_s": 0.05, "lease_s": 1.0} | settings
         self.supervisor = Supervisor(
             database, self.storage, self.engine, load_settings(**chosen), self.metrics
         )
@@ -302,14 +313,55 @@ def test_fit_that_was_claimed_and_never_started_is_found(bench: Bench) -> None:
 
 
 def test_job_that_cannot_be_started_waits(bench: Bench) -> None:
-    """No process was to be had once; nothing is counted against the fit."""
+    """No process was to be had once; the attempt that never began is not counted at all."""
     bench.engine.refusals = 1
     fit = bench.queue()
     bench.started(1).succeed()
 
     row = bench.ended(fit)
 
-    assert (row.status, row.attempt, row.failures) == ("succeeded", 2, 0)
+    assert (row.status, row.attempt, row.failures) == ("succeeded", 1, 0)
+
+
+def test_fits_wait_while_the_engine_can_take_none(bench: Bench) -> None:
+    """Its scheduler is away, say; no attempt is spent on it."""
+    bench.engine.most = 0
+    fit = bench.queue()
+    time.sleep(0.3)
+    assert (bench.state(fit).status, bench.state(fit).attempt) == ("queued", 0)
+
+    bench.engine.most = 1
+    bench.supervisor.wake()
+
+    assert bench.started(1).job.attempt == 1
+
+
+def test_success_is_kept_where_the_answer_to_its_commit_was_lost(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The row says succeeded, the connection broke: the second try must not remove the result."""
+    from sqlalchemy.exc import OperationalError
+
+    real = repository.finish
+    broken: list[bool] = []
+
+    def finish(session: Any, *words: Any, **values: Any) -> bool:
+        is_ours = real(session, *words, **values)
+        if not broken:
+            broken.append(is_ours)
+            session.commit()
+            raise OperationalError("COMMIT", {}, Exception("server closed the connection"))
+        return is_ours
+
+    monkeypatch.setattr(repository, "finish", finish)
+    fit = bench.queue()
+    running = bench.started(1)
+    running.succeed()
+    until(lambda: running.is_killed)
+
+    assert broken == [True]
+    assert bench.state(fit).status == "succeeded"
+    assert (bench.storage.attempt(fit, 1) / "result.json").is_file()
 
 
 def test_supervisor_survives_a_database_that_does_not_answer(

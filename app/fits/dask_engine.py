@@ -1,0 +1,284 @@
+"""The engine of several machines: each attempt is a task of a Dask cluster.
+
+The tables stay the truth.  Dask is told of an attempt when it is begun and forgets it with its
+scheduler; an attempt whose scheduler or worker is gone is lost, which is no fault of the fit, and
+the fit waits again.  See `app.fits.dask_task` for the side of the worker.
+
+One thread looks after the connection, so that the supervisor never waits for a cluster that does
+not answer.  While there is no connection the capacity is 0 and fits wait in the tables.  Runs and
+outputs are in the data directory, which the workers share; over the network of the cluster go
+names, progress and ends only.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+from distributed import Client, Future, Security
+
+from app.fits.dask_task import TOPIC, compute
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning, in_words, log_tail
+from app.fits.job import Job
+from app.settings import Settings
+from app.storage import Storage
+
+__all__ = ["DaskEngine"]
+
+_POLL_S = 1.0
+_ANSWER_S = 5.0
+_KILL_S = 1.0
+_LONGEST_PAUSE_S = 30.0
+_ABSENT_POLLS = 3
+_REFUSED = (OSError, RuntimeError, TimeoutError)
+_log = logging.getLogger(__name__)
+
+
+class DaskEngine(AbstractEngine):
+    """Tasks of a cluster.
+
+    Args:
+        settings: Address of the scheduler, its certificates, and how many fits may run at once.
+        storage: The data directory, which the workers share.
+    """
+
+    def __init__(self, settings: Settings, storage: Storage) -> None:
+        _log_like_the_rest()
+        self._address = str(settings.dask_scheduler)
+        self._security = _security(settings)
+        self._data_dir = str(storage.directory)
+        is_bounded = "workers" in settings.model_fields_set
+        self._most = settings.workers if is_bounded else 2**31
+        self._client: Client | None = None
+        self._threads = 0
+        self._running: dict[str, _DaskRunning] = {}
+        self._losses = 0
+        self._paused_until = 0.0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._look_after, name="dask", daemon=True)
+
+    def open(self) -> None:
+        """Begin to connect."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Give the connection back, with all tasks."""
+        self._stop.set()
+        if self._thread.is_alive():
+            # It may be waiting for a scheduler that is not there; it gives up by itself.
+            self._thread.join(_KILL_S)
+        self._disconnect()
+
+    def capacity(self) -> int:
+        """Threads of all workers; 0 while there is no connection or tasks are lost at once."""
+        if _line(self._client) is None or time.monotonic() < self._paused_until:
+            return 0
+        return min(self._threads, self._most)
+
+    def start(self, job: Job) -> AbstractRunning:
+        """Give an attempt to the cluster."""
+        client = self._client
+        line = _line(client)
+        if client is None or line is None:
+            raise OSError(f"the scheduler {self._address} is not connected")
+        key = f"motorid-{job.fit_id}-{job.attempt}-{secrets.token_hex(4)}"
+        running = _DaskRunning(self, job, key, line)
+        self._running[key] = running
+        try:
+            running.future = client.submit(
+                compute, asdict(job), self._data_dir, key=key, pure=False, retries=0
+            )
+        except RuntimeError as error:
+            del self._running[key]
+            raise OSError(f"the scheduler {self._address} takes no task: {error}") from error
+        return running
+
+    def has_line(self, line: object) -> bool:
+        """Whether the connection is still the one over which a task was given.
+
+        A task that is given while the connection breaks is dropped without a word, and those given
+        before end with it.
+
+        Args:
+            line: The connection of that time.
+        """
+        return _line(self._client) is line
+
+    def forget(self, key: str) -> None:
+        """Hear no more of a task.
+
+        Args:
+            key: Its name in the cluster.
+        """
+        self._running.pop(key, None)
+
+    def note(self, *, has_begun: bool) -> None:
+        """Learn how a task ended, and wait where they are lost before they begin.
+
+        A cluster that cannot begin anything (a worker without the data directory, say) would
+        otherwise take and lose the same fit many times a second.
+
+        Args:
+            has_begun: Whether the task ever told of itself.
+        """
+        if has_begun:
+            self._losses = 0
+        if has_begun or time.monotonic() < self._paused_until:
+            return
+        self._losses += 1
+        pause = min(_LONGEST_PAUSE_S, _POLL_S * 2.0 ** min(self._losses - 1, 10))
+        self._paused_until = time.monotonic() + pause
+
+    def _look_after(self) -> None:
+        """Keep connected, and notice workers that are gone."""
+        while not self._stop.is_set():
+            try:
+                client = self._client or self._connect()
+                # Made again each time: a client that has lost its scheduler and found it back
+                # does not do it.
+                client.subscribe_topic(TOPIC, self._hear)
+                workers: dict[str, int] = client.nthreads(callback_timeout=_ANSWER_S)
+            except _REFUSED as error:
+                if self._client is not None or self._threads == 0:
+                    _log.warning("the cluster does not answer", extra={"reason": str(error)[:300]})
+                self._disconnect()
+            else:
+                self._count(workers)
+            self._stop.wait(_POLL_S)
+
+    def _connect(self) -> Client:
+        client = Client(
+            self._address,
+            security=self._security,
+            timeout=_ANSWER_S,
+            name="motorid",
+            set_as_default=False,
+        )
+        self._client = client
+        if self._stop.is_set():
+            self._disconnect()
+        _log.info("connected to the cluster", extra={"scheduler": self._address})
+        return client
+
+    def _disconnect(self) -> None:
+        client, self._client, self._threads = self._client, None, 0
+        for running in list(self._running.values()):
+            running.lose()
+        if client is not None:
+            with suppress(*_REFUSED):
+                client.close(timeout=_ANSWER_S)
+
+    def _count(self, workers: dict[str, int]) -> None:
+        self._threads = sum(workers.values())
+        for running in list(self._running.values()):
+            running.look_for_worker(workers)
+
+    def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
+        """Take what a task tells; tasks of other services tell theirs, too."""
+        _, told = event
+        if running := self._running.get(told["key"]):
+            running.hear(told)
+
+
+class _DaskRunning(AbstractRunning):
+    def __init__(self, engine: DaskEngine, job: Job, key: str, line: object) -> None:
+        self.job = job
+        self._line = line
+        self.future: Future[None] | None = None
+        self._engine = engine
+        self._key = key
+        self._worker: str | None = None
+        self._absent = 0
+        self._told: list[dict[str, Any]] = []
+        self._code: int | None = None
+        self._is_lost = False
+        self._has_ended = threading.Event()
+
+    def messages(self) -> list[dict[str, Any]]:
+        count = len(self._told)
+        told, self._told[:count] = self._told[:count], []
+        return told
+
+    def exit(self) -> str | None:
+        if self._has_ended.is_set():
+            return LOST if self._code is None else in_words(self._code)
+        if self._is_lost or not self._engine.has_line(self._line):
+            return LOST
+        status = None if self.future is None else self.future.status
+        if status in (None, "pending"):
+            return None
+        # It told of no end, and its events come before its result does.
+        if status == "error" and self.future is not None:
+            with suppress(*_REFUSED):
+                reason = str(self.future.exception(timeout=_KILL_S))[:300]
+                _log.warning("a task failed", extra={"fit": self.job.fit_id, "reason": reason})
+        return LOST
+
+    def log_tail(self) -> str:
+        return log_tail(self.job)
+
+    def kill(self) -> None:
+        future, self.future = self.future, None
+        if future is None:
+            return
+        self._engine.note(has_begun=self._worker is not None or future.status == "pending")
+        has_ended = self._has_ended.is_set() or future.done()
+        with suppress(*_REFUSED):
+            future.cancel(reason="motorid", msg="nobody waits for it any more")
+        if self._worker is not None and not has_ended and not self._is_lost:
+            self._has_ended.wait(_KILL_S)
+        self.lose()
+        self._engine.forget(self._key)
+
+    def hear(self, told: dict[str, Any]) -> None:
+        self._worker = told["worker"]
+        for message in told["messages"]:
+            if "exit" in message:
+                self._code = message["exit"]
+            else:
+                self._told.append(message)
+        if told["has_ended"]:
+            self._has_ended.set()
+
+    def lose(self) -> None:
+        self._is_lost = True
+
+    def look_for_worker(self, workers: dict[str, int]) -> None:
+        """Count how often the worker was missing; more than once, since lists can be late."""
+        if self._worker is None or self._worker in workers:
+            self._absent = 0
+            return
+        self._absent += 1
+        if self._absent >= _ABSENT_POLLS:
+            self.lose()
+
+
+def _line(client: Client | None) -> object:
+    """The connection of a client to its scheduler, another one each time, or None."""
+    line = None if client is None else client.scheduler_comm
+    return None if line is None or line.closed() else line
+
+
+def _security(settings: Settings) -> Security | None:
+    if not str(settings.dask_scheduler).startswith("tls://"):
+        return None
+    return Security(
+        require_encryption=True,
+        tls_ca_file=str(settings.dask_tls_ca_file),
+        tls_client_cert=str(settings.dask_tls_cert_file),
+        tls_client_key=str(settings.dask_tls_key_file),
+    )
+
+
+def _log_like_the_rest() -> None:
+    """Send Dask's log where the service's goes; it comes with handlers of its own."""
+    for name in ("distributed", "distributed.client", "distributed.comm", "tornado"):
+        logger = logging.getLogger(name)
+        logger.handlers = []
+        logger.propagate = True
+        logger.setLevel(logging.WARNING)

@@ -1,0 +1,1 @@
+"""The service under what benches, networks and machines do to it."""
