@@ -21,13 +21,15 @@ from typing import Any
 import sqlalchemy
 from sqlalchemy import event
 from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from app.migrations import NEWEST
 
-__all__ = ["Database"]
+__all__ = ["Database", "is_full"]
 
 _BUSY_S = 30.0
+_DISK_FULL = "53100"  # of PostgreSQL
 _FIRST_SAFE_WAL = (3, 51, 3)
 
 
@@ -94,6 +96,13 @@ class Database:
         """Give all connections back."""
         self._readers.dispose()
         self._writer.dispose()
+
+
+def is_full(error: OperationalError) -> bool:
+    """Whether the database has said that no space is left; nothing was kept then."""
+    original = error.orig
+    full = getattr(original, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+    return full or getattr(original, "sqlstate", None) == _DISK_FULL
 
 
 def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: int) -> Engine:

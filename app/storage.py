@@ -12,22 +12,26 @@ between the two; `sweep` removes it once it is too old to belong to a request th
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
 import secrets
 import shutil
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from app.errors import StorageFull
 from app.identifiers import is_id
 from identification.errors import OptionError
 
-__all__ = ["Storage", "sync_directory"]
+__all__ = ["Storage", "refused_when_full", "sync_directory"]
 
 _OLD_S = 3600.0
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Storage:
@@ -132,6 +136,15 @@ class Storage:
             if entry.name != str(attempt):
                 shutil.rmtree(entry, ignore_errors=True)
 
+    def sweep_incoming(self) -> None:
+        """Remove the uploads of a server that is gone; at a start there are no others."""
+        for entry in _entries(self.incoming):
+            entry.unlink(missing_ok=True)
+
+    def free_bytes(self) -> int:
+        """Space that is left [bytes]."""
+        return shutil.disk_usage(self.directory).free
+
     def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
         """Remove what no row of the database names.
 
@@ -143,9 +156,6 @@ class Storage:
             Number of files and directories that were removed.
         """
         removed = 0
-        for entry in _entries(self.incoming):
-            entry.unlink(missing_ok=True)
-            removed += 1
         for entry in _entries(self.directory / "runs"):
             if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
                 entry.unlink(missing_ok=True)
@@ -155,6 +165,26 @@ class Storage:
                 shutil.rmtree(entry, ignore_errors=True)
                 removed += 1
         return removed
+
+
+@contextmanager
+def refused_when_full(what: str) -> Iterator[None]:
+    """Turn the system's errors that no space is left into a refusal.
+
+    Args:
+        what: For what there was none.
+
+    Raises:
+        StorageFull: No space is left.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        raise StorageFull(
+            f"no space is left for the {what}; have some made, then send it again"
+        ) from error
 
 
 def sync_directory(directory: Path) -> None:

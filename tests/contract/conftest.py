@@ -16,7 +16,12 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data_dir = tmp_path_factory.mktemp("service") / "data"
     make_key(data_dir)
     with serving(
-        data_dir, MAX_UPLOAD_BYTES=1_000_000, MAX_BODY_BYTES=100_000, KEEP_ALIVE_S=0.5
+        data_dir,
+        MAX_UPLOAD_BYTES=1_000_000,
+        MAX_BODY_BYTES=100_000,
+        KEEP_ALIVE_S=0.5,
+        RATE_PER_S=0,
+        LOG_LEVEL="debug",
     ) as running:
         yield running
 
