@@ -28,7 +28,7 @@ from app.errors import StorageFull
 from app.identifiers import is_id
 from identification.errors import OptionError
 
-__all__ = ["Storage", "refused_when_full", "sync_directory"]
+__all__ = ["Storage", "is_disk_full", "refused_when_full", "sync_directory"]
 
 _OLD_S = 3600.0
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -167,6 +167,11 @@ class Storage:
         return removed
 
 
+def is_disk_full(error: OSError) -> bool:
+    """Whether the system has said that no space is left, or no more is allowed."""
+    return error.errno in _FULL
+
+
 @contextmanager
 def refused_when_full(what: str) -> Iterator[None]:
     """Turn the system's errors that no space is left into a refusal.
@@ -180,7 +185,7 @@ def refused_when_full(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in _FULL:
+        if not is_disk_full(error):
             raise
         raise StorageFull(
             f"no space is left for the {what}; have some made, then send it again"

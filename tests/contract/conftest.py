@@ -57,3 +57,12 @@ def nobody(server: Server) -> Iterator[Caller]:
 def data_dir(tmp_path: Path) -> Path:
     """A data directory for a server of the test's own."""
     return tmp_path / "data"
+
+
+@pytest.fixture
+def nothing_left(server: Server) -> Iterator[None]:
+    """The data directory has the same runs and no incoming file afterwards."""
+    before = sorted((server.data_dir / "runs").iterdir())
+    yield
+    assert sorted((server.data_dir / "runs").iterdir()) == before
+    assert [path for path in server.data_dir.rglob("incoming/*/*")] == []
