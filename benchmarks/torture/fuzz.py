@@ -75,8 +75,6 @@ def _mappings(number: int) -> Iterator[Any]:
 def _strange(chance: random.Random) -> Any:
     leaves = (None, 0, -1, 1e308, "", "x" * 10_000, [], {}, True, "speed_rad_s", "\0")
     leaf: Any = chance.choice(leaves)
-        (None, 0, -1, 1e308, "", "x" * 10_000, [], {}, True, "speed_rad_s", "\0")
-    )
     key = chance.choice(("column", "unit", "scale", "offset", "", "x"))
     channel = chance.choice(("speed_rad_s", "current_A", "time_s", "", "torque"))
     entry = {"column": "speed_rad_s", key: leaf}
