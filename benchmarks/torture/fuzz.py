@@ -73,7 +73,19 @@ def _mappings(number: int) -> Iterator[Any]:
 
 
 def _strange(chance: random.Random) -> Any:
-    leaves = (None, 0, -1, 1e308, "", "x" * 10_000, [], {}, True, "speed_rad_s", "\0")
+    leaves: tuple[Any, ...] = (
+        None,
+        0,
+        -1,
+        1e308,
+        "",
+        "x" * 10_000,
+        [],
+        {},
+        True,
+        "speed_rad_s",
+        "\0",
+    )
     leaf: Any = chance.choice(leaves)
     key = chance.choice(("column", "unit", "scale", "offset", "", "x"))
     channel = chance.choice(("speed_rad_s", "current_A", "time_s", "", "torque"))
