@@ -60,7 +60,7 @@ class Housekeeper:
         self._watch_the_clock()
         if time.monotonic() >= self._next_sweep:
             self._next_sweep = time.monotonic() + self._sweep_s
-            self._retention.sweep()
+            self._retention.sweep(self._clocks[0])
 
     def _watch_the_clock(self) -> None:
         wall, steady = self._clocks

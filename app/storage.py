@@ -18,7 +18,6 @@ import os
 import re
 import secrets
 import shutil
-import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -145,23 +144,24 @@ class Storage:
         """Space that is left [bytes]."""
         return shutil.disk_usage(self.directory).free
 
-    def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
+    def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
         """Remove what no row of the database names.
 
         Args:
             runs: Ids of the runs that there are.
             fits: Ids of the fits that there are.
+            now: The time [s since 1970].
 
         Returns:
             Number of files and directories that were removed.
         """
         removed = 0
         for entry in _entries(self.directory / "runs"):
-            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
+            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry, now):
                 entry.unlink(missing_ok=True)
                 removed += 1
         for entry in _entries(self.directory / "fits"):
-            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry):
+            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry, now):
                 shutil.rmtree(entry, ignore_errors=True)
                 removed += 1
         return removed
@@ -205,9 +205,9 @@ def _entries(directory: Path) -> list[Path]:
     return list(directory.iterdir()) if directory.is_dir() else []
 
 
-def _is_old(path: Path) -> bool:
+def _is_old(path: Path, now: float) -> bool:
     # Another server on the same directory may be between moving a file and writing its row.
     try:
-        return time.time() - path.stat().st_mtime > _OLD_S
+        return now - path.stat().st_mtime > _OLD_S
     except FileNotFoundError:
         return False

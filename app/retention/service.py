@@ -57,11 +57,16 @@ class Retention:
         self._metrics = metrics
         self._days = days
 
-    def sweep(self) -> Removed:
-        """Remove what may go, and say how much that was."""
-        found = Removed(files=self._sweep_files())
+    def sweep(self, now: float | None = None) -> Removed:
+        """Remove what may go, and say how much that was.
+
+        Args:
+            now: The time that is believed [s since 1970]; that of the clock where not given.
+        """
+        now = time.time() if now is None else now
+        found = Removed(files=self._sweep_files(now))
         if self._days:
-            before = time.time() - self._days * _DAY_S
+            before = now - self._days * _DAY_S
             found = Removed(
                 fits=self._remove_fits(before),
                 batches=self._remove_batches(before),
@@ -102,7 +107,7 @@ class Retention:
             if len(ids) < _AT_ONCE:
                 return total
 
-    def _sweep_files(self) -> int:
+    def _sweep_files(self, now: float) -> int:
         with self._database.reading() as session:
             known_runs, known_fits = runs.all_ids(session), fits.all_ids(session)
-        return self._storage.sweep(known_runs, known_fits)
+        return self._storage.sweep(known_runs, known_fits, now)

@@ -69,7 +69,7 @@ def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> N
     foreign = storage.directory / "runs" / "README"
     foreign.write_text("put here by someone")
     aged(foreign)
-    removed = storage.sweep({known_run}, {known_fit})
+    removed = storage.sweep({known_run}, {known_fit}, time.time())
 
     assert removed == 2
     assert storage.run(known_run).exists()
