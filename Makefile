@@ -130,8 +130,13 @@ attribution: $(READY) ## are hidden effects named? (long)
 	$(BIN)/python -m benchmarks.attribution
 
 .PHONY: torture
-torture: $(READY) ## the service under kills, bombs and load (hours; ARGS=--short for minutes)
+torture: $(READY) ## the service under kills, bombs, fuzz and load; ARGS=--short for minutes (long)
 	$(BIN)/python -m benchmarks.torture $(ARGS)
+
+.PHONY: audit
+audit: $(READY) ## known weaknesses of the locked packages, by pip-audit; AUDIT=osv asks another service
+	$(BIN)/pip-audit --strict --no-deps --disable-pip --vulnerability-service $(or $(AUDIT),pypi) \
+		--requirement requirements/run.txt
 
 # ---------------------------------------------------------------- container
 

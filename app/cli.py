@@ -280,23 +280,52 @@ def serve(
     serving.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
 
 
+@app.command()
+def backup(
+    place: Annotated[
+        Path, typer.Argument(metavar="PLACE", help="A new directory, or a new file named .tar.")
+    ],
+    data_dir: DataDir = None,
+) -> None:
+    """Save the service's database, runs and results; it may run meanwhile."""
+    from app import serving
+
+    serving.back_up(place, data_dir)
+
+
+@app.command()
+def restore(
+    place: Annotated[
+        Path, typer.Argument(metavar="PLACE", help="What 'motorid backup' has written.")
+    ],
+    data_dir: DataDir = None,
+) -> None:
+    """Make a data directory from a backup, after checking each file; it overwrites nothing."""
+    from app import serving
+
+    serving.restore(place, data_dir)
+
+
 @keys.command("create")
 def create_key(
     name: Annotated[str, typer.Argument(help="What the list shows, such as the bench's name.")],
     workspace: Annotated[
         str, typer.Option(help="What the key opens: runs and fits of this workspace alone.")
     ] = "default",
+    days: Annotated[
+        float | None, typer.Option(help="Days after which it expires.  [default: never]")
+    ] = None,
     data_dir: DataDir = None,
 ) -> None:
     """Make a key.  It is printed once and cannot be shown again."""
     from app import serving
 
-    serving.create_key(name, workspace, data_dir)
+    serving.create_key(name, workspace, days, data_dir)
 
 
 @keys.command("list")
 def list_keys(data_dir: DataDir = None) -> None:
-    """All keys with their names and workspaces; never the keys themselves."""
+    """All keys with workspaces, expiry and last use; never the keys themselves."""
     from app import serving
 
     serving.list_keys(data_dir)

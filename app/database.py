@@ -32,13 +32,14 @@ from sqlalchemy.orm import Session
 from app.migrations import NEWEST
 from identification.errors import OptionError
 
-__all__ = ["NO_ANSWER", "Database"]
+__all__ = ["NO_ANSWER", "Database", "is_full"]
 
 NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
 """Errors after which a call may succeed when it is made again."""
 
 _BUSY_S = 30.0
 _CONNECT_S = 10
+_DISK_FULL = "53100"  # of PostgreSQL
 _FIRST_SAFE_WAL = (3, 51, 3)
 _MIGRATING = 6_032_011
 """Name of the lock under which one server at a time migrates a PostgreSQL database."""
@@ -185,6 +186,13 @@ def _postgresql(url: sqlalchemy.URL) -> Engine:
 
 def _first_line(error: OperationalError) -> str:
     return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "no reason given"
+
+
+def is_full(error: OperationalError) -> bool:
+    """Whether the database has said that no space is left; nothing was kept then."""
+    original = error.orig
+    full = getattr(original, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+    return full or getattr(original, "sqlstate", None) == _DISK_FULL
 
 
 def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: int) -> Engine:

@@ -13,6 +13,11 @@
     │   ├── FieldRefused       a field has a value that is not accepted
     │   ├── KeyReused          an Idempotency-Key came with another request than before
     │   └── RunRefused         an upload could not be read as a run: file, row, column
+    ├── TooManyRequests        a key calls more often than it may
+    ├── QuotaExceeded          the workspace has as much as it may have
+    │   ├── BytesQuota         of bytes of run files
+    │   ├── RunsQuota          of runs
+    │   └── WaitingQuota       of fits that wait
     ├── RunInUse               a run of a fit that has not ended cannot be deleted
     └── Unavailable            not now: the service stops or its storage does not answer
         └── StorageFull        no space is left
@@ -29,17 +34,22 @@ __all__ = [
     "BadRequest",
     "BodyTooLarge",
     "BodyTooSlow",
+    "BytesQuota",
     "CrossSite",
     "FieldRefused",
     "KeyReused",
     "NotFound",
     "NotReady",
+    "QuotaExceeded",
     "RequestRefused",
     "RunInUse",
     "RunRefused",
+    "RunsQuota",
     "ServiceError",
     "StorageFull",
+    "TooManyRequests",
     "Unavailable",
+    "WaitingQuota",
     "WrongMediaType",
 ]
 
@@ -160,6 +170,46 @@ class RunRefused(RequestRefused):
         self.row = row
         self.column = column
         super().__init__(message)
+
+
+class TooManyRequests(ServiceError):
+    """A key calls more often than it may.
+
+    Args:
+        message: What was wrong, what was expected, what to do next.
+        retry_after_s: Time after which the next call is let through [s].
+    """
+
+    code: ClassVar[str] = "rate_limited"
+
+    def __init__(self, message: str, retry_after_s: float) -> None:
+        self.retry_after_s = retry_after_s
+        super().__init__(message)
+
+
+class QuotaExceeded(ServiceError):
+    """The workspace has as much of something as it may have."""
+
+    code: ClassVar[str] = "quota"
+
+
+class BytesQuota(QuotaExceeded):
+    """The run files of the workspace would have more bytes than it may keep."""
+
+    code: ClassVar[str] = "quota_bytes"
+
+
+class RunsQuota(QuotaExceeded):
+    """The workspace has as many runs as it may."""
+
+    code: ClassVar[str] = "quota_runs"
+
+
+class WaitingQuota(QuotaExceeded):
+    """More fits of the workspace would wait than may."""
+
+    code: ClassVar[str] = "quota_waiting_fits"
+    retry_after_s: ClassVar[float] = 60.0
 
 
 class RunInUse(ServiceError):

@@ -3,13 +3,15 @@
     {"time": "2026-11-21T12:00:00.123Z", "level": "info", "logger": "app.fits.supervisor",
      "message": "fit succeeded", "request_id": "4be1...", "fit": "fit_5xk2...", "attempt": 1}
 
-What a caller sends stays out of it but for the path: no headers, no query, no bodies.
+What a caller sends stays out of it but for the path: no headers, no query, no bodies.  What looks
+like a key is struck out wherever it stands.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import re
 import sys
 import time
 from contextvars import ContextVar
@@ -19,6 +21,9 @@ __all__ = ["configure_logging", "request_id"]
 
 request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
 """Id of the request that is being answered."""
+
+_SECRET = re.compile(r"motorid_[A-Za-z0-9_-]{40,}")
+"""A key or the cookie of a session: a caller may put it where it does not belong, as in a path."""
 
 _STANDARD = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "color_message"}
 
@@ -39,7 +44,7 @@ class _JsonFormatter(logging.Formatter):
         entry |= {name: value for name, value in vars(record).items() if name not in _STANDARD}
         if record.exc_info:
             entry["exception"] = self.formatException(record.exc_info)
-        return json.dumps(entry, default=str)
+        return _SECRET.sub("motorid_...", json.dumps(entry, default=str))
 
 
 def configure_logging(level: str) -> None:

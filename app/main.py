@@ -16,6 +16,7 @@ from fastapi.openapi.utils import get_openapi
 from starlette.staticfiles import StaticFiles
 
 from app.access.gate import Gate
+from app.access.rate import RateLimit
 from app.batches.endpoints import router as batches
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
@@ -81,6 +82,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         SizeCheck,
         limit=settings.max_body_bytes,
         limits={f"{API_PREFIX}/runs": settings.max_upload_bytes + _FORM_BYTES},
+    )
+    application.add_middleware(
+        RateLimit,
+        rate_per_s=settings.rate_per_s,
+        burst=settings.rate_burst,
+        metrics=services.metrics,
     )
     application.add_middleware(Gate, access=services.access, no_auth=settings.no_auth)
     application.add_middleware(HostCheck, hosts=settings.hosts)

@@ -40,6 +40,28 @@ class Metrics:
             ["outcome"],
             registry=self.registry,
         )
+        self.read_seconds = Histogram(
+            "motorid_read_seconds", "Time to read a run file.", registry=self.registry
+        )
+        self.stored_runs = Gauge("motorid_runs", "Runs that there are.", registry=self.registry)
+        self.stored_bytes = Gauge(
+            "motorid_run_bytes", "Bytes of the run files that there are.", registry=self.registry
+        )
+        self.free_bytes = Gauge(
+            "motorid_free_bytes", "Space left in the data directory.", registry=self.registry
+        )
+        self.refused = Counter(
+            "motorid_refused",
+            "Calls refused by a rate or a quota, by which.",
+            ["limit"],
+            registry=self.registry,
+        )
+        self.removed = Counter(
+            "motorid_removed",
+            "What was removed because of its age, by kind.",
+            ["kind"],
+            registry=self.registry,
+        )
         self.fits = Gauge(
             "motorid_fits", "Fits that there are, by status.", ["status"], registry=self.registry
         )

@@ -1,6 +1,8 @@
 """What happens to every request before and after its endpoint: id, log, metrics, headers, host.
 
-    request -> RequestLog -> HostCheck -> Gate (app.access.gate) -> SizeCheck -> endpoint
+    request -> RequestLog -> HostCheck -> Gate -> RateLimit -> SizeCheck -> endpoint
+
+`Gate` and `RateLimit` are in `app.access`.
 
 These are plain ASGI layers: they see each message as it passes, so that a stream of events or a
 large file goes through without being held.
@@ -17,7 +19,7 @@ from collections.abc import Mapping
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import BadRequest, BodyTooLarge
+from app.errors import BadRequest, BodyTooLarge, WrongMediaType
 from app.headers import SECURITY_HEADERS, STATIC_CACHE
 from app.logging import request_id
 from app.metrics import Metrics
@@ -130,7 +132,7 @@ class HostCheck:
 
 
 class SizeCheck:
-    """Refuses a body that announces more bytes than are taken, before any of them is read.
+    """Refuses a body that announces more bytes than are taken, or is packed, before it is read.
 
     Bodies that announce nothing are counted by the framework as they come.
 
@@ -148,7 +150,14 @@ class SizeCheck:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on if it is small enough."""
         if scope["type"] == "http":
-            announced = Headers(scope=scope).get("content-length", "")
+            headers = Headers(scope=scope)
+            coding = headers.get("content-encoding", "identity").strip().lower()
+            if coding not in ("", "identity"):
+                # Nothing is unpacked here, so nothing small can become large.
+                wrong = WrongMediaType(f"the body is encoded as {coding[:40]!r}; send it plain")
+                await problem_of(wrong)(scope, receive, send)
+                return
+            announced = headers.get("content-length", "")
             limit = self.limits.get(scope["path"], self.limit)
             if announced.isascii() and announced.isdigit() and int(announced) > limit:
                 error = BodyTooLarge(f"the body has {announced} bytes; at most {limit} are taken")

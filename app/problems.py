@@ -10,6 +10,7 @@ Content-Type: application/problem+json
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -18,11 +19,12 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from app import errors
-from app.database import NO_ANSWER
+from app.database import NO_ANSWER, is_full
 from app.logging import request_id
 from identification.errors import InputError
 
@@ -42,6 +44,10 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.KeyReused: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.RunRefused: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.RunInUse: HTTPStatus.CONFLICT,
+    errors.TooManyRequests: HTTPStatus.TOO_MANY_REQUESTS,
+    errors.QuotaExceeded: HTTPStatus.FORBIDDEN,
+    errors.BytesQuota: HTTPStatus.INSUFFICIENT_STORAGE,
+    errors.WaitingQuota: HTTPStatus.TOO_MANY_REQUESTS,
     errors.StorageFull: HTTPStatus.INSUFFICIENT_STORAGE,
     errors.Unavailable: HTTPStatus.SERVICE_UNAVAILABLE,
     InputError: HTTPStatus.UNPROCESSABLE_ENTITY,
@@ -111,7 +117,7 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
             "description": HTTPStatus(status).phrase,
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
-        for status in (*statuses, 401, 503)
+        for status in (*statuses, 401, 429, 503)
     }
 
 
@@ -132,6 +138,8 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
         headers["WWW-Authenticate"] = 'Bearer realm="motorid"'
     if status == HTTPStatus.SERVICE_UNAVAILABLE:
         headers["Retry-After"] = "5"
+    if status == HTTPStatus.TOO_MANY_REQUESTS:
+        headers["Retry-After"] = str(math.ceil(getattr(error, "retry_after_s", 1.0)))
     return _response(status, str(error), code, headers=headers, errors=fields, **place)
 
 
@@ -174,6 +182,8 @@ def _response(
 
 async def _service(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, errors.ServiceError | InputError)
+    if isinstance(error, errors.QuotaExceeded):
+        request.app.state.services.metrics.refused.labels(error.code).inc()
     return problem_of(error)
 
 
@@ -208,6 +218,10 @@ async def _http(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _database(request: Request, error: Exception) -> JSONResponse:
+    if isinstance(error, OperationalError) and is_full(error):
+        return problem_of(
+            errors.StorageFull("no space is left for the database; have some made, then try again")
+        )
     return problem_of(errors.Unavailable("the database does not answer; try again in some seconds"))
 
 

@@ -8,18 +8,19 @@ from typing import Self
 
 from anyio import CapacityLimiter
 
+from app.access.quotas import Quotas
 from app.access.service import AccessService
 from app.batches.service import BatchService
 from app.confine import Limits
 from app.database import Database
-from app.fits import repository as fits
 from app.fits.engine import AbstractEngine, LocalEngine
 from app.fits.service import FitService
 from app.fits.supervisor import Supervisor
 from app.health.service import HealthService
+from app.housekeeping import Housekeeper
 from app.metrics import Metrics
 from app.nursery.client import Nursery
-from app.runs import repository as runs
+from app.retention.service import Retention
 from app.runs.reading import RunReader
 from app.runs.service import RunService
 from app.settings import Settings
@@ -46,6 +47,8 @@ class Services:
         nursery: Process that forks those that read uploads.
         engine: What computes fits; the supervisor closes it.
         supervisor: The thread that has fits computed.
+        retention: Removes what is old.
+        housekeeper: The thread that asks it to.
         reading: Bounds how many uploads are read at once.
         stopping: Set when the service wants to stop.
     """
@@ -62,6 +65,8 @@ class Services:
     nursery: Nursery
     engine: AbstractEngine
     supervisor: Supervisor
+    retention: Retention
+    housekeeper: Housekeeper
     reading: CapacityLimiter
     stopping: threading.Event = field(default_factory=threading.Event)
 
@@ -75,20 +80,25 @@ class Services:
         limits = Limits(settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s)
         reader = RunReader(readers, limits, settings.max_rows)
         engine = _engine(settings, storage)
+        access = AccessService(database)
+        retention = Retention(database, storage, metrics, settings.retention_days)
+        quotas = Quotas(settings.quota_bytes, settings.quota_runs, settings.quota_waiting_fits)
         supervisor = Supervisor(database, storage, engine, settings, metrics)
         return cls(
             settings=settings,
             database=database,
             storage=storage,
             metrics=metrics,
-            access=AccessService(database),
-            runs=RunService(database, storage, reader, metrics),
-            fits=FitService(database, storage, supervisor),
-            batches=BatchService(database, supervisor),
+            access=access,
+            runs=RunService(database, storage, reader, metrics, quotas),
+            fits=FitService(database, storage, supervisor, quotas),
+            batches=BatchService(database, supervisor, quotas),
             health=HealthService(database, storage, supervisor, metrics),
             nursery=readers,
             engine=engine,
             supervisor=supervisor,
+            retention=retention,
+            housekeeper=Housekeeper(access, retention, settings.sweep_s),
             reading=CapacityLimiter(settings.readers),
         )
 
@@ -101,15 +111,17 @@ class Services:
         self.storage.prepare()
         self.storage.lock()
         self.database.migrate()
-        with self.database.reading() as session:
-            self.storage.sweep(runs.all_ids(session), fits.all_ids(session))
+        self.storage.sweep_incoming()
+        self.retention.sweep()
         self.nursery.start()
         self.engine.open()
         self.supervisor.start()
+        self.housekeeper.start()
 
     def stop(self) -> None:
         """Stop working; fits that run wait for the next start."""
         self.stopping.set()
+        self.housekeeper.stop()
         self.supervisor.stop()
         self.nursery.stop()
         self.database.close()

@@ -1,4 +1,4 @@
-"""The commands about the HTTP service: run it, and manage its keys."""
+"""The commands about the HTTP service: run it, manage its keys, save and restore its data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from app.settings import Settings, load_settings
 from app.storage import Storage
 from identification.errors import OptionError
 
-__all__ = ["create_key", "list_keys", "revoke_key", "serve"]
+__all__ = ["back_up", "create_key", "list_keys", "restore", "revoke_key", "serve"]
 
 
 def serve(
@@ -45,13 +45,14 @@ def serve(
         run(settings, listening)
 
 
-def create_key(name: str, workspace: str, data_dir: Path | None) -> None:
+def create_key(name: str, workspace: str, days: float | None, data_dir: Path | None) -> None:
     """Make a key and print it."""
     with _access(data_dir) as access:
-        key, secret = access.create_key(name, workspace)
+        key, secret = access.create_key(name, workspace, days=days)
     print(secret)  # noqa: T201
+    until = "" if key.expires_at is None else f" until {_date(key.expires_at)}"
     print(  # noqa: T201
-        f"motorid: {key.id} opens the workspace {workspace}; the key is not shown again",
+        f"motorid: {key.id} opens the workspace {workspace}{until}; the key is not shown again",
         file=sys.stderr,
     )
 
@@ -60,16 +61,37 @@ def list_keys(data_dir: Path | None) -> None:
     """Print all keys, one a line, with tabs between the columns."""
     with _access(data_dir) as access:
         rows = access.list_keys()
-    print("id", "workspace", "name", "created", "revoked", sep="\t")  # noqa: T201
+    dates = ("created", "revoked", "expires", "last_used")
+    print("id", "workspace", "name", *dates, sep="\t")  # noqa: T201
     for row in rows:
-        revoked = "" if row.revoked_at is None else _date(row.revoked_at)
-        print(row.id, row.workspace, row.name, _date(row.created_at), revoked, sep="\t")  # noqa: T201
+        moments = (getattr(row, f"{name}_at") for name in dates)
+        shown = ("" if moment is None else _date(moment) for moment in moments)
+        print(row.id, row.workspace, row.name, *shown, sep="\t")  # noqa: T201
 
 
 def revoke_key(key: str, data_dir: Path | None) -> None:
     """Have a key open nothing any more."""
     with _access(data_dir) as access:
         access.revoke_key(key)
+
+
+def back_up(place: Path, data_dir: Path | None) -> None:
+    """Write a backup and say what is in it."""
+    from app.backup.create import back_up as save
+
+    saved = save(load_settings(data_dir=data_dir), place)
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, with their hashes"
+    print(f"motorid: {place} holds {text}", file=sys.stderr)  # noqa: T201
+
+
+def restore(place: Path, data_dir: Path | None) -> None:
+    """Make a data directory from a backup and say what is in it."""
+    from app.backup.restore import restore as write
+
+    settings = load_settings(data_dir=data_dir)
+    saved = write(settings, place)
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, each as saved"
+    print(f"motorid: {settings.data_dir} holds {text}", file=sys.stderr)  # noqa: T201
 
 
 @contextmanager

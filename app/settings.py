@@ -147,6 +147,32 @@ class Settings(BaseSettings):
     shutdown_s: float = Field(
         default=10.0, gt=0, description="Time that requests have to end when the service stops [s]."
     )
+    rate_per_s: float = Field(
+        default=50.0,
+        ge=0,
+        description="Calls that a key may make each second on average; 0: as many as it likes.",
+    )
+    rate_burst: int = Field(
+        default=500, ge=1, description="Calls that a key may make at once before it has to wait."
+    )
+    quota_bytes: int = Field(
+        default=0, ge=0, description="Bytes of run files that a workspace may keep [bytes]; 0: any."
+    )
+    quota_runs: int = Field(default=0, ge=0, description="Runs that a workspace may keep; 0: any.")
+    quota_waiting_fits: int = Field(
+        default=10_000, ge=0, description="Fits that a workspace may have waiting; 0: any."
+    )
+    retention_days: float = Field(
+        default=0.0,
+        ge=0,
+        description="Days after which fits that ended, and runs that no fit needs, are removed; "
+        "0: they are kept for good.",
+    )
+    sweep_s: float = Field(
+        default=3600.0,
+        gt=0,
+        description="Interval in which the service looks for what can be removed [s].",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="Least severe messages that are logged."
     )

@@ -13,24 +13,26 @@ between the two; `sweep` removes it once it is too old to belong to a request th
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
 import secrets
 import shutil
-import time
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from app.errors import StorageFull
 from app.fits.job import CHECKPOINTS
 from app.identifiers import is_id
 from identification.errors import OptionError
 
-__all__ = ["Storage", "sync_directory"]
+__all__ = ["Storage", "is_disk_full", "refused_when_full", "sync_directory"]
 
 _OLD_S = 3600.0
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Storage:
@@ -142,32 +144,64 @@ class Storage:
             if entry.name != str(attempt):
                 shutil.rmtree(entry, ignore_errors=True)
 
-    def sweep(self, runs: Collection[str], fits: Collection[str]) -> int:
-        """Remove what no row of the database names; nothing where it names nothing at all.
+    def sweep_incoming(self) -> None:
+        """Remove the uploads of a server that is gone; at a start there are no others."""
+        for entry in _entries(self.incoming):
+            entry.unlink(missing_ok=True)
+
+    def free_bytes(self) -> int:
+        """Space that is left [bytes]."""
+        return shutil.disk_usage(self.directory).free
+
+    def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
+        """Remove what no row of the database names.
 
         Args:
             runs: Ids of the runs that there are.
             fits: Ids of the fits that there are.
+            now: The time [s since 1970].
 
         Returns:
             Number of files and directories that were removed.
         """
         removed = 0
-        for entry in _entries(self.incoming):
-            entry.unlink(missing_ok=True)
-            removed += 1
         if not runs and not fits:
             # An empty database beside files is more likely a wrong address than a reason.
             return removed
         for entry in _entries(self.directory / "runs"):
-            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry):
+            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry, now):
                 entry.unlink(missing_ok=True)
                 removed += 1
         for entry in _entries(self.directory / "fits"):
-            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry):
+            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry, now):
                 shutil.rmtree(entry, ignore_errors=True)
                 removed += 1
         return removed
+
+
+def is_disk_full(error: OSError) -> bool:
+    """Whether the system has said that no space is left, or no more is allowed."""
+    return error.errno in _FULL
+
+
+@contextmanager
+def refused_when_full(what: str) -> Iterator[None]:
+    """Turn the system's errors that no space is left into a refusal.
+
+    Args:
+        what: For what there was none.
+
+    Raises:
+        StorageFull: No space is left.
+    """
+    try:
+        yield
+    except OSError as error:
+        if not is_disk_full(error):
+            raise
+        raise StorageFull(
+            f"no space is left for the {what}; have some made, then send it again"
+        ) from error
 
 
 def sync_directory(directory: Path) -> None:
@@ -183,9 +217,9 @@ def _entries(directory: Path) -> list[Path]:
     return list(directory.iterdir()) if directory.is_dir() else []
 
 
-def _is_old(path: Path) -> bool:
+def _is_old(path: Path, now: float) -> bool:
     # Another server on the same directory may be between moving a file and writing its row.
     try:
-        return time.time() - path.stat().st_mtime > _OLD_S
+        return now - path.stat().st_mtime > _OLD_S
     except FileNotFoundError:
         return False

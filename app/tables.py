@@ -30,7 +30,7 @@ class Tables(DeclarativeBase):
 
 
 class KeyRow(Tables):
-    """A key; only its hash is kept."""
+    """A key; only its hash is kept.  `last_used_at` may be some minutes late."""
 
     __tablename__ = "keys"
 
@@ -40,6 +40,8 @@ class KeyRow(Tables):
     digest: Mapped[str] = mapped_column(String(64), unique=True)
     created_at: Mapped[float]
     revoked_at: Mapped[float | None]
+    expires_at: Mapped[float | None]
+    last_used_at: Mapped[float | None]
 
 
 class SessionRow(Tables):
@@ -53,7 +55,10 @@ class SessionRow(Tables):
 
 
 class RunRow(Tables):
-    """A run that was read and accepted; its bytes lie in the data directory under its id."""
+    """A run that was read and accepted; its bytes lie in the data directory under its id.
+
+    `sent_at` is when the same bytes came again, where they did.
+    """
 
     __tablename__ = "runs"
     __table_args__ = (
@@ -75,6 +80,7 @@ class RunRow(Tables):
     channels: Mapped[dict[str, Any]]
     warnings: Mapped[list[Any]]
     created_at: Mapped[float]
+    sent_at: Mapped[float | None]
 
 
 class BatchRow(Tables):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy import delete, select, update
+from sqlalchemy import ColumnElement, and_, delete, or_, select, update
 from sqlalchemy.orm import Session
 
 from app.tables import KeyRow, SessionRow
@@ -15,6 +15,7 @@ __all__ = [
     "all_keys",
     "key_by_digest",
     "key_by_session",
+    "note_use",
     "remove_expired_sessions",
     "remove_session",
     "revoke",
@@ -31,9 +32,9 @@ def all_keys(session: Session) -> Sequence[KeyRow]:
     return session.scalars(select(KeyRow).order_by(KeyRow.created_at, KeyRow.id)).all()
 
 
-def key_by_digest(session: Session, digest: str) -> KeyRow | None:
-    """The key with this hash, unless it was revoked."""
-    query = select(KeyRow).where(KeyRow.digest == digest, KeyRow.revoked_at.is_(None))
+def key_by_digest(session: Session, digest: str, now: float) -> KeyRow | None:
+    """The key with this hash, unless it was revoked or has expired."""
+    query = select(KeyRow).where(KeyRow.digest == digest, _is_open(now))
     return session.scalars(query).one_or_none()
 
 
@@ -48,19 +49,22 @@ def revoke(session: Session, key_id: str, now: float) -> bool:
     return changed.scalar_one_or_none() is not None
 
 
+def note_use(session: Session, key_id: str, at: float) -> None:
+    """Write down when a key was last used."""
+    session.execute(update(KeyRow).where(KeyRow.id == key_id).values(last_used_at=at))
+
+
 def add_session(session: Session, row: SessionRow) -> None:
     """Keep a session of a browser."""
     session.add(row)
 
 
 def key_by_session(session: Session, digest: str, now: float) -> KeyRow | None:
-    """The key behind a session, unless the session ended or the key was revoked."""
+    """The key behind a session, unless the session ended or the key opens nothing any more."""
     query = (
         select(KeyRow)
         .join(SessionRow, SessionRow.key_id == KeyRow.id)
-        .where(
-            SessionRow.digest == digest, SessionRow.expires_at > now, KeyRow.revoked_at.is_(None)
-        )
+        .where(SessionRow.digest == digest, SessionRow.expires_at > now, _is_open(now))
     )
     return session.scalars(query).one_or_none()
 
@@ -73,3 +77,9 @@ def remove_session(session: Session, digest: str) -> None:
 def remove_expired_sessions(session: Session, now: float) -> None:
     """Forget the sessions that have ended."""
     session.execute(delete(SessionRow).where(SessionRow.expires_at <= now))
+
+
+def _is_open(now: float) -> ColumnElement[bool]:
+    """That a key was neither revoked nor has expired."""
+    expires = or_(KeyRow.expires_at.is_(None), KeyRow.expires_at > now)
+    return and_(KeyRow.revoked_at.is_(None), expires)

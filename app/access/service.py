@@ -28,6 +28,8 @@ __all__ = ["DEFAULT_WORKSPACE", "AccessService", "Caller"]
 
 DEFAULT_WORKSPACE = "default"
 _PREFIX = "motorid_"
+_SESSION_PREFIX = "motorid_session_"
+_MOST_DAYS = 36_500
 _LONGEST_SECRET = 200
 _WORKSPACE = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
@@ -50,19 +52,23 @@ class AccessService:
 
     def __init__(self, database: Database) -> None:
         self._database = database
+        self._used: dict[str, float] = {}
 
-    def create_key(self, name: str, workspace: str = DEFAULT_WORKSPACE) -> tuple[KeyRow, str]:
+    def create_key(
+        self, name: str, workspace: str = DEFAULT_WORKSPACE, *, days: float | None = None
+    ) -> tuple[KeyRow, str]:
         """Make a key.
 
         Args:
             name: What the list shows, such as the bench that will use it.
             workspace: What the key opens.
+            days: Days after which it opens nothing any more; None for never.
 
         Returns:
             The key, and its secret, which is not kept and cannot be shown again.
 
         Raises:
-            OptionError: The name or the workspace is not accepted.
+            OptionError: The name, the workspace or the number of days is not accepted.
         """
         if not _WORKSPACE.fullmatch(workspace):
             raise OptionError(
@@ -72,14 +78,21 @@ class AccessService:
             )
         if not 1 <= len(name) <= 200 or not name.isprintable():
             raise OptionError("name: expected 1 to 200 printable characters", value=name)
+        if days is not None and not 0.0 < days <= _MOST_DAYS:
+            raise OptionError(
+                f"days is {days:g}; expected more than 0 and at most {_MOST_DAYS}", value=days
+            )
+        now = time.time()
         secret = _PREFIX + secrets.token_urlsafe(32)
         key = KeyRow(
             id=new_id("key"),
             workspace=workspace,
             name=name,
             digest=_digest(secret),
-            created_at=time.time(),
+            created_at=now,
             revoked_at=None,
+            expires_at=None if days is None else now + days * 86_400.0,
+            last_used_at=None,
         )
         with self._database.writing() as session:
             repository.add_key(session, key)
@@ -108,13 +121,13 @@ class AccessService:
         """Who a key stands for.
 
         Raises:
-            BadKey: The key is not known, or was revoked.
+            BadKey: The key is not known, was revoked or has expired.
         """
         if len(secret) <= _LONGEST_SECRET:
             with self._database.reading() as session:
-                key = repository.key_by_digest(session, _digest(secret))
+                key = repository.key_by_digest(session, _digest(secret), time.time())
             if key is not None:
-                return Caller(key.workspace, key.id)
+                return self._caller(key)
         raise BadKey("the key is not valid; make one with `motorid keys create`")
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
@@ -128,10 +141,10 @@ class AccessService:
             What the browser's cookie holds.
 
         Raises:
-            BadKey: The key is not known, or was revoked.
+            BadKey: The key is not known, was revoked or has expired.
         """
         caller = self.caller_of_key(secret)
-        token = secrets.token_urlsafe(32)
+        token = _SESSION_PREFIX + secrets.token_urlsafe(32)
         now = time.time()
         with self._database.writing() as session:
             repository.remove_expired_sessions(session, now)
@@ -158,8 +171,24 @@ class AccessService:
             with self._database.reading() as session:
                 key = repository.key_by_session(session, _digest(token), time.time())
             if key is not None:
-                return Caller(key.workspace, key.id)
+                return self._caller(key)
         raise BadKey("the session has ended; show the key again")
+
+    def write_uses(self) -> None:
+        """Write down when keys were last used.
+
+        Calls only note it in memory: none of them waits for a write, and the list of keys may be
+        some minutes late.
+        """
+        used, self._used = self._used, {}
+        if used:
+            with self._database.writing() as session:
+                for key_id, at in used.items():
+                    repository.note_use(session, key_id, at)
+
+    def _caller(self, key: KeyRow) -> Caller:
+        self._used[key.id] = time.time()
+        return Caller(key.workspace, key.id)
 
 
 def _digest(secret: str) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from sqlalchemy.exc import IntegrityError
 
+from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.batches import repository
 from app.database import Database
@@ -56,7 +57,8 @@ class Batch:
 class BatchService:
     """Batches of all workspaces; each call is made for one caller."""
 
-    def __init__(self, database: Database, supervisor: Supervisor) -> None:
+    def __init__(self, database: Database, supervisor: Supervisor, quotas: Quotas) -> None:
+        self._quotas = quotas
         self._database = database
         self._supervisor = supervisor
 
@@ -80,6 +82,7 @@ class BatchService:
             FieldRefused: A run is named twice in one fit, or a name or key is not accepted.
             OptionError: An option is not accepted.
             KeyReused: The key came before with another request.
+            WaitingQuota: More fits of the workspace would wait than may.
         """
         key = checked_key(idempotency_key)
         row = BatchRow(
@@ -95,6 +98,7 @@ class BatchService:
             with self._database.writing() as session:
                 known = repository.by_key(session, caller.workspace, key) if key else None
                 if known is None:
+                    self._quotas.check_fits(session, caller.workspace, len(requests))
                     repository.add(session, row)
                     for position, request in enumerate(requests):
                         check_runs(session, caller, request)

@@ -25,7 +25,6 @@ _EVENTS: dict[int | str, dict[str, Any]] = {
         "description": "Events until the fit ends.",
         "content": {
             "text/event-stream": {
-                "schema": {"type": "string"},
                 "example": "event: progress\nid: 7\n"
                 'data: {"id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi", "status": "running", '
                 '"progress": {"stage": "posterior", "fraction": 0.42}, "attempt": 1, '

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any
 
 from sqlalchemy.exc import IntegrityError
 
+from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.errors import KeyReused, NotFound, NotReady, Unavailable
@@ -23,6 +25,8 @@ from app.storage import Storage
 from app.tables import FitRow
 
 __all__ = ["Fit", "FitService"]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,10 @@ class Fit:
 class FitService:
     """Fits of all workspaces; each call is made for one caller."""
 
-    def __init__(self, database: Database, storage: Storage, supervisor: Supervisor) -> None:
+    def __init__(
+        self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
+    ) -> None:
+        self._quotas = quotas
         self._database = database
         self._storage = storage
         self._supervisor = supervisor
@@ -66,6 +73,7 @@ class FitService:
             FieldRefused: Runs or key are not accepted.
             OptionError: An option is not accepted.
             KeyReused: The key came before with another request.
+            WaitingQuota: As many fits of the workspace wait as may.
         """
         key = checked_key(idempotency_key)
         row = new_row(caller, request)
@@ -75,6 +83,7 @@ class FitService:
                 known = key and repository.by_key(session, caller.workspace, key)
                 if not known:
                     check_runs(session, caller, request)
+                    self._quotas.check_fits(session, caller.workspace, 1)
                     repository.add(session, row, request.training, request.validation)
         except IntegrityError:
             # The same key came twice at the same time, and the other was first.
@@ -88,6 +97,7 @@ class FitService:
                     "this Idempotency-Key came before with another request; take a new key"
                 )
             return self.get(caller, known.id)
+        _log.info("fit accepted", extra={"fit": row.id, "runs": len(request.training)})
         self._supervisor.wake()
         return Fit(row, request.training, request.validation)
 

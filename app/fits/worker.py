@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from app.fits.job import CHECKPOINTS, LOG, OUTPUTS, Job, RunFile
-from app.storage import sync_directory
+from app.storage import is_disk_full, sync_directory
 from identification.errors import ComputationError, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
@@ -50,6 +50,12 @@ def handle(task: dict[str, Any], answer: int) -> None:
         messages.send({"failed": _input_problem(error)})
     except ComputationError as error:
         messages.send({"failed": {"code": "computation", "detail": str(error)}})
+    except OSError as error:
+        if not is_disk_full(error):
+            raise
+        # Trying again at once would meet the same disk.
+        detail = "no space was left for the results; have some made, then fit again"
+        messages.send({"failed": {"code": "storage_full", "detail": detail}})
     else:
         messages.send({"done": True})
 

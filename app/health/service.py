@@ -10,6 +10,7 @@ from app.database import Database
 from app.fits import repository as fits
 from app.fits.supervisor import Supervisor
 from app.metrics import Metrics
+from app.runs import repository as runs
 from app.storage import Storage
 
 __all__ = ["HealthService"]
@@ -41,8 +42,12 @@ class HealthService:
         with self._database.reading() as session:
             counts = fits.counts(session)
             oldest = fits.oldest_queued(session)
+            number, stored = runs.totals(session)
         for status in _STATES:
             self._metrics.fits.labels(status).set(counts.get(status, 0))
+        self._metrics.stored_runs.set(number)
+        self._metrics.stored_bytes.set(stored)
+        self._metrics.free_bytes.set(self._storage.free_bytes())
         age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
         self._metrics.oldest_queued_seconds.set(age)
         return self._metrics.text()

@@ -4,5 +4,5 @@ from __future__ import annotations
 
 __all__ = ["NEWEST"]
 
-NEWEST = "0001"
+NEWEST = "access_0001"
 """The version that the code needs; a test compares it with the files beside this one."""

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy import delete, select, tuple_
+from sqlalchemy import delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from app.tables import FitRow, FitRunRow, RunRow
 
-__all__ = ["add", "all_ids", "by_content", "get", "page", "remove", "several", "waiting_fit"]
+__all__ = [
+    "add",
+    "all_ids",
+    "by_content",
+    "get",
+    "note_sent",
+    "page",
+    "remove",
+    "several",
+    "totals",
+    "waiting_fit",
+]
 
 
 def add(session: Session, row: RunRow) -> None:
@@ -86,6 +97,18 @@ def waiting_fit(session: Session, run_id: str) -> str | None:
         .limit(1)
     )
     return session.scalars(query).one_or_none()
+
+
+def note_sent(session: Session, run_id: str, now: float) -> None:
+    """Write down that the bytes of a run came again."""
+    session.execute(update(RunRow).where(RunRow.id == run_id).values(sent_at=now))
+
+
+def totals(session: Session) -> tuple[int, int]:
+    """Number of all runs of all workspaces, and of the bytes of their files."""
+    query = select(func.count(), func.coalesce(func.sum(RunRow.bytes), 0)).select_from(RunRow)
+    number, stored = session.execute(query).one()
+    return int(number), int(stored)
 
 
 def remove(session: Session, run_id: str) -> None:

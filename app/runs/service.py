@@ -9,22 +9,24 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.exc import IntegrityError, OperationalError
 
+from app.access.quotas import Quotas
 from app.access.service import Caller
-from app.database import Database
-from app.errors import FieldRefused, NotFound, RunInUse
+from app.database import Database, is_full
+from app.errors import FieldRefused, NotFound, QuotaExceeded, RunInUse
 from app.identifiers import is_id, new_id
 from app.metrics import Metrics
 from app.paging import cursor_of, position_of
 from app.runs import repository
 from app.runs.reading import RunReader
 from app.runs.upload import Upload
-from app.storage import Storage
+from app.storage import Storage, refused_when_full
 from app.tables import RunRow
 
 __all__ = ["RunService", "checked_label"]
 
+_NOTED_AGAIN_S = 3600.0
 _log = logging.getLogger(__name__)
 
 
@@ -32,8 +34,14 @@ class RunService:
     """Runs of all workspaces; each call is made for one caller."""
 
     def __init__(
-        self, database: Database, storage: Storage, reader: RunReader, metrics: Metrics
+        self,
+        database: Database,
+        storage: Storage,
+        reader: RunReader,
+        metrics: Metrics,
+        quotas: Quotas,
     ) -> None:
+        self._quotas = quotas
         self._database = database
         self._storage = storage
         self._reader = reader
@@ -53,6 +61,8 @@ class RunService:
         Raises:
             RunRefused: The file is no run.
             FieldRefused: The motor or the mapping is not accepted.
+            QuotaExceeded: The workspace has no place for it.
+            StorageFull: No space is left.
         """
         outcome = "refused"
         try:
@@ -72,9 +82,14 @@ class RunService:
         content = (caller.workspace, upload.sha256, mapping_sha256)
         with self._database.reading() as session:
             known = repository.by_content(session, *content)
+            if known is None:
+                # Before the work; what counts is asked again where the row is written.
+                self._quotas.check_run(session, caller.workspace, upload.size)
         if known is not None:
+            self._note_sent(known)
             return known, False
-        found = self._reader.read(upload.path, upload.name, mapping)
+        with self._metrics.read_seconds.time():
+            found = self._reader.read(upload.path, upload.name, mapping)
         row = RunRow(
             id=new_id("run"),
             workspace=caller.workspace,
@@ -90,12 +105,23 @@ class RunService:
             channels=found["channels"],
             warnings=found["warnings"],
             created_at=time.time(),
+            sent_at=None,
         )
         # The file first: a file without a row is swept, a row without a file would be a loss.
-        self._storage.keep_run(upload.path, row.id)
+        with refused_when_full("run"):
+            self._storage.keep_run(upload.path, row.id)
         try:
             with self._database.writing() as session:
+                self._quotas.check_run(session, caller.workspace, upload.size)
                 repository.add(session, row)
+        except QuotaExceeded:
+            self._storage.remove_run(row.id)
+            raise
+        except OperationalError as error:
+            # After any other error the row may be there, and the file is left to the sweep.
+            if is_full(error):
+                self._storage.remove_run(row.id)
+            raise
         except IntegrityError:
             # Someone sent the same at the same time and was first.
             self._storage.remove_run(row.id)
@@ -106,6 +132,13 @@ class RunService:
             return known, False
         _log.info("run stored", extra={"run": row.id, "rows": row.rows, "bytes": row.bytes})
         return row, True
+
+    def _note_sent(self, row: RunRow) -> None:
+        """Write down that the bytes of a run came again, so that it is not removed as old."""
+        now = time.time()
+        if now - (row.sent_at or row.created_at) > _NOTED_AGAIN_S:
+            with self._database.writing() as session:
+                repository.note_sent(session, row.id, now)
 
     def page(
         self, caller: Caller, *, after: str | None, limit: int, motor: str | None

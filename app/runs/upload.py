@@ -11,7 +11,6 @@ Whatever a caller names the file is a label and never a path.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
 from dataclasses import dataclass
@@ -22,7 +21,8 @@ from typing import TYPE_CHECKING, Self
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
-from app.errors import BadRequest, BodyTooLarge, FieldRefused, StorageFull, WrongMediaType
+from app.errors import BadRequest, BodyTooLarge, FieldRefused, WrongMediaType
+from app.storage import refused_when_full
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
@@ -91,6 +91,7 @@ class UploadForm:
 
     Raises:
         BadRequest: The boundary is not valid.
+        StorageFull: No space is left.
     """
 
     def __init__(self, boundary: bytes, target: Path, limit: int) -> None:
@@ -118,9 +119,9 @@ class UploadForm:
             self._parser = MultipartParser(boundary, callbacks)
         except FormParserError as error:
             raise BadRequest("the boundary of the form is not valid") from error
-        self._file = os.fdopen(
-            os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "wb"
-        )
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        with refused_when_full("run"):
+            self._file = os.fdopen(os.open(target, flags, 0o600), "wb")
 
     def __enter__(self) -> Self:
         """The form itself."""
@@ -166,11 +167,9 @@ class UploadForm:
             raise BadRequest("the form ends in the middle; send it again")
         if self._name is None:
             raise FieldRefused("the form has no file; put the run in the field `file`", "file")
-        try:
+        with refused_when_full("run"):
             self._file.flush()
             os.fsync(self._file.fileno())
-        except OSError as error:
-            raise _storage_error(error) from error
         return Upload(
             path=self._target,
             name=self._name,
@@ -223,19 +222,11 @@ class UploadForm:
             )
         view = memoryview(data)[start:end]
         self._hash.update(view)
-        try:
+        with refused_when_full("run"):
             self._file.write(view)
-        except OSError as error:
-            raise _storage_error(error) from error
 
     def _end(self) -> None:
         self._ended = True
-
-
-def _storage_error(error: OSError) -> StorageFull | OSError:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return StorageFull("no space is left for the run; have some made, then send it again")
-    return error
 
 
 def _text(name: str, raw: bytearray) -> str:

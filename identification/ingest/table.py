@@ -89,9 +89,13 @@ class TableReader:
         if columns is None and len(text) > _PIECE_BYTES:
             # One bad line must not make a whole block slow.
             for piece in _pieces(text):
-                self._read(piece, first_line)
+                self._take(self._clean(piece), piece, first_line)
                 first_line += piece.count(b"\n")
             return
+        self._take(columns, text, first_line)
+
+    def _take(self, columns: list[Array] | None, text: bytes, first_line: int) -> None:
+        """Take the columns of clean lines, or read lines that are not clean cell by cell."""
         if columns is None:
             columns = self._cells.read(text, first_line, self._lines)
         else:

@@ -42,11 +42,15 @@ def run_text(seed: int, rows: int = 60) -> bytes:
 class Server:
     """A server process.
 
+    `command` is the Python that stands for ``motorid``.
+
     Args:
         data_dir: Its data directory.
         arguments: Words behind ``motorid serve``.
         settings: Further MOTORID_ variables, without the prefix.
     """
+
+    command = _COMMAND
 
     def __init__(self, data_dir: Path, *arguments: str, **settings: object) -> None:
         self.data_dir = data_dir
@@ -55,7 +59,7 @@ class Server:
         environment = os.environ | {f"MOTORID_{n}": str(value) for n, value in variables.items()}
         self.process = subprocess.Popen(
             [
-                *(sys.executable, "-c", _COMMAND, "serve", "--port", "0"),
+                *(sys.executable, "-c", self.command, "serve", "--port", "0"),
                 *("--data-dir", str(data_dir), *arguments),
             ],
             env=environment,

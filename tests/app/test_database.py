@@ -44,7 +44,7 @@ def test_migrating_again_changes_nothing(database: Database) -> None:
     """Each start does it."""
     with database.writing() as session:
         session.execute(
-            text("INSERT INTO keys VALUES ('key', 'default', 'name', 'digest', 1.0, NULL)")
+            text("INSERT INTO keys VALUES ('k', 'w', 'name', 'digest', 1.0, NULL, NULL, NULL)")
         )
 
     database.migrate()
@@ -86,7 +86,7 @@ def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
 
 def test_write_that_fails_leaves_nothing(database: Database) -> None:
     """All or nothing, also where the first statement was in order."""
-    insert = text("INSERT INTO keys VALUES (:id, 'default', 'name', 'same', 1.0, NULL)")
+    insert = text("INSERT INTO keys VALUES (:id, 'default', 'name', 'same', 1.0, NULL, NULL, NULL)")
 
     def write() -> None:
         with database.writing() as session:
@@ -103,7 +103,7 @@ def test_write_that_fails_leaves_nothing(database: Database) -> None:
 def test_writers_take_turns_and_lose_nothing(database: Database) -> None:
     """Eight threads read and write the same number 25 times each: 200."""
     with database.writing() as session:
-        session.execute(text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 0.0, NULL)"))
+        session.execute(text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 0.0, NULL, NULL, NULL)"))
 
     def count() -> None:
         for _ in range(25):

@@ -69,17 +69,23 @@ def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> N
     foreign = storage.directory / "runs" / "README"
     foreign.write_text("put here by someone")
     aged(foreign)
-    storage.new_incoming().write_bytes(b"half")
+    removed = storage.sweep({known_run}, {known_fit}, time.time())
 
-    removed = storage.sweep({known_run}, {known_fit})
-
-    assert removed == 3
+    assert removed == 2
     assert storage.run(known_run).exists()
     assert storage.run(new_run).exists()
     assert not storage.run(old_run).exists()
     assert storage.fit(known_fit).exists()
     assert not storage.fit(old_fit).exists()
     assert foreign.exists()
+
+
+def test_uploads_of_a_server_that_is_gone_are_removed(storage: Storage) -> None:
+    """At a start nothing can be coming in yet."""
+    storage.new_incoming().write_bytes(b"half")
+
+    storage.sweep_incoming()
+
     assert list(storage.incoming.iterdir()) == []
 
 
@@ -91,7 +97,7 @@ def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
     aged(storage.run(run))
     aged(storage.fit(fit))
 
-    storage.sweep(set(), set())
+    storage.sweep(set(), set(), now=time.time())
 
     assert storage.run(run).exists()
     assert storage.fit(fit).exists()

@@ -16,7 +16,12 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     data_dir = tmp_path_factory.mktemp("service") / "data"
     make_key(data_dir)
     with serving(
-        data_dir, MAX_UPLOAD_BYTES=1_000_000, MAX_BODY_BYTES=100_000, KEEP_ALIVE_S=0.5
+        data_dir,
+        MAX_UPLOAD_BYTES=1_000_000,
+        MAX_BODY_BYTES=100_000,
+        KEEP_ALIVE_S=0.5,
+        RATE_PER_S=0,
+        LOG_LEVEL="debug",
     ) as running:
         yield running
 
@@ -52,3 +57,12 @@ def nobody(server: Server) -> Iterator[Caller]:
 def data_dir(tmp_path: Path) -> Path:
     """A data directory for a server of the test's own."""
     return tmp_path / "data"
+
+
+@pytest.fixture
+def nothing_left(server: Server) -> Iterator[None]:
+    """The data directory has the same runs and no incoming file afterwards."""
+    before = sorted((server.data_dir / "runs").iterdir())
+    yield
+    assert sorted((server.data_dir / "runs").iterdir()) == before
+    assert [path for path in server.data_dir.rglob("incoming/*/*")] == []

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import json
-import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from fastapi import FastAPI
-from starlette.routing import BaseRoute
 
 from app.access.gate import PUBLIC_PATHS
 from app.access.service import AccessService
 from app.database import Database
-from app.main import create_app
-from app.paths import STATIC_PREFIX
-from app.settings import load_settings
 from tests.app.service import Caller, Server, make_key, run_text
 
 OPEN = {
@@ -27,70 +20,9 @@ OPEN = {
 }
 
 
-def walked(routes: list[BaseRoute]) -> Iterator[tuple[str, str]]:
-    """Method and path of each route, those of routers inside included."""
-    for route in routes:
-        path = getattr(route, "path", "")
-        for method in sorted(getattr(route, "methods", None) or {"GET"}):
-            yield method, path
-
-
-def routes(application: FastAPI) -> list[tuple[str, str]]:
-    """Each method and path that the application answers."""
-    described = application.openapi()["paths"]
-    from_schema = [(m.upper(), path) for path, calls in described.items() for m in calls]
-    return sorted({*from_schema, *walked(application.routes)})
-
-
-@pytest.fixture(scope="session")
-def calls(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
-    """Method and path of every call that needs a key, parameters still by name."""
-    application = create_app(load_settings(data_dir=tmp_path_factory.mktemp("routes")))
-    found = routes(application)
-    closed = [
-        (method, path)
-        for method, path in found
-        if path not in PUBLIC_PATHS and path and not path.startswith(STATIC_PREFIX.rstrip("/"))
-    ]
-    assert len(closed) >= 15
-    return closed
-
-
-def filled(path: str, value: str) -> str:
-    """A path with its parameters replaced."""
-    return re.sub(r"\{[^}]*\}", value, path)
-
-
 def test_only_health_and_the_page_that_asks_for_a_key_are_open() -> None:
     """The contract: every call but health carries a key."""
     assert {"/login"} | OPEN == PUBLIC_PATHS
-
-
-@pytest.mark.parametrize(
-    "authorization",
-    [
-        None,
-        "Bearer",
-        "Bearer motorid_wrong",
-        "Bearer " + "x" * 5000,
-        "Basic YWxpY2U6c2VjcmV0",
-        "Bearer ' OR 1=1 --",
-        b"Bearer \xff\xfe",
-    ],
-)
-def test_no_route_answers_without_a_valid_key(
-    server: Server, calls: list[tuple[str, str]], authorization: str | bytes | None
-) -> None:
-    """401 as a problem with a challenge, on each route of the application."""
-    headers = {} if authorization is None else {"Authorization": authorization}
-    with httpx.Client(base_url=server.url, headers=headers) as client:  # type: ignore[arg-type]
-        for method, path in calls:
-            answer = client.request(method, filled(path, "run_" + "a" * 26))
-
-            assert answer.status_code == 401, (method, path)
-            if method != "HEAD":
-                assert answer.json()["code"] == "unauthorized"
-            assert answer.headers["www-authenticate"].startswith("Bearer")
 
 
 def test_path_that_is_no_route_is_closed_too(nobody: Caller) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.errors import AmbiguousUnit, MissingColumn, NotFinite, WrongUnit
+from identification.errors import AmbiguousUnit, MissingColumn, NotANumber, NotFinite, WrongUnit
 from identification.ingest import read_run, source, table
 from identification.ingest.scan import CellReader
 from tests.ingest.samples import CANONICAL, Dialect, channels, record, renamed, with_cell, write
@@ -326,3 +326,18 @@ def test_name_without_unit_is_never_taken_for_si(tmp_path: Path) -> None:
 
     with pytest.raises(AmbiguousUnit, match="has no unit"):
         read_run(path)
+
+
+@pytest.mark.parametrize("rows", [2_000, 20_000])
+def test_fault_far_down_in_a_long_file_has_its_place(tmp_path: Path, rows: int) -> None:
+    """The last line but one of 0.1 and of 1 MB holds a word; what stands above it is sound."""
+    lines = write(record(rows)).decode().split("\n")
+    lines[rows - 1] = lines[rows - 1].rsplit(",", 1)[0] + ",warm"
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(lines))
+
+    with pytest.raises(NotANumber) as caught:
+        read_run(path)
+
+    assert caught.value.row == rows
+    assert caught.value.column == "temperature_degC"

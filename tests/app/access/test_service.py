@@ -103,3 +103,27 @@ def test_name_of_a_key_can_be_printed(access: AccessService, name: str) -> None:
     """It is shown in a list, one a line."""
     with pytest.raises(OptionError, match="1 to 200 printable"):
         access.create_key(name)
+
+
+def test_key_opens_until_it_expires(access: AccessService, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two days: open after one, closed after three, its sessions with it."""
+    key, secret = access.create_key("visitor", days=2.0)
+    token = access.open_session(secret, 10 * 86_400.0)
+    made = key.created_at
+
+    monkeypatch.setattr(time, "time", lambda: made + 86_400.0)
+    assert access.caller_of_key(secret).key_id == key.id
+    assert access.caller_of_session(token).key_id == key.id
+
+    monkeypatch.setattr(time, "time", lambda: made + 3 * 86_400.0)
+    with pytest.raises(BadKey, match="not valid"):
+        access.caller_of_key(secret)
+    with pytest.raises(BadKey, match="has ended"):
+        access.caller_of_session(token)
+
+
+@pytest.mark.parametrize("days", [0.0, -1.0, float("nan"), float("inf"), 1e9])
+def test_time_of_a_key_is_some_days(access: AccessService, days: float) -> None:
+    """More than none and no more than a century."""
+    with pytest.raises(OptionError, match="^days is"):
+        access.create_key("bench", days=days)

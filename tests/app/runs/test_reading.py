@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from app.confine import Limits
 from app.errors import RunRefused
 from app.nursery.client import Nursery
 from app.runs.reading import RunReader
-from tests.app.service import run_text
+from tests.app.service import HEADER, run_text
 
 LIMITS = Limits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=60.0)
 
@@ -84,20 +86,62 @@ def test_many_runs_are_read_at_once_and_none_is_mixed_up(reader: RunReader, tmp_
 
 
 def test_reading_beyond_its_memory_is_refused_by_name(nursery: Nursery, run: Path) -> None:
-    """A hundred thousand rows, and two megabytes more than the loaded libraries fill already."""
-    run.write_bytes(run_text(1, 100_000))
+    """600,000 rows of 5 numbers are 24 MB; 2 MB more is allowed than the loaded libraries fill."""
     plain = RunReader(nursery, LIMITS, 1_000_000)
-    plain.read(run, "first.csv", None)
+    assert plain.read(run, "first.csv", None)["rows"] == 60
     used = int(Path(f"/proc/{nursery.pid}/statm").read_text().split()[0]) * os.sysconf(
         "SC_PAGESIZE"
     )
     limits = Limits(memory_bytes=used + 2_000_000, cpu_s=60, wall_s=60.0)
+    big = run.with_name("big")
+    rows = (f"{k / 1000},{k % 7},{k % 5},{k % 11},25\n" for k in range(600_000))
+    big.write_text(f"{HEADER}\n" + "".join(rows))
 
     with pytest.raises(RunRefused, match="GB|reader fail") as caught:
-        RunReader(nursery, limits, 1_000_000).read(run, "big.csv", None)
+        RunReader(nursery, limits, 1_000_000).read(big, "big.csv", None)
 
     assert caught.value.reason in ("reader_memory", "reader_crash")
-    assert plain.read(run, "again.csv", None)["rows"] == 100_000
+    assert plain.read(run, "again.csv", None)["rows"] == 60
+
+
+def test_reader_may_open_few_files_and_write_none(nursery: Nursery, run: Path) -> None:
+    """The limits of the process itself, as the kernel tells them while it is held by a pipe."""
+    pipe = run.with_name("pipe")
+    os.mkfifo(pipe)
+    task = nursery.fork(
+        {
+            "path": str(pipe),
+            "name": "a.csv",
+            "mapping": None,
+            "max_rows": 10,
+            "limits": dataclasses.asdict(LIMITS),
+        }
+    )
+    try:
+        limits = _limits_of_the_child_of(nursery.pid)
+    finally:
+        task.kill()
+
+    assert limits["Max open files"] == str(LIMITS.files)
+    assert limits["Max file size"] == "0"
+    assert limits["Max address space"] == str(LIMITS.memory_bytes)
+    assert limits["Max cpu time"] == str(LIMITS.cpu_s)
+    assert limits["Max core file size"] == "0"
+
+
+def _limits_of_the_child_of(parent: int | None) -> dict[str, str]:
+    """Soft limits of the one child of a process, once it has set them."""
+    deadline = time.monotonic() + 20.0
+    while time.monotonic() < deadline:
+        time.sleep(0.02)
+        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+        for child in children:
+            text = Path(f"/proc/{child}/limits").read_text()
+            found = {line[:26].strip(): line[26:47].strip() for line in text.splitlines()[1:]}
+            # The limit of time is the last one that is set.
+            if found["Max cpu time"] != "unlimited":
+                return found
+    raise AssertionError("no child was found")
 
 
 def test_reading_beyond_its_time_is_ended(nursery: Nursery, run: Path) -> None:

@@ -1,0 +1,165 @@
+"""Makes a backup while the service runs.
+
+First the database is copied, at one consistent state, by SQLite itself; then the files that its
+rows name.  Those are written once and never changed, so what is copied later is still what the
+row meant.  Whatever a caller deletes in between is struck from the copy of the database.  Sessions
+of browsers stay out of it, keys are in it as hashes.
+
+A fit that waits or runs is in the backup as such, and begins anew where that is restored.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.backup.archive import DATABASE, AbstractTarget, target
+from app.fits.job import OUTPUTS
+from app.settings import Settings
+from app.storage import Storage
+from identification.errors import InputError, OptionError
+
+__all__ = ["Saved", "back_up", "database_file"]
+
+_BUSY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Saved:
+    """What is in a backup.
+
+    Args:
+        runs: Number of runs.
+        fits: Number of fits, with or without outputs.
+        files: Number of files, the database included.
+    """
+
+    runs: int
+    fits: int
+    files: int
+
+
+def database_file(settings: Settings) -> Path:
+    """The SQLite file of a data directory.
+
+    Raises:
+        OptionError: The database is another one, which has tools of its own for this.
+    """
+    if settings.database_url is not None:
+        raise OptionError(
+            "MOTORID_DATABASE_URL names a database outside of the data directory; back it up "
+            "with its own tool (pg_dump), and after that the folders runs and fits of the data "
+            "directory; docs/operations.md has the commands"
+        )
+    return settings.data_dir.absolute() / DATABASE
+
+
+def back_up(settings: Settings, place: Path) -> Saved:
+    """Write a backup.
+
+    Args:
+        settings: Where the data directory is.
+        place: A directory that is not there or empty, or a file that ends with .tar.
+
+    Raises:
+        OptionError: There is no database, or the place is taken.
+        InputError: A file of the data directory is gone or is not what it was.
+    """
+    source = database_file(settings)
+    if not source.is_file():
+        raise OptionError(
+            f"data_dir: there is no {DATABASE} in {settings.data_dir}; name the directory that "
+            "the service uses"
+        )
+    into = target(place)
+    # Beside the data, where a copy of the database has space if anywhere.
+    with (
+        tempfile.TemporaryDirectory(prefix="backup-", dir=settings.data_dir / "incoming") as folder,
+        contextlib.closing(_copy_of(source, Path(folder) / DATABASE)) as copy,
+    ):
+        storage = Storage(settings.data_dir, settings.node)
+        sums = _Files(source, copy, storage, into).add_all()
+        copy.close()
+        sums[DATABASE] = into.add(DATABASE, Path(folder) / DATABASE)
+        into.finish("".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items())))
+    runs = sum(name.startswith("runs/") for name in sums)
+    fits = len({name.split("/")[1] for name in sums if name.startswith("fits/")})
+    return Saved(runs=runs, fits=fits, files=len(sums))
+
+
+def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
+    """A copy of a database at one moment, while others write to it."""
+    copy = sqlite3.connect(file)
+    with contextlib.closing(sqlite3.connect(source, timeout=_BUSY_S)) as live:
+        live.backup(copy)
+    copy.execute("PRAGMA foreign_keys=ON")
+    # One file, whatever journal the service has.
+    copy.execute("PRAGMA journal_mode=DELETE")
+    copy.execute("DELETE FROM sessions")
+    copy.commit()
+    return copy
+
+
+class _Files:
+    """The files that the rows of a copied database name, on their way into a backup."""
+
+    def __init__(
+        self, source: Path, copy: sqlite3.Connection, storage: Storage, into: AbstractTarget
+    ) -> None:
+        self._source = source
+        self._copy = copy
+        self._storage = storage
+        self._into = into
+        self._sums: dict[str, str] = {}
+
+    def add_all(self) -> dict[str, str]:
+        for run_id, sha256 in self._copy.execute("SELECT id, sha256 FROM runs").fetchall():
+            self._add_run(run_id, sha256)
+        query = "SELECT id, attempt FROM fits WHERE status = 'succeeded'"
+        for fit_id, attempt in self._copy.execute(query).fetchall():
+            self._add_fit(fit_id, attempt)
+        self._copy.commit()
+        return self._sums
+
+    def _add_run(self, run_id: str, sha256: str) -> None:
+        path = self._storage.run(run_id)
+        try:
+            digest = self._into.add(f"runs/{run_id}", path)
+        except FileNotFoundError:
+            self._strike("runs", run_id, path)
+            return
+        if digest != sha256:
+            raise InputError(
+                "is not what was uploaded: its SHA-256 has changed; restore it from an older "
+                f"backup, or delete the run {run_id} and send it again",
+                file=str(path),
+            )
+        self._sums[f"runs/{run_id}"] = digest
+
+    def _add_fit(self, fit_id: str, attempt: int) -> None:
+        directory = self._storage.attempt(fit_id, attempt)
+        added: dict[str, str] = {}
+        for output in OUTPUTS:
+            name = f"fits/{fit_id}/{attempt}/{output}"
+            with contextlib.suppress(FileNotFoundError):
+                added[name] = self._into.add(name, directory / output)
+        if f"fits/{fit_id}/{attempt}/result.json" not in added:
+            self._strike("fits", fit_id, directory)
+        # What was copied before the fit was deleted has no row; the next sweep removes it.
+        self._sums |= added
+
+    def _strike(self, table: str, row_id: str, path: Path) -> None:
+        """Take a row out of the copy that was deleted since."""
+        query = f"SELECT 1 FROM {table} WHERE id = ?"  # noqa: S608  one of two names
+        with contextlib.closing(sqlite3.connect(self._source, timeout=_BUSY_S)) as live:
+            is_known = live.execute(query, (row_id,)).fetchone() is not None
+        if is_known:
+            raise InputError(
+                f"is gone, and the database still has {row_id}; restore it from an older backup, "
+                "or delete it over HTTP",
+                file=str(path),
+            )
+        self._copy.execute(f"DELETE FROM {table} WHERE id = ?", (row_id,))  # noqa: S608

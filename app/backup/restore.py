@@ -1,0 +1,135 @@
+"""Makes a data directory from a backup: all of it, checked, or nothing.
+
+Everything is written into a directory beside the new one and checked there: each file against its
+hash, the database by SQLite's own test, each run against the hash of its upload.  Only then is it
+renamed to its place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import sqlite3
+from pathlib import Path
+
+from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
+from app.backup.create import Saved, database_file
+from app.settings import Settings
+from app.storage import sync_directory
+from identification.errors import InputError, OptionError
+
+__all__ = ["restore"]
+
+_LONGEST_SUMS = 1 << 30
+_SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
+
+
+def restore(settings: Settings, backup: Path) -> Saved:
+    """Write a data directory from a backup.
+
+    Args:
+        settings: Where the data directory shall be; nothing may be there.
+        backup: A directory or .tar file of `motorid backup`.
+
+    Raises:
+        OptionError: Something is there already, or it cannot be written.
+        InputError: The backup is not complete, or not what it was.
+    """
+    place = database_file(settings).parent
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise OptionError(
+            f"data_dir: {place} is not empty, and restoring overwrites nothing; name another "
+            "directory with --data-dir, or move this one away",
+            value=str(place),
+        )
+    partial = place.with_name(f"{place.name}.partial")
+    try:
+        partial.mkdir(parents=True, mode=0o700)
+    except OSError as error:
+        raise OptionError(
+            f"{partial}: cannot be made ({error.strerror}); remove what an interrupted restore "
+            "left there, or name another --data-dir",
+            value=str(partial),
+        ) from error
+    try:
+        saved = _fill(partial, backup)
+        if place.exists():
+            place.rmdir()
+        os.rename(partial, place)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
+    sync_directory(place.parent)
+    return saved
+
+
+def _fill(directory: Path, backup: Path) -> Saved:
+    found: dict[str, str] = {}
+    sums: dict[str, str] | None = None
+    with opened(backup) as files:
+        for name, file in files:
+            if not is_name(name) or name in found:
+                raise InputError(f"{name[:200]!r} does not belong in a backup", file=str(backup))
+            if name == SUMS:
+                sums = _read_sums(file.read(_LONGEST_SUMS), backup)
+                continue
+            path = directory / name
+            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as write:
+                found[name] = copied(file, write)
+                write.flush()
+                os.fsync(write.fileno())
+    if sums is None:
+        raise InputError(f"has no {SUMS}: it was interrupted; take another", file=str(backup))
+    _compare(found, sums, backup)
+    _check_database(directory / DATABASE, found, backup)
+    for part in ("incoming", "runs", "fits", "nodes"):
+        (directory / part).mkdir(exist_ok=True, mode=0o700)
+        sync_directory(directory / part)
+    sync_directory(directory)
+    runs = sum(name.startswith("runs/") for name in found)
+    fits = len({name.split("/")[1] for name in found if name.startswith("fits/")})
+    return Saved(runs=runs, fits=fits, files=len(found))
+
+
+def _read_sums(content: bytes, backup: Path) -> dict[str, str]:
+    lines = content.decode("ascii", "replace").splitlines()
+    pairs = [_SUM.fullmatch(line) for line in lines]
+    if None in pairs:
+        raise InputError(f"has a broken {SUMS}", file=str(backup), row=pairs.index(None) + 1)
+    return {pair.group(2): pair.group(1) for pair in pairs if pair}
+
+
+def _compare(found: dict[str, str], sums: dict[str, str], backup: Path) -> None:
+    missing, strange = sorted(sums.keys() - found.keys()), sorted(found.keys() - sums.keys())
+    if missing or strange or DATABASE not in found:
+        name = (missing or strange or [DATABASE])[0]
+        state = "misses" if name not in found else "has, besides what its sums name,"
+        raise InputError(f"{state} {name}; take another backup", file=str(backup))
+    changed = sorted(name for name, digest in found.items() if sums[name] != digest)
+    if changed:
+        raise InputError(
+            f"{changed[0]} is not what was saved: its SHA-256 differs; take another backup",
+            file=str(backup),
+        )
+
+
+def _check_database(file: Path, found: dict[str, str], backup: Path) -> None:
+    try:
+        with contextlib.closing(sqlite3.connect(file)) as database:
+            verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
+            runs = dict(database.execute("SELECT id, sha256 FROM runs").fetchall())
+            query = "SELECT id, attempt FROM fits WHERE status = 'succeeded'"
+            results = [f"fits/{i}/{a}/result.json" for i, a in database.execute(query)]
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"{DATABASE} cannot be read ({error})", file=str(backup)) from error
+    if verdict != "ok":
+        raise InputError(f"{DATABASE} is damaged ({verdict})", file=str(backup))
+    wrong = [f"runs/{i}" for i, sha256 in runs.items() if found.get(f"runs/{i}") != sha256]
+    wrong += [name for name in results if name not in found]
+    if wrong:
+        raise InputError(
+            f"{wrong[0]} is not what the database says; take another backup", file=str(backup)
+        )

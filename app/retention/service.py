@@ -1,0 +1,113 @@
+"""Removes what is old, and files that no row names.
+
+The rows go first and their files after them: where the service ends between the two, files without
+a row are left, and a later sweep finds those.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass
+
+from app.database import Database
+from app.fits import repository as fits
+from app.metrics import Metrics
+from app.retention import repository
+from app.runs import repository as runs
+from app.storage import Storage
+
+__all__ = ["Removed", "Retention"]
+
+_AT_ONCE = 200
+_DAY_S = 86_400.0
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Removed:
+    """How much was removed.
+
+    Args:
+        fits: Fits that ended.
+        runs: Runs that no fit named.
+        batches: Batches without a fit.
+        files: Files and directories that no row named.
+    """
+
+    fits: int = 0
+    runs: int = 0
+    batches: int = 0
+    files: int = 0
+
+
+class Retention:
+    """Keeps a database and its data directory from growing for ever.
+
+    Args:
+        database: The tables.
+        storage: The data directory.
+        metrics: Where removals are counted.
+        days: Age from which fits and runs are removed [days]; 0 keeps them.
+    """
+
+    def __init__(self, database: Database, storage: Storage, metrics: Metrics, days: float) -> None:
+        self._database = database
+        self._storage = storage
+        self._metrics = metrics
+        self._days = days
+
+    def sweep(self, now: float | None = None) -> Removed:
+        """Remove what may go, and say how much that was.
+
+        Args:
+            now: The time that is believed [s since 1970]; that of the clock where not given.
+        """
+        now = time.time() if now is None else now
+        found = Removed(files=self._sweep_files(now))
+        if self._days:
+            before = now - self._days * _DAY_S
+            found = Removed(
+                fits=self._remove_fits(before),
+                batches=self._remove_batches(before),
+                runs=self._remove_runs(before),
+                files=found.files,
+            )
+        counted = {name: number for name, number in vars(found).items() if number}
+        for kind, number in counted.items():
+            self._metrics.removed.labels(kind).inc(number)
+        if counted:
+            _log.info("old things were removed", extra=counted)
+        return found
+
+    def _remove_fits(self, before: float) -> int:
+        total = 0
+        while True:
+            # In portions, since other writers wait for each.
+            with self._database.writing() as session:
+                ids = repository.remove_old_fits(session, before, _AT_ONCE)
+            for fit_id in ids:
+                self._storage.remove_fit(fit_id)
+            total += len(ids)
+            if len(ids) < _AT_ONCE:
+                return total
+
+    def _remove_batches(self, before: float) -> int:
+        with self._database.writing() as session:
+            return repository.remove_old_batches(session, before)
+
+    def _remove_runs(self, before: float) -> int:
+        total = 0
+        while True:
+            with self._database.writing() as session:
+                ids = repository.remove_old_runs(session, before, _AT_ONCE)
+            for run_id in ids:
+                self._storage.remove_run(run_id)
+            total += len(ids)
+            if len(ids) < _AT_ONCE:
+                return total
+
+    def _sweep_files(self, now: float) -> int:
+        with self._database.reading() as session:
+            known_runs, known_fits = runs.all_ids(session), fits.all_ids(session)
+        return self._storage.sweep(known_runs, known_fits, now)

@@ -1,0 +1,212 @@
+"""A disk that is full, a clock that jumps, memory that runs out: named or retried, nothing lost."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+from benchmarks.torture import pipeline
+from benchmarks.torture.outcome import Outcome
+from benchmarks.torture.watching import children
+from tests.app.service import Caller, Server, run_text, serving
+
+__all__ = ["ClockServer", "run"]
+
+_PIPELINE = f"{pipeline.__name__}:identify"
+_DISK = "24m"
+_YEAR_S = 365 * 86_400.0
+
+
+class ClockServer(Server):
+    """A server whose wall clock is off by the seconds in a file of its data directory."""
+
+    command = (
+        "import os, sys, time; real = time.time\n"
+        "place = os.path.dirname(sys.argv[sys.argv.index('--data-dir') + 1]) + '/clock'\n"
+        "time.time = lambda: real() + float(open(place).read() or 0)\n"
+        "from app.cli import main; sys.exit(main())"
+    )
+
+
+def run(*, short: bool, directory: Path) -> list[Outcome]:
+    """Run out of each, and come back."""
+    outcomes = [*_forbidden_writes(directory / "size"), *_memory(directory / "memory")]
+    outcomes += [_clock(directory / f"clock-{n}", j) for n, j in enumerate((_YEAR_S, -_YEAR_S))]
+    if not short:
+        outcomes.append(_full_disk(directory / "disk"))
+    return outcomes
+
+
+def _of(test: str, asked: str, faults: list[str], measured: str) -> Outcome:
+    return Outcome(test, asked, "; ".join(faults) or measured, not faults)
+
+
+# ---------------------------------------------------------------- disk
+
+
+def _forbidden_writes(directory: Path) -> list[Outcome]:
+    """The kernel refuses writes beyond a size, as it does where a disk or a quota is full."""
+    faults: list[str] = []
+    with (
+        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
+        Caller(server) as caller,
+    ):
+        run_id = caller.upload(run_text(0))["id"]
+        with _largest_file(server, 1_000_000):
+            large = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
+            failed = caller.wait(caller.begin(run_id, seed=pipeline.LARGE)["id"])
+            small = caller.http.post("/runs", files={"file": ("a.csv", run_text(2))})
+        again = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
+        fitted = caller.wait(caller.begin(run_id, seed=pipeline.LARGE)["id"])
+        left = list((directory / "data").rglob("incoming/*/*"))
+        code = (failed["error"] or {}).get("code")
+        if (large.status_code, large.json()["code"]) != (507, "storage_full"):
+            faults.append(f"upload: {large.status_code} {large.text[:100]}")
+        if (failed["status"], code) != ("failed", "storage_full"):
+            faults.append(f"fit: {failed['status']} {failed['error']}")
+        if (small.status_code, again.status_code, fitted["status"]) != (201, 201, "succeeded"):
+            faults.append(f"after: {small.status_code} {again.status_code} {fitted['status']}")
+        if left or caller.http.get(f"/runs/{run_id}").status_code != 200:
+            faults.append(f"left behind: {left}")
+    told = "upload 507 storage_full, fit failed as storage_full, both done once there is space"
+    asked = "507 and a named failure, nothing lost, all well once there is space"
+    return [_of("no space for files", asked, faults, told)]
+
+
+@contextmanager
+def _largest_file(server: Server, size: int) -> Iterator[None]:
+    """Let a server and all below it write no larger file, for the length of a block."""
+    pids = [server.process.pid, *children(server.process.pid)]
+    for pid in pids:
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    try:
+        yield
+    finally:
+        for pid in pids:
+            most = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+            resource.prlimit(pid, resource.RLIMIT_FSIZE, most)
+
+
+def _full_disk(directory: Path) -> Outcome:
+    """A file system of a few megabytes, filled to the last byte, database and all."""
+    test, asked = "a disk without a free byte", "507 or 503, nothing accepted is lost"
+    directory.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={_DISK}", "tmpfs", str(directory)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        return Outcome(test, asked, "not run: mounting needs root", True)
+    try:
+        faults, told = _fill(directory)
+    finally:
+        subprocess.run(["umount", "--lazy", str(directory)], check=True)
+    return _of(test, asked, faults, told)
+
+
+def _fill(directory: Path) -> tuple[list[str], str]:
+    answers: set[tuple[int, str]] = set()
+    with (
+        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
+        Caller(server) as caller,
+    ):
+        runs = [caller.upload(run_text(seed))["id"] for seed in range(5)]
+        fits = [caller.begin(run_id, seed=pipeline.BURNS)["id"] for run_id in runs[:2]]
+        filler = directory / "filler"
+        with filler.open("wb", buffering=0) as file:
+            try:
+                while file.write(b"x" * 4096):
+                    pass
+            except OSError:
+                pass
+        for seed in range(20):
+            answer = caller.http.post("/runs", files={"file": ("a.csv", run_text(100 + seed))})
+            answers.add((answer.status_code, str(answer.json().get("code"))))
+            answer = caller.http.post("/fits", json={"training": [runs[0]], "options": {}})
+            answers.add((answer.status_code, str(answer.json().get("code"))))
+            if answer.status_code == 202:
+                fits.append(answer.json()["id"])
+        is_alive = httpx.get(f"{server.url}/healthz").status_code == 200
+        filler.unlink()
+        ends = {caller.wait(fit, seconds=120)["status"] for fit in fits}
+        kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
+        after = caller.http.post("/runs", files={"file": ("a.csv", run_text(500))}).status_code
+    named = ("storage_full", "unavailable")
+    faults = [f"{status} {code}" for status, code in answers if status >= 500 and code not in named]
+    if not is_alive or kept != {200} or after != 201 or not ends <= {"succeeded", "failed"}:
+        faults.append(f"alive {is_alive}, runs {kept}, after {after}, fits {ends}")
+    told = ", ".join(f"{status} {code}" for status, code in sorted(answers))
+    return faults, f"answers {told}; then {len(fits)} fits {'/'.join(sorted(ends))}, all runs there"
+
+
+# ---------------------------------------------------------------- memory
+
+
+def _memory(directory: Path) -> list[Outcome]:
+    """A fit that asks for memory until there is none."""
+    with (
+        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
+        Caller(server) as caller,
+    ):
+        run_id = caller.upload(run_text(0))["id"]
+        once = caller.wait(caller.begin(run_id, seed=pipeline.HUNGRY_ONCE)["id"], seconds=120)
+        always = caller.wait(caller.begin(run_id, seed=pipeline.HUNGRY)["id"], seconds=120)
+        is_alive = httpx.get(f"{server.url}/readyz").status_code == 200
+    error = always["error"] or {}
+    faults = []
+    if once["status"] != "succeeded":
+        faults.append(f"once: {once['status']} {once['error']}")
+    if always["status"] != "failed" or not error.get("detail") or not is_alive:
+        faults.append(f"always: {always['status']} {error}, alive {is_alive}")
+    told = f"succeeded at attempt {once['attempt']}; failed as {error.get('code')}: "
+    told += f"{error.get('detail')}"
+    return [_of("no memory in the child", "retried, then failed with a reason", faults, told)]
+
+
+# ---------------------------------------------------------------- clock
+
+
+def _clock(directory: Path, jump: float) -> Outcome:
+    """The wall clock jumps by a year while fits wait and run, and back again."""
+    directory.mkdir()
+    clock = directory / "clock"
+    clock.write_text("0")
+    settings = {"PIPELINE": "tests.app.pretended:identify", "RETENTION_DAYS": 30, "SWEEP_S": 1}
+    server = ClockServer(directory / "data", "--no-auth", **settings)
+    try:
+        with Caller(server) as caller:
+            runs = [caller.upload(run_text(seed))["id"] for seed in range(6)]
+            fits = [caller.begin(run_id, seed=1)["id"] for run_id in runs]
+            time.sleep(1.0)
+            _write(clock, str(jump))
+            time.sleep(3.0)
+            _write(clock, "0")
+            ended = [caller.wait(fit, seconds=120) for fit in fits]
+            kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
+    finally:
+        server.stop()
+    log = "".join(server.log)
+    results = [log.count(f'"fit succeeded", "fit": "{fit}"') for fit in fits]
+    faults = []
+    if {fit["status"] for fit in ended} != {"succeeded"} or kept != {200}:
+        faults.append(f"fits {[fit['status'] for fit in ended]}, runs {kept}")
+    if results != [1] * len(fits):
+        faults.append(f"results of each fit: {results}")
+    attempts = max(int(fit["attempt"]) for fit in ended)
+    told = f"6 fits, one result each, at most {attempts} attempts, nothing removed as old"
+    return _of(
+        f"the clock jumps by a year {'ahead' if jump > 0 else 'back'} and back again",
+        "no fit lost, none doubled, nothing removed",
+        faults,
+        told,
+    )
+
+
+def _write(file: Path, text: str) -> None:
+    """Replace a file in one step, as it is read all the time."""
+    new = file.with_suffix(".new")
+    new.write_text(text)
+    new.replace(file)

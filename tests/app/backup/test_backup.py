@@ -1,0 +1,237 @@
+"""Backup and restore: the same comes back, and what is not the same is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+import subprocess
+import tarfile
+import time
+from pathlib import Path
+
+import pytest
+
+from app.access.service import AccessService
+from app.backup.archive import is_name
+from app.backup.create import Saved, back_up
+from app.backup.restore import restore
+from app.database import Database
+from app.settings import Settings, load_settings
+from app.storage import Storage
+from identification.errors import InputError, OptionError
+from tests.app.rows import fit_row, role_row, run_row
+
+PLACES = ("saved", "saved.tar")
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    """A data directory with two runs, a result, a fit that waits, a key and a session."""
+    made = load_settings(data_dir=tmp_path / "data")
+    storage = Storage(made.data_dir, made.node)
+    storage.prepare()
+    database = Database(made.sqlalchemy_url)
+    database.migrate()
+    access = AccessService(database)
+    access.open_session(access.create_key("bench")[1], 60.0)
+    runs = [run_row("a"), run_row("b")]
+    fits = [fit_row("a", "succeeded", ended_at=time.time()), fit_row("a", "queued")]
+    for run in runs:
+        content = run.id.encode() * 1000
+        run.sha256 = hashlib.sha256(content).hexdigest()
+        storage.run(run.id).write_bytes(content)
+    result = storage.attempt(fits[0].id, 1)
+    result.mkdir(parents=True)
+    for name in ("result.json", "report.html", "worker.log"):
+        (result / name).write_text(name)
+    with database.writing() as session:
+        session.add_all([*runs, *fits])
+        session.flush()
+        session.add_all(role_row(fit, runs[0]) for fit in fits)
+    database.close()
+    return made
+
+
+def files(directory: Path) -> dict[str, bytes]:
+    """Content of each file of runs and results by its name."""
+    return {
+        path.relative_to(directory).as_posix(): path.read_bytes()
+        for part in ("runs", "fits")
+        for path in (directory / part).rglob("*")
+        if path.is_file()
+    }
+
+
+def rows(directory: Path) -> dict[str, list[object]]:
+    """Content of each table."""
+    with sqlite3.connect(directory / "motorid.sqlite3") as database:
+        return {
+            table: sorted(database.execute(f"SELECT * FROM {table}"), key=repr)
+            for table in ("keys", "sessions", "runs", "fits", "fit_runs", "batches")
+        }
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_what_was_saved_comes_back(settings: Settings, tmp_path: Path, place: str) -> None:
+    """Every row but those of browsers' sessions, every run, every output; no worker's log."""
+    there = load_settings(data_dir=tmp_path / "there")
+
+    saved = back_up(settings, tmp_path / place)
+    restored = restore(there, tmp_path / place)
+
+    assert saved == restored == Saved(runs=2, fits=1, files=5)
+    expected = files(settings.data_dir)
+    assert files(there.data_dir) == {n: c for n, c in expected.items() if "worker.log" not in n}
+    assert rows(there.data_dir) == rows(settings.data_dir) | {"sessions": []}
+    assert there.data_dir.stat().st_mode & 0o077 == 0
+
+
+def test_sums_are_those_that_sha256sum_checks(settings: Settings, tmp_path: Path) -> None:
+    """GNU coreutils read the list."""
+    back_up(settings, tmp_path / "saved")
+
+    checked = subprocess.run(
+        ["sha256sum", "--check", "--strict", "--quiet", "SHA256SUMS"], cwd=tmp_path / "saved"
+    )
+
+    assert checked.returncode == 0
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_backup_overwrites_nothing(settings: Settings, tmp_path: Path, place: str) -> None:
+    """Neither an older backup nor anything else."""
+    back_up(settings, tmp_path / place)
+
+    with pytest.raises(OptionError, match="there already.*overwrites nothing"):
+        back_up(settings, tmp_path / place)
+
+
+def test_restore_overwrites_nothing(settings: Settings, tmp_path: Path) -> None:
+    """The data directory that is in use stays as it is."""
+    back_up(settings, tmp_path / "saved.tar")
+    before = files(settings.data_dir)
+
+    with pytest.raises(OptionError, match="not empty.*overwrites nothing"):
+        restore(settings, tmp_path / "saved.tar")
+
+    assert files(settings.data_dir) == before
+
+
+def changed(folder: Path, kind: str) -> None:
+    """Do something to a backup."""
+    run = next((folder / "runs").iterdir())
+    if kind == "a bit":
+        run.write_bytes(run.read_bytes()[:-1] + b"\x00")
+    elif kind == "a file less":
+        run.unlink()
+    elif kind == "a file more":
+        (folder / "runs" / ("run_" + "a" * 26)).write_text("")
+    elif kind == "interrupted":
+        (folder / "SHA256SUMS").unlink()
+    elif kind == "another name":
+        (folder / "evil.txt").write_text("")
+    elif kind == "a link":
+        run.unlink()
+        run.symlink_to("/etc/passwd")
+    elif kind == "broken sums":
+        (folder / "SHA256SUMS").write_text("x\n")
+    elif kind == "broken database":
+        file = folder / "motorid.sqlite3"
+        old = hashlib.sha256(file.read_bytes()).hexdigest()
+        file.write_bytes(file.read_bytes()[:5000])
+        new = hashlib.sha256(file.read_bytes()).hexdigest()
+        sums = folder / "SHA256SUMS"
+        sums.write_text(sums.read_text().replace(old, new))
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "a bit",
+        "a file less",
+        "a file more",
+        "interrupted",
+        "another name",
+        "a link",
+        "broken sums",
+        "broken database",
+    ],
+)
+def test_backup_that_is_not_what_was_saved_is_refused(
+    settings: Settings, tmp_path: Path, kind: str
+) -> None:
+    """And nothing is left where it should have gone."""
+    back_up(settings, tmp_path / "saved")
+    changed(tmp_path / "saved", kind)
+    there = load_settings(data_dir=tmp_path / "there")
+
+    with pytest.raises(InputError, match="saved"):
+        restore(there, tmp_path / "saved")
+
+    assert not list(tmp_path.glob("there*"))
+
+
+def test_tar_that_was_cut_off_is_refused(settings: Settings, tmp_path: Path) -> None:
+    """At half its length."""
+    file = tmp_path / "saved.tar"
+    back_up(settings, file)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+    with pytest.raises(InputError, match=r"saved\.tar"):
+        restore(load_settings(data_dir=tmp_path / "there"), file)
+
+
+@pytest.mark.parametrize("name", ["../evil", "/etc/evil", "runs/../../evil"])
+def test_tar_cannot_write_elsewhere(tmp_path: Path, name: str) -> None:
+    """A tar may name any place; only names that the service gives are taken."""
+    with tarfile.open(tmp_path / "bad.tar", "w") as tar:
+        tar.addfile(tarfile.TarInfo(name))
+
+    with pytest.raises(InputError, match="does not belong in a backup"):
+        restore(load_settings(data_dir=tmp_path / "there"), tmp_path / "bad.tar")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.tar"]
+
+
+def test_run_whose_bytes_changed_is_not_saved_as_if_nothing_were(
+    settings: Settings, tmp_path: Path
+) -> None:
+    """A bad disk is told of when it is found, not when the backup is needed."""
+    run = next((settings.data_dir / "runs").iterdir())
+    run.write_bytes(b"other")
+
+    with pytest.raises(InputError, match="SHA-256 has changed"):
+        back_up(settings, tmp_path / "saved")
+
+
+def test_run_that_is_gone_is_told(settings: Settings, tmp_path: Path) -> None:
+    """Its row is still there, so no caller has deleted it."""
+    next((settings.data_dir / "runs").iterdir()).unlink()
+
+    with pytest.raises(InputError, match="is gone, and the database still has"):
+        back_up(settings, tmp_path / "saved")
+
+
+def test_other_database_is_left_to_its_own_tools(tmp_path: Path) -> None:
+    """PostgreSQL has pg_dump."""
+    settings = load_settings(data_dir=tmp_path, database_url="postgresql://host/base")
+
+    with pytest.raises(OptionError, match="pg_dump"):
+        back_up(settings, tmp_path / "saved")
+    with pytest.raises(OptionError, match="pg_dump"):
+        restore(settings, tmp_path / "saved")
+
+
+def test_directory_without_a_database_is_refused(tmp_path: Path) -> None:
+    """A typing error makes no empty backup."""
+    with pytest.raises(OptionError, match=r"no motorid\.sqlite3"):
+        back_up(load_settings(data_dir=tmp_path), tmp_path / "saved")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "x", "runs/x", "fits/x/1/result.json", "runs/run_" + "a" * 26 + "/x", "SHA256SUMS/x",
+     "fits/fit_" + "a" * 26 + "/1/..", "fits/fit_" + "a" * 26 + "/../result.json"],
+)  # fmt: skip
+def test_names_that_the_service_does_not_give_are_none(name: str) -> None:
+    """Only ids, attempts and names of outputs make a path."""
+    assert not is_name(name)

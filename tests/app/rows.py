@@ -1,0 +1,65 @@
+"""Rows as the service writes them, for tests that need some in the tables."""
+
+from __future__ import annotations
+
+import secrets
+import time
+
+from app.identifiers import new_id
+from app.tables import FitRow, FitRunRow, RunRow
+
+
+def run_row(
+    workspace: str, *, size: int = 10, created_at: float | None = None, sent_at: float | None = None
+) -> RunRow:
+    """A run of some bytes that no other run has."""
+    return RunRow(
+        id=new_id("run"),
+        workspace=workspace,
+        sha256=secrets.token_hex(32),
+        mapping_sha256="",
+        mapping=None,
+        file="a.csv",
+        motor=None,
+        bytes=size,
+        rows=60,
+        sample_rate_hz=1000.0,
+        duration_s=0.059,
+        channels={},
+        warnings=[],
+        created_at=time.time() if created_at is None else created_at,
+        sent_at=sent_at,
+    )
+
+
+def fit_row(
+    workspace: str, status: str, *, ended_at: float | None = None, batch_id: str | None = None
+) -> FitRow:
+    """A fit in some state."""
+    return FitRow(
+        id=new_id("fit"),
+        workspace=workspace,
+        motor=None,
+        options={},
+        status=status,
+        stage=status,
+        fraction=0.0,
+        version=1,
+        attempt=1,
+        failures=0,
+        owner=None,
+        lease_until=None,
+        error=None,
+        created_at=time.time() if ended_at is None else ended_at,
+        started_at=None,
+        ended_at=ended_at,
+        idempotency_key=None,
+        request_sha256="",
+        batch_id=batch_id,
+        position=0,
+    )
+
+
+def role_row(fit: FitRow, run: RunRow) -> FitRunRow:
+    """That a fit takes a run."""
+    return FitRunRow(fit_id=fit.id, role="training", position=0, run_id=run.id)

@@ -1,0 +1,55 @@
+"""What tests of broken and hostile requests share."""
+
+from __future__ import annotations
+
+import socket
+from urllib.parse import urlsplit
+
+import httpx
+
+from tests.app.service import Server, run_text
+
+UNKNOWN = "run_" + "a" * 26
+JSON = {"Content-Type": "application/json"}
+FILE = 'Content-Disposition: form-data; name="file"; filename="a.csv"'
+RUN = run_text(99)
+
+
+def assert_is_problem(answer: httpx.Response, *statuses: int) -> None:
+    """A refusal with its form, its code and nothing of the inside of the service."""
+    assert answer.status_code in statuses, (answer.status_code, answer.text[:500])
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    assert problem["status"] == answer.status_code
+    assert {"type", "title", "detail", "code", "request_id"} <= problem.keys()
+    assert "Traceback" not in answer.text
+    assert "site-packages" not in answer.text
+
+
+def form(*parts: tuple[str, bytes], end: bytes = b"--b--\r\n") -> bytes:
+    """A form written by hand: the header of each part and its content."""
+    return (
+        b"".join(
+            b"--b\r\n" + head.encode("utf-8", "surrogateescape") + b"\r\n\r\n" + content + b"\r\n"
+            for head, content in parts
+        )
+        + end
+    )
+
+
+def raw(server: Server, request: bytes, *, then: bytes = b"") -> bytes:
+    """What the server answers to bytes that no client library would send."""
+    address = urlsplit(server.url)
+    with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
+        connection.sendall(request)
+        if then:
+            connection.sendall(then)
+        connection.shutdown(socket.SHUT_WR)
+        answer = b""
+        try:
+            while block := connection.recv(65536):
+                answer += block
+        except ConnectionResetError:
+            # Closed while we still had something to say.
+            pass
+    return answer

@@ -1,0 +1,58 @@
+"""A backup of a service that works, and a service on what was restored."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from tests.app.pretended import QUICK, SLOW
+from tests.app.service import Caller, Server, make_key, run_text, serving
+
+
+@pytest.mark.parametrize("name", ["saved", "saved.tar"])
+def test_backup_of_a_busy_service_is_whole(tmp_path: Path, name: str) -> None:
+    """Runs come and go while it is made; what it has is answered, and what waited is computed."""
+    data_dir = tmp_path / "data"
+    key = make_key(data_dir)
+    with serving(data_dir, RATE_PER_S=0) as server, Caller(server, key) as caller:
+        runs = [caller.upload(run_text(seed)) for seed in range(4)]
+        ended = caller.wait(caller.begin(runs[0]["id"], seed=QUICK)["id"])
+        slow = caller.begin(runs[1]["id"], seed=SLOW)["id"]
+        is_over = threading.Event()
+        busy = threading.Thread(target=upload_and_delete, args=(server, key, is_over))
+        busy.start()
+        assert main(["backup", str(tmp_path / name), "--data-dir", str(data_dir)]) == 0
+        is_over.set()
+        busy.join()
+
+    there = tmp_path / "there"
+    assert main(["restore", str(tmp_path / name), "--data-dir", str(there)]) == 0
+
+    with serving(there, RATE_PER_S=0) as server, Caller(server, key) as caller:
+        for run in runs:
+            assert caller.http.get(f"/runs/{run['id']}").json() == run
+        assert caller.fit(ended["id"]) == ended
+        assert caller.http.get(f"/fits/{ended['id']}/report").status_code == 200
+        assert caller.wait(slow)["status"] == "succeeded"
+        listed = caller.http.get("/runs?limit=1000").json()["items"]
+        kept = {path.name for path in (there / "runs").iterdir()}
+        assert {run["id"] for run in listed} == kept
+        for run in listed[:3]:
+            again = caller.begin(run["id"], seed=QUICK)["id"]
+            assert caller.wait(again)["status"] == "succeeded"
+
+
+def upload_and_delete(server: Server, key: str, is_over: threading.Event) -> None:
+    """Keep the service busy with runs that come and go."""
+    with Caller(server, key) as caller:
+        seed = 100
+        while not is_over.is_set():
+            seed += 1
+            time.sleep(0.05)
+            run = caller.upload(run_text(seed))["id"]
+            if seed % 2:
+                assert caller.http.delete(f"/runs/{run}").status_code == 204

@@ -1,0 +1,113 @@
+"""Rates and quotas over HTTP: what is refused, by which name, and when to come back."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from tests.app.pretended import SLOW
+from tests.app.service import Caller, Server, make_key, run_text, serving
+
+BURST = 30
+
+
+@pytest.fixture(scope="module")
+def limited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server with small limits: 10 calls a second, 3 runs, 20,000 bytes, 2 waiting fits."""
+    data_dir = tmp_path_factory.mktemp("limited") / "data"
+    make_key(data_dir)
+    with serving(
+        data_dir,
+        RATE_PER_S=10,
+        RATE_BURST=BURST,
+        QUOTA_RUNS=3,
+        QUOTA_BYTES=20_000,
+        QUOTA_WAITING_FITS=2,
+        WORKERS=1,
+    ) as running:
+        yield running
+
+
+def test_key_that_calls_too_often_is_told_when_to_come_back(limited: Server) -> None:
+    """30 at once and 10 a second: of 60 calls in a row the last are refused with 429."""
+    with Caller(limited, make_key(limited.data_dir, "hasty")) as caller:
+        answers = [caller.http.get("/runs?limit=1") for _ in range(2 * BURST)]
+        refused = [answer for answer in answers if answer.status_code == 429]
+        assert {answer.status_code for answer in answers} == {200, 429}
+        first = answers[0]
+        assert re.fullmatch(r'"key";r=29;t=1', first.headers["ratelimit"])
+        assert first.headers["ratelimit-policy"] == f'"key";q={BURST};w=3'
+        problem = refused[0].json()
+        assert (problem["code"], problem["status"]) == ("rate_limited", 429)
+        assert refused[0].headers["content-type"] == "application/problem+json"
+        assert refused[0].headers["x-content-type-options"] == "nosniff"
+        assert int(refused[0].headers["retry-after"]) == 1
+
+        time.sleep(int(refused[-1].headers["retry-after"]))
+        assert caller.http.get("/runs?limit=1").status_code == 200
+
+
+def test_rate_is_that_of_a_key_and_health_has_none(limited: Server) -> None:
+    """While one key must wait another is answered, and so is health, as often as it is asked."""
+    with (
+        Caller(limited, make_key(limited.data_dir, "busy")) as busy,
+        Caller(limited, make_key(limited.data_dir, "calm")) as calm,
+        Caller(limited) as probe,
+    ):
+        while busy.http.get("/runs?limit=1").status_code == 200:
+            pass
+        assert calm.http.get("/runs?limit=1").status_code == 200
+        health = [probe.http.get("/healthz") for _ in range(3 * BURST)]
+        assert {answer.status_code for answer in health} == {200}
+        assert not [answer for answer in health if "ratelimit" in answer.headers]
+        text = probe.http.get("/metrics").text
+        assert re.search(r'motorid_refused_total\{limit="rate"\} [1-9]', text)
+
+
+def test_workspace_that_is_full_takes_no_run(limited: Server) -> None:
+    """Three runs of three: the fourth is refused, one that is there already is not."""
+    with Caller(limited, make_key(limited.data_dir, "full")) as caller:
+        runs = [caller.upload(run_text(seed))["id"] for seed in range(3)]
+        fourth = caller.http.post("/runs", files={"file": ("a.csv", run_text(3))})
+        again = caller.http.post("/runs", files={"file": ("a.csv", run_text(0))})
+        caller.http.delete(f"/runs/{runs[1]}")
+        after = caller.http.post("/runs", files={"file": ("a.csv", run_text(3))})
+
+    assert (fourth.status_code, fourth.json()["code"]) == (403, "quota_runs")
+    assert (again.status_code, again.json()["id"]) == (200, runs[0])
+    assert after.status_code == 201
+    assert [path for path in limited.data_dir.rglob("incoming/*/*")] == []
+
+
+def test_workspace_keeps_no_more_bytes_than_it_may(limited: Server) -> None:
+    """A file of 15,000 to 20,000 bytes fits once, not twice."""
+    with Caller(limited, make_key(limited.data_dir, "large")) as caller:
+        files = [run_text(seed, rows=350) for seed in range(2)]
+        assert 15_000 < len(files[0]) < 20_000
+        caller.upload(files[0])
+        second = caller.http.post("/runs", files={"file": ("a.csv", files[1])})
+
+    assert (second.status_code, second.json()["code"]) == (507, "quota_bytes")
+    assert "MOTORID_QUOTA_BYTES" in second.json()["detail"]
+
+
+def test_queue_of_a_workspace_has_an_end(limited: Server) -> None:
+    """One computes and two wait; the next fit, and a batch of any size, have to come later."""
+    with Caller(limited, make_key(limited.data_dir, "queue")) as caller:
+        run = caller.upload(run_text(50))["id"]
+        running = caller.begin(run, seed=SLOW)["id"]
+        caller.wait(running, "running")
+        waiting = [caller.begin(run, seed=SLOW)["id"] for _ in range(2)]
+        fit = caller.http.post("/fits", json={"training": [run]})
+        batch = caller.http.post("/batches", json={"motors": [{"training": [run]}]})
+        for fit_id in (running, *waiting):
+            caller.http.delete(f"/fits/{fit_id}")
+        after = caller.http.post("/fits", json={"training": [run]})
+
+    for answer in (fit, batch):
+        assert (answer.status_code, answer.json()["code"]) == (429, "quota_waiting_fits")
+        assert int(answer.headers["retry-after"]) > 0
+    assert after.status_code == 202

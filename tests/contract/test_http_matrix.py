@@ -1,0 +1,185 @@
+"""Every route with every key that does not open it: 401, or 404, or nothing of anyone else's."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from starlette.routing import BaseRoute
+
+from app.access.gate import PUBLIC_PATHS
+from app.access.service import AccessService
+from app.database import Database
+from app.main import create_app
+from app.paths import STATIC_PREFIX
+from app.settings import load_settings
+from tests.app.service import Caller, Server
+
+PLACE = re.compile(r"\{(\w+)\}")
+
+
+def walked(routes: list[BaseRoute]) -> Iterator[tuple[str, str]]:
+    """Method and path of each route, those of routers inside included."""
+    for route in routes:
+        yield from walked(getattr(route, "routes", None) or [])
+        path = getattr(route, "path", "")
+        for method in sorted(getattr(route, "methods", None) or {"GET"}):
+            yield method, path
+
+
+def every_route(application: FastAPI) -> list[tuple[str, str]]:
+    """Each method and path that the application answers, by its routes and its description."""
+    described = application.openapi()["paths"]
+    from_schema = [(m.upper(), path) for path, calls in described.items() for m in calls]
+    found = {*from_schema, *walked(application.routes)}
+    return sorted(
+        (method, path)
+        for method, path in found
+        if path and path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX.rstrip("/"))
+    )
+
+
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
+    """Method and path of every call that needs a key, parameters still by name."""
+    settings = load_settings(data_dir=tmp_path_factory.mktemp("routes"))
+    found = every_route(create_app(settings))
+    assert len(found) >= 15
+    return found
+
+
+@pytest.fixture(scope="module")
+def ids(alice: Caller, stored: str) -> dict[str, str]:
+    """What alice has: an id for each name of a parameter."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+    batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
+    return {"run_id": stored, "fit_id": fit, "batch_id": batch}
+
+
+def revoked_key(server: Server) -> str:
+    """The secret of a key of alice that was revoked."""
+    database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
+    access = AccessService(database)
+    key, secret = access.create_key("lost", "alice")
+    access.revoke_key(key.id)
+    database.close()
+    return secret
+
+
+def expired_key(server: Server) -> str:
+    """The secret of a key of alice that has expired: it lasted 86 microseconds."""
+    database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
+    _, secret = AccessService(database).create_key("visitor", "alice", days=1e-9)
+    database.close()
+    return secret
+
+
+def filled(path: str, ids: dict[str, str]) -> str:
+    """A path with things of alice in the places of its parameters."""
+    return PLACE.sub(lambda found: ids[found.group(1)], path)
+
+
+@pytest.mark.parametrize("kind", ["none", "wrong", "revoked", "expired"])
+def test_no_route_answers_to_what_is_no_valid_key(
+    server: Server, closed: list[tuple[str, str]], ids: dict[str, str], kind: str
+) -> None:
+    """401 as a problem with a challenge, on each route, also where the thing is there."""
+    keys = {"wrong": "motorid_" + "x" * 43}
+    if kind == "revoked":
+        keys[kind] = revoked_key(server)
+    if kind == "expired":
+        keys[kind] = expired_key(server)
+    headers = {"Authorization": f"Bearer {keys[kind]}"} if kind in keys else {}
+    with httpx.Client(base_url=server.url, headers=headers) as client:
+        for method, path in closed:
+            answer = client.request(method, filled(path, ids))
+
+            assert answer.status_code == 401, (method, path)
+            assert answer.headers["www-authenticate"].startswith("Bearer")
+            if method != "HEAD":
+                assert answer.json()["code"] == "unauthorized"
+
+
+@pytest.mark.parametrize(
+    "authorization",
+    [
+        "Bearer",
+        "Bearer " + "x" * 5000,
+        "Basic YWxpY2U6c2VjcmV0",
+        "Bearer ' OR 1=1 --",
+        b"Bearer \xff\xfe",
+    ],
+)
+def test_no_route_answers_to_a_header_of_another_form(
+    server: Server, closed: list[tuple[str, str]], authorization: str | bytes
+) -> None:
+    """401 on each route, whatever stands in the place of a key."""
+    with httpx.Client(base_url=server.url, headers={"Authorization": authorization}) as client:  # type: ignore[arg-type]
+        for method, path in closed:
+            answer = client.request(method, PLACE.sub("run_" + "a" * 26, path))
+
+            assert answer.status_code == 401, (method, path)
+
+
+def test_every_route_about_a_thing_is_404_for_another_workspace(
+    bob: Caller, server: Server, closed: list[tuple[str, str]], ids: dict[str, str]
+) -> None:
+    """404 with bob's valid key for each thing of alice, whatever the method."""
+    about_things = [(method, path) for method, path in closed if PLACE.search(path)]
+    assert len(about_things) >= 8
+    for method, path in about_things:
+        answer = bob.http.request(method, server.url + filled(path, ids))
+
+        assert answer.status_code == 404, (method, path)
+
+
+def test_every_other_route_shows_another_workspace_nothing(
+    bob: Caller, server: Server, closed: list[tuple[str, str]], ids: dict[str, str]
+) -> None:
+    """Lists and pages answer bob with his own things; no id of alice is in them."""
+    for method, path in closed:
+        if PLACE.search(path) or path == "/logout":
+            continue
+        answer = bob.http.request(method, server.url + path)
+
+        assert not [thing for thing in ids.values() if thing in answer.text], (method, path)
+
+
+def test_things_of_alice_are_still_there(alice: Caller, ids: dict[str, str]) -> None:
+    """No call of the matrix, and none of them was a DELETE of alice, has removed any."""
+    for path in ("/runs/{run_id}", "/fits/{fit_id}", "/batches/{batch_id}"):
+        assert alice.http.get(filled(path, ids)).status_code == 200
+
+
+def test_no_line_of_the_log_holds_a_key(server: Server, alice: Caller) -> None:
+    """A key in each place where a caller may put it, with the most talkative log."""
+    secret = alice.http.headers["authorization"].removeprefix("Bearer ")
+    marker = "after-the-keys-were-sent"
+    alice.http.get(f"/runs/{secret}")
+    alice.http.get("/runs", params={"after": secret, "motor": secret})
+    alice.http.get("/runs", headers={"X-Request-ID": secret, "Cookie": f"motorid_session={secret}"})
+    alice.http.post("/runs", files={"file": (secret, b"x")}, data={"motor": secret})
+    alice.http.post("/fits", json={"training": [secret], "motor": secret})
+    alice.http.post("/fits", json={secret: secret}, headers={"Idempotency-Key": secret})
+    page = httpx.post(f"{server.url}/login", data={"key": secret}, follow_redirects=False)
+    assert page.status_code == 303
+    token = page.cookies["motorid_session"]
+    httpx.get(f"{server.url}/fits/{token}", headers={"Cookie": f"motorid_session={token}"})
+    httpx.get(f"{server.url}/{secret}", headers={"X-Request-ID": marker})
+
+    for _ in range(1000):
+        if any(marker in line for line in list(server.log)):
+            break
+        alice.http.get("/healthz")
+    text = "".join(server.log)
+
+    assert marker in text
+    assert secret not in text
+    assert token not in text
+    assert secret.removeprefix("motorid_") not in text
+    for line in text.splitlines()[1:]:
+        json.loads(line)
