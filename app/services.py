@@ -82,7 +82,7 @@ class Services:
             access=AccessService(database),
             runs=RunService(database, storage, reader, metrics),
             fits=FitService(database, storage, supervisor),
-            batches=BatchService(database, supervisor),
+            batches=BatchService(database, storage, supervisor),
             health=HealthService(database, storage, supervisor, metrics),
             nurseries=(readers, workers),
             supervisor=supervisor,

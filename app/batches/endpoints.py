@@ -55,3 +55,15 @@ def list_batches(
 def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut:
     """How many fits are in each state, and each motor's fit."""
     return BatchOut.of(services.batches.get(caller, batch_id))
+
+
+@router.delete(
+    "/{batch_id}",
+    summary="Cancel or remove a batch",
+    response_model=BatchOut,
+    responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
+)
+def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut | Response:
+    """Cancel the fits that have not ended; where all have, remove the batch and its fits."""
+    batch = services.batches.delete(caller, batch_id)
+    return Response(status_code=204) if batch is None else BatchOut.of(batch)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.batches.service import Batch
+from app.batches.service import ENDED, Batch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
@@ -83,6 +83,14 @@ class BatchFit(BaseModel):
     error: FitError | None = None
 
 
+class BatchProgress(BaseModel):
+    """How far a batch is."""
+
+    fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
+    ended: int = Field(description="Fits that have ended, however they ended.")
+    total: int = Field(description="All its fits.")
+
+
 class BatchSummary(BaseModel):
     """A batch without its fits."""
 
@@ -91,7 +99,9 @@ class BatchSummary(BaseModel):
     status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"] = Field(
         description="`partial`: all have ended, and some but not all succeeded."
     )
+    progress: BatchProgress
     counts: dict[Status, int] = Field(description="Number of fits in each state.")
+    links: dict[str, str]
     created_at: str = Field(description="UTC, ISO 8601.")
 
     @classmethod
@@ -110,7 +120,13 @@ class BatchOut(BatchSummary):
                     "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
                     "name": "November refit",
                     "status": "running",
+                    "progress": {"fraction": 0.05, "ended": 0, "total": 2},
                     "counts": {"queued": 1, "running": 1},
+                    "links": {
+                        "self": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                        "results": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/results",
+                        "report": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/report",
+                    },
                     "created_at": "2026-11-21T12:00:00.000000Z",
                     "fits": [
                         {
@@ -157,10 +173,15 @@ class BatchList(BaseModel):
 
 
 def _fields(batch: Batch) -> dict[str, Any]:
+    own = f"/api/v1/batches/{batch.row.id}"
+    total = sum(batch.counts.values())
+    ended = sum(number for state, number in batch.counts.items() if state in ENDED)
     return {
         "id": batch.row.id,
         "name": batch.row.name,
         "status": batch.status,
+        "progress": {"fraction": batch.fraction, "ended": ended, "total": total},
         "counts": dict(batch.counts),
+        "links": {"self": own, "results": f"{own}/results", "report": f"{own}/report"},
         "created_at": moment(batch.row.created_at),
     }

@@ -10,20 +10,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from app.access.service import Caller
 from app.batches import repository
 from app.database import Database
 from app.errors import KeyReused, NotFound
 from app.fits import repository as fits
+from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id, new_id
 from app.paging import cursor_of, position_of
 from app.runs.service import checked_label
+from app.storage import Storage
 from app.tables import BatchRow, FitRow
 
-__all__ = ["Batch", "BatchService"]
+__all__ = ["ENDED", "Batch", "BatchService"]
 
 
 @dataclass(frozen=True)
@@ -33,17 +36,22 @@ class Batch:
     Args:
         row: The batch.
         counts: Number of its fits in each state.
+        fraction: Share of the whole that is done.
         fits: Its fits in order, where they were asked for.
     """
 
     row: BatchRow
     counts: Mapping[str, int]
+    fraction: float = 0.0
     fits: Sequence[FitRow] = ()
 
     @property
     def status(self) -> str:
         """One word for all fits: ``partial`` where some succeeded and others did not."""
         states = {state for state, number in self.counts.items() if number}
+        if not states:
+            # Its fits were removed one by one, which only fits that ended can be.
+            return "succeeded"
         if states <= {"queued"}:
             return "queued"
         if states & {"queued", "running"}:
@@ -56,8 +64,9 @@ class Batch:
 class BatchService:
     """Batches of all workspaces; each call is made for one caller."""
 
-    def __init__(self, database: Database, supervisor: Supervisor) -> None:
+    def __init__(self, database: Database, storage: Storage, supervisor: Supervisor) -> None:
         self._database = database
+        self._storage = storage
         self._supervisor = supervisor
 
     def create(
@@ -125,8 +134,11 @@ class BatchService:
             rows = repository.page(
                 session, caller.workspace, after=position_of(after), limit=limit + 1
             )
-            counts = repository.counts(session, [row.id for row in rows])
-        return [Batch(row, counts[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
+            ids = [row.id for row in rows[:limit]]
+            counts = repository.counts(session, ids)
+            shares = repository.fractions(session, ids)
+        batches = [Batch(row, counts[row.id], shares[row.id]) for row in rows[:limit]]
+        return batches, cursor_of(rows, limit)
 
     def get(self, caller: Caller, batch_id: str) -> Batch:
         """One batch, with its fits.
@@ -135,12 +147,38 @@ class BatchService:
             NotFound: There is no such batch in the caller's workspace.
         """
         with self._database.reading() as session:
-            row = (
-                repository.get(session, caller.workspace, batch_id)
-                if is_id("batch", batch_id)
-                else None
-            )
-            if row is None:
-                raise NotFound("there is no such batch; GET /api/v1/batches lists them")
+            row = _known(session, caller, batch_id)
             counts = repository.counts(session, [row.id])[row.id]
-            return Batch(row, counts, fits.of_batch(session, row.id))
+            share = repository.fractions(session, [row.id])[row.id]
+            return Batch(row, counts, share, fits.of_batch(session, row.id))
+
+    def delete(self, caller: Caller, batch_id: str) -> Batch | None:
+        """Cancel the fits of a batch that have not ended, or remove it where all have.
+
+        Returns:
+            The batch where fits were cancelled, None where it was removed.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        with self._database.writing() as session:
+            row = _known(session, caller, batch_id)
+            cancelled = repository.cancel(session, row.id, time.time())
+            ids = repository.fit_ids(session, row.id)
+            if not cancelled:
+                repository.remove(session, row.id)
+        if cancelled:
+            self._supervisor.wake()
+            return self.get(caller, batch_id)
+        for fit_id in ids:
+            self._storage.remove_fit(fit_id)
+        return None
+
+
+def _known(session: Session, caller: Caller, batch_id: str) -> BatchRow:
+    found = None
+    if is_id("batch", batch_id):
+        found = repository.get(session, caller.workspace, batch_id)
+    if found is None:
+        raise NotFound("there is no such batch; GET /api/v1/batches lists them")
+    return found
