@@ -247,8 +247,12 @@ class Client:
             text = json.dumps(shown.result, indent=2, allow_nan=False, ensure_ascii=False)
             file.write(f"{text}\n".encode())
         files["report"] = self.fetch_report(shown, folder / "report.html")
+        posterior = folder / "posterior.nc"
         if "posterior" in shown.content["links"]:
-            files["posterior"] = self.fetch_posterior(shown, folder / "posterior.nc")
+            files["posterior"] = self.fetch_posterior(shown, posterior)
+        else:
+            # One of an earlier fit would not belong to this result.
+            posterior.unlink(missing_ok=True)
         return files
 
     def fetch_report(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
