@@ -12,7 +12,7 @@ from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
 
-__all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchSummary"]
+__all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
 _MOST_MOTORS = 1000
 
@@ -158,6 +158,41 @@ class BatchOut(BatchSummary):
             for fit in batch.fits
         ]
         return cls.model_validate(_fields(batch) | {"fits": listed})
+
+
+class BatchResults(BaseModel):
+    """The results of a batch, motor by motor."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                    "status": "running",
+                    "rows": [
+                        {
+                            "motor": "motor 17",
+                            "status": "succeeded",
+                            "Ra25": 0.5903,
+                            "Ra25_sd": 0.0004,
+                            "Ra25_drift_sds": 0.7,
+                        }
+                    ],
+                }
+            ]
+        }
+    )
+
+    id: str
+    status: str = Field(description="Of the batch; rows of fits that have not ended are empty.")
+    rows: list[dict[str, str | int | float | bool | None]] = Field(
+        description="The columns of the table; docs/batch.md names them."
+    )
+
+    @classmethod
+    def of(cls, batch: Batch, rows: Sequence[dict[str, Any]]) -> BatchResults:
+        """The table of a batch."""
+        return cls(id=batch.row.id, status=batch.status, rows=list(rows))
 
 
 class BatchList(BaseModel):

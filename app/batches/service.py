@@ -8,14 +8,16 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from app.access.service import Caller
 from app.batches import repository
+from app.batches.results import refits_of
 from app.database import Database
-from app.errors import KeyReused, NotFound
+from app.errors import KeyReused, NotAcceptable, NotFound
 from app.fits import repository as fits
 from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
@@ -25,6 +27,8 @@ from app.paging import cursor_of, position_of
 from app.runs.service import checked_label
 from app.storage import Storage
 from app.tables import BatchRow, FitRow
+from identification.fleet.refit import Refit
+from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 
 __all__ = ["ENDED", "Batch", "BatchService"]
 
@@ -173,6 +177,58 @@ class BatchService:
         for fit_id in ids:
             self._storage.remove_fit(fit_id)
         return None
+
+    def rows(self, caller: Caller, batch_id: str) -> tuple[Batch, list[dict[str, Any]]]:
+        """The batch and the table of its results, a row for each motor; see `table`.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        batch = self.get(caller, batch_id)
+        return batch, rows_of(self._refits(caller, batch))
+
+    def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
+        """The table of the results of a batch as a file.
+
+        Args:
+            caller: For whom.
+            batch_id: The batch.
+            kind: Form of the file.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+            NotAcceptable: This service cannot write Parquet.
+        """
+        _, rows = self.rows(caller, batch_id)
+        if kind == "csv":
+            return csv_text(rows).encode()
+        try:
+            return parquet_bytes(rows)
+        except MissingParquet as error:
+            raise NotAcceptable(
+                "this service writes no Parquet, since pyarrow is not installed; ask for text/csv "
+                "or application/json"
+            ) from error
+
+    def report(self, caller: Caller, batch_id: str) -> str:
+        """All motors of a batch on one page, with what is known by now.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        # Imported with the first page: it brings what draws, for which every start would wait.
+        from identification.fleet.page import render_fleet
+
+        batch = self.get(caller, batch_id)
+        return render_fleet(batch.row.name or "Batch", self._refits(caller, batch))
+
+    def _refits(self, caller: Caller, batch: Batch) -> list[Refit]:
+        motors = sorted({fit.motor for fit in batch.fits if fit.motor})
+        with self._database.reading() as session:
+            earlier = repository.earlier(
+                session, caller.workspace, motors, before=batch.row.created_at
+            )
+        return refits_of(self._storage, batch.fits, earlier)
 
 
 def _known(session: Session, caller: Caller, batch_id: str) -> BatchRow:
