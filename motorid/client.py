@@ -36,7 +36,7 @@ from motorid.errors import (
 )
 from motorid.files import Source, opened, replacing
 from motorid.things import Batch, Fit, Run
-from motorid.transport import Transport
+from motorid.transport import Transport, content_of
 from motorid.waiting import Tell, until_cancelled, until_ended
 
 __all__ = [
@@ -73,6 +73,9 @@ class Client:
         key: Key from ``motorid keys create``; None where the service asks for none.
         patience_s: Time over which a call that gets no answer is sent again [s].
         timeout_s: Time to wait for each part of an answer [s].
+
+    Raises:
+        ValueError: The address is none.
     """
 
     def __init__(
@@ -124,7 +127,7 @@ class Client:
             with open_source() as file:
                 yield {"files": {"file": (called, file)}, "data": fields}
 
-        return Run.of(self._transport.call("POST", "/runs", content=form).json())
+        return Run.of(content_of(self._transport.call("POST", "/runs", content=form)))
 
     def fit(
         self,
@@ -335,11 +338,11 @@ class Client:
 
     def _get(self, path: str, **parameters: Any) -> dict[str, Any]:
         given = {name: value for name, value in parameters.items() if value is not None}
-        return dict(self._transport.call("GET", path, params=given).json())
+        return content_of(self._transport.call("GET", path, params=given))
 
     def _begin(self, path: str, body: Mapping[str, Any], key: str | None) -> dict[str, Any]:
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
-        return dict(self._transport.call("POST", path, json=body, headers=headers).json())
+        return content_of(self._transport.call("POST", path, json=body, headers=headers))
 
     def _listed(self, path: str, **parameters: Any) -> Iterator[dict[str, Any]]:
         page = self._get(path, limit=_PAGE, **parameters)

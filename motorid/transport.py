@@ -20,7 +20,7 @@ import httpx
 
 from motorid.errors import Unreachable, problem_from
 
-__all__ = ["Transport", "pause_s"]
+__all__ = ["Transport", "content_of", "pause_s"]
 
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 8.0
@@ -39,6 +39,8 @@ class Transport:
 
     def __init__(self, url: str, key: str | None, patience_s: float, timeout_s: float) -> None:
         base = url.rstrip("/").removesuffix("/api/v1")
+        if not base.startswith(("http://", "https://")):
+            raise ValueError(f"{url!r} is no address of a service; expected http:// or https://")
         self.url = base
         self._patience_s = patience_s
         self._http = httpx.Client(
@@ -123,6 +125,24 @@ class Transport:
             if time.monotonic() + pause > deadline:
                 raise reason
             time.sleep(pause)
+
+
+def content_of(answer: httpx.Response) -> dict[str, Any]:
+    """The JSON object of an answer.
+
+    Raises:
+        Unreachable: It is something else, so another program answers at this address.
+    """
+    try:
+        content = answer.json()
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise Unreachable(
+            f"{answer.url} answers with {answer.headers.get('content-type', 'no content')}; is "
+            "this the address of motorid?"
+        )
+    return content
 
 
 def pause_s(tried: int, answer: httpx.Response | None = None) -> float:

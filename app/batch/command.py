@@ -33,6 +33,9 @@ from identification.report.atomic import replacing, write_text
 __all__ = ["run_batch"]
 
 _TABLE_EVERY_S = 2.0
+# A wrong address shall not cost ten minutes, and a service that is started anew not the batch.
+_FIRST_PATIENCE_S = 60.0
+_PATIENCE_S = 600.0
 
 
 def run_batch(
@@ -69,10 +72,9 @@ def run_batch(
             if server is None:
                 batch.take(fit_all(jobs, at_once, tell), tell)
             else:
-                from app.batch.remote import fit_all_at
-                from motorid.client import Client
+                from app.batch.remote import fit_all_at, reached
 
-                with Client(server, key) as service:
+                with reached(server, key, _FIRST_PATIENCE_S, _PATIENCE_S) as service:
                     batch.take(fit_all_at(service, out, manifest.name, jobs, tell), tell)
         finally:
             batch.write_table()

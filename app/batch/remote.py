@@ -13,6 +13,7 @@ import json
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +34,35 @@ _SLOWEST_LOOK_S: Final = 5.0
 Tell = Callable[[str, str, float], None]
 
 
+@contextmanager
+def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterator[Client]:
+    """A client of a service that has answered once.
+
+    Args:
+        url: Address of the service.
+        key: Its key.
+        first_s: Time to wait for the first answer [s].
+        later_s: Time to wait for each later one [s].
+
+    Raises:
+        InputError: The key is not accepted, or the service refused for another reason.
+        ComputationError: The service does not answer, at first or later.
+    """
+    try:
+        with Client(url, key, patience_s=first_s) as first:
+            next(first.batches(), None)
+        with Client(url, key, patience_s=later_s) as service:
+            yield service
+    except BadKey as error:
+        raise InputError(f"--key: {error}") from error
+    except (NotFound, Refused, ValueError) as error:
+        raise InputError(f"--server {url}: {error}") from error
+    except ClientError as error:
+        raise ComputationError(
+            f"{error}; what was begun goes on at the service, and the same command takes it up"
+        ) from error
+
+
 def fit_all_at(
     service: Client, out: Path, name: str, jobs: Sequence[Job], tell: Tell
 ) -> Iterator[tuple[Job, str]]:
@@ -46,41 +76,33 @@ def fit_all_at(
         tell: Told motor, stage and share of a fit that is done.
 
     Raises:
-        InputError: The key is not accepted.
-        ComputationError: The service does not answer.
+        ClientError: The service does not answer, or refuses.
     """
-    try:
-        left = list(jobs)
-        while left:
-            state = _state(out, service.url, left)
-            if state is None:
-                fresh: list[tuple[Job, dict[str, Any]]] = []
-                while left and len(fresh) < _MOST_MOTORS:
-                    job = left.pop(0)
-                    entry, reason = _uploaded(service, job, tell)
-                    if entry is None:
-                        yield job, reason
-                    else:
-                        fresh.append((job, entry))
-                if not fresh:
-                    continue
-                state = _new_state(out, service.url, name, fresh)
-                mine = [job for job, _ in fresh]
-            else:
-                mine = [job for job in left if _is_in(state, job)]
-                left = [job for job in left if job not in mine]
-            yield from _followed(service, out, state, mine, tell)
-            (out / _STATE).unlink(missing_ok=True)
-    except BadKey as error:
-        raise InputError(f"--key: {error}") from error
-    except ClientError as error:
-        raise ComputationError(
-            f"{error}; what was begun goes on at the service, and the same command takes it up"
-        ) from error
+    left = list(jobs)
+    while left:
+        state = _state(out, service.url, left)
+        if state is None:
+            fresh: list[tuple[Job, dict[str, Any]]] = []
+            while left and len(fresh) < _MOST_MOTORS:
+                job = left.pop(0)
+                entry, reason = _uploaded(service, job, tell)
+                if entry is None:
+                    yield job, reason
+                else:
+                    fresh.append((job, entry))
+            if not fresh:
+                continue
+            state = _new_state(out, service.url, name, fresh)
+            mine = [job for job, _ in fresh]
+        else:
+            mine = [job for job in left if _is_in(state, job)]
+            left = [job for job in left if job not in mine]
+        yield from _followed(service, state, mine, tell)
+        (out / _STATE).unlink(missing_ok=True)
 
 
 def _followed(
-    service: Client, out: Path, state: Mapping[str, Any], jobs: Sequence[Job], tell: Tell
+    service: Client, state: Mapping[str, Any], jobs: Sequence[Job], tell: Tell
 ) -> Iterator[tuple[Job, str]]:
     """Results of a batch, as they come."""
     try:
