@@ -24,6 +24,7 @@ RUN python -m venv --without-pip /opt/motorid \
 
 COPY pyproject.toml README.md LICENSE ./
 COPY identification identification
+COPY motorid motorid
 COPY app app
 RUN tools/bin/python -m hatchling build --target wheel --directory wheel \
     && pip --python /opt/motorid/bin/python install --no-deps wheel/*.whl

@@ -150,7 +150,7 @@ image: ## build the container image (needs docker, or ENGINE=podman)
 clean: ## remove the environment, caches and results
 	rm -rf $(VENV) $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
 		.import_linter_cache
-	find app identification bench benchmarks tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find app identification motorid bench benchmarks tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .PHONY: help
 help: ## this list

@@ -211,27 +211,48 @@ def feedback(
 @app.command(cls=SeveralWords)
 def batch(
     manifest: Annotated[
-        Path, typer.Argument(metavar="MANIFEST", help="CSV with motor,training,validation.")
+        Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML: motor, runs, options.")
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")],
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Motors at once.  [default: number of cores]"),
+    ] = None,
+    server: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Have a service fit them, in place of this machine."),
+    ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY",
+            envvar="MOTORID_KEY",
+            show_envvar=False,
+            help="Key of that service; better in the variable MOTORID_KEY.",
+        ),
+    ] = None,
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
     no_effects: NoEffects = False,
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fit many motors, one after the other: DIR/MOTOR/ for each, DIR/results.csv for all.
+    """Fit many motors: DIR/MOTOR/ for each, DIR/results.csv and DIR/fleet.html for all.
 
-    Paths in the manifest are relative to it; several are separated by semicolons.  A motor whose
-    result is there is not fitted again, and one that fails does not stop the others.
+    Paths in the manifest are relative to it; in CSV, several are separated by semicolons.  Options
+    given here are for motors about which the manifest says nothing else.  A motor whose result is
+    there is not fitted again, and one that fails does not stop the others.
     """
-    from app import batch as batches
     from app import commands
+    from app.batch.command import run_batch
 
-    batches.run_batch(
+    run_batch(
         manifest,
         out,
         commands.fit_options(seed, no_posterior, no_effects, "auto", None, None),
+        at_once=jobs or commands.cores(),
+        server=server,
+        key=key,
         show=commands.Show(as_json=json, quiet=quiet),
     )
 

@@ -10,6 +10,7 @@
     │   ├── BodyTooLarge       more bytes than the limit
     │   ├── BodyTooSlow        no byte came for too long
     │   ├── WrongMediaType     another kind of body than the call takes
+    │   ├── NotAcceptable      the answer is wanted in a form that there is none in
     │   ├── FieldRefused       a field has a value that is not accepted
     │   ├── KeyReused          an Idempotency-Key came with another request than before
     │   └── RunRefused         an upload could not be read as a run: file, row, column
@@ -38,6 +39,7 @@ __all__ = [
     "CrossSite",
     "FieldRefused",
     "KeyReused",
+    "NotAcceptable",
     "NotFound",
     "NotReady",
     "QuotaExceeded",
@@ -120,6 +122,12 @@ class WrongMediaType(RequestRefused):
     """The body is of another kind than the call takes."""
 
     code: ClassVar[str] = "media_type"
+
+
+class NotAcceptable(RequestRefused):
+    """The answer is wanted in a form that there is none in."""
+
+    code: ClassVar[str] = "not_acceptable"
 
 
 class FieldRefused(RequestRefused):

@@ -8,7 +8,7 @@ cookies and without a network.
 
 from __future__ import annotations
 
-__all__ = ["PAGE_POLICY", "REPORT_POLICY", "SECURITY_HEADERS", "STATIC_CACHE"]
+__all__ = ["FLEET_POLICY", "PAGE_POLICY", "REPORT_POLICY", "SECURITY_HEADERS", "STATIC_CACHE"]
 
 PAGE_POLICY = "; ".join(
     (
@@ -36,6 +36,21 @@ REPORT_POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
+
+FLEET_POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "style-src 'unsafe-inline'",
+        "img-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+"""For the fleet page, which runs no script and links to the pages of this service.
+
+It stands in no sandbox: from one, a browser would follow a link without the caller's cookie.
+"""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": PAGE_POLICY,

@@ -92,7 +92,7 @@ class Services:
             access=access,
             runs=RunService(database, storage, reader, metrics, quotas),
             fits=FitService(database, storage, supervisor, quotas),
-            batches=BatchService(database, supervisor, quotas),
+            batches=BatchService(database, storage, supervisor, quotas),
             health=HealthService(database, storage, supervisor, metrics),
             nursery=readers,
             engine=engine,

@@ -2,17 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query, Response
+from fastapi.responses import HTMLResponse
 
-from app.batches.schemas import BatchCreate, BatchList, BatchOut
+from app.access.service import Caller
+from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
 from app.dependencies import CallerDep, JsonBody, ServicesDep
+from app.errors import NotAcceptable
+from app.headers import FLEET_POLICY
 from app.problems import responses
+from app.services import Services
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/batches", tags=["batches"])
+
+Form = Literal["json", "csv", "parquet"]
+
+_TYPES: dict[str, Form] = {
+    "application/json": "json",
+    "text/csv": "csv",
+    "application/vnd.apache.parquet": "parquet",
+}
+_RANGES: dict[str, Form] = {"*/*": "json", "application/*": "json", "text/*": "csv"}
+_MEDIA_TYPE: dict[Form, str] = {form: kind for kind, form in _TYPES.items()}
+_TABLE: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "A row for each motor.",
+        "content": {
+            "text/csv": {"schema": {"type": "string"}},
+            "application/vnd.apache.parquet": {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
+}
 
 
 @router.post(
@@ -55,3 +79,97 @@ def list_batches(
 def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut:
     """How many fits are in each state, and each motor's fit."""
     return BatchOut.of(services.batches.get(caller, batch_id))
+
+
+@router.delete(
+    "/{batch_id}",
+    summary="Cancel or remove a batch",
+    response_model=BatchOut,
+    responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
+)
+def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut | Response:
+    """Cancel the fits that have not ended; where all have, remove the batch and its fits."""
+    batch = services.batches.delete(caller, batch_id)
+    return Response(status_code=204) if batch is None else BatchOut.of(batch)
+
+
+@router.get(
+    "/{batch_id}/results",
+    summary="Fetch the results of a batch",
+    response_model=BatchResults,
+    responses=_TABLE | responses(404, 406),
+)
+def fetch_results(
+    batch_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    accept: Annotated[
+        str | None,
+        Header(description="application/json, text/csv or application/vnd.apache.parquet."),
+    ] = None,
+) -> BatchResults | Response:
+    """The table of results, as JSON, CSV or Parquet: parameters, intervals, effects and drift."""
+    return _results(services, caller, batch_id, _wanted(accept))
+
+
+@router.get(
+    "/{batch_id}/results.{form}",
+    summary="Fetch the results of a batch in one form",
+    response_model=BatchResults,
+    responses=_TABLE | responses(404, 406, 422),
+)
+def fetch_results_as(
+    batch_id: str, form: Form, services: ServicesDep, caller: CallerDep
+) -> BatchResults | Response:
+    """The same table, in the form that the address ends with."""
+    return _results(services, caller, batch_id, form)
+
+
+@router.get(
+    "/{batch_id}/report",
+    summary="Fetch the fleet page",
+    response_class=HTMLResponse,
+    responses={
+        200: {"description": "One self-contained page.", "content": {"text/html": {}}},
+        **responses(404),
+    },
+)
+def fetch_fleet(batch_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """All motors on one page: each parameter in order, what stands out, and what has moved."""
+    page = services.batches.report(caller, batch_id)
+    return HTMLResponse(page, headers={"Content-Security-Policy": FLEET_POLICY})
+
+
+def _results(
+    services: Services, caller: Caller, batch_id: str, form: Form
+) -> BatchResults | Response:
+    if form == "json":
+        return BatchResults.of(*services.batches.rows(caller, batch_id))
+    return Response(
+        services.batches.table(caller, batch_id, form),
+        media_type=f"{_MEDIA_TYPE[form]}{'; charset=utf-8' if form == 'csv' else ''}",
+        headers={"Content-Disposition": f'attachment; filename="results.{form}"'},
+    )
+
+
+def _wanted(accept: str | None) -> Form:
+    """The form that an Accept header wants most; JSON where it has no wish."""
+    best, wanted = 0.0, None
+    for part in (accept or "*/*").split(","):
+        kind, *words = (word.strip().lower() for word in part.split(";"))
+        weight = next((_weight(word[2:]) for word in words if word.startswith("q=")), 1.0)
+        form = _TYPES.get(kind) or _RANGES.get(kind)
+        if form is not None and weight > best:
+            best, wanted = weight, form
+    if wanted is None:
+        raise NotAcceptable(
+            f"there is no table as {(accept or '')[:100]!r}; expected {', '.join(_TYPES)}"
+        )
+    return wanted
+
+
+def _weight(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return 0.0

@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.batches.service import Batch
+from app.batches.service import ENDED, Batch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
 
-__all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchSummary"]
+__all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
 _MOST_MOTORS = 1000
 
@@ -83,6 +83,14 @@ class BatchFit(BaseModel):
     error: FitError | None = None
 
 
+class BatchProgress(BaseModel):
+    """How far a batch is."""
+
+    fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
+    ended: int = Field(description="Fits that have ended, however they ended.")
+    total: int = Field(description="All its fits.")
+
+
 class BatchSummary(BaseModel):
     """A batch without its fits."""
 
@@ -91,7 +99,9 @@ class BatchSummary(BaseModel):
     status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"] = Field(
         description="`partial`: all have ended, and some but not all succeeded."
     )
+    progress: BatchProgress
     counts: dict[Status, int] = Field(description="Number of fits in each state.")
+    links: dict[str, str]
     created_at: str = Field(description="UTC, ISO 8601.")
 
     @classmethod
@@ -110,7 +120,13 @@ class BatchOut(BatchSummary):
                     "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
                     "name": "November refit",
                     "status": "running",
+                    "progress": {"fraction": 0.05, "ended": 0, "total": 2},
                     "counts": {"queued": 1, "running": 1},
+                    "links": {
+                        "self": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                        "results": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/results",
+                        "report": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/report",
+                    },
                     "created_at": "2026-11-21T12:00:00.000000Z",
                     "fits": [
                         {
@@ -144,6 +160,41 @@ class BatchOut(BatchSummary):
         return cls.model_validate(_fields(batch) | {"fits": listed})
 
 
+class BatchResults(BaseModel):
+    """The results of a batch, motor by motor."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                    "status": "running",
+                    "rows": [
+                        {
+                            "motor": "motor 17",
+                            "status": "succeeded",
+                            "Ra25": 0.5903,
+                            "Ra25_sd": 0.0004,
+                            "Ra25_drift_sds": 0.7,
+                        }
+                    ],
+                }
+            ]
+        }
+    )
+
+    id: str
+    status: str = Field(description="Of the batch; rows of fits that have not ended are empty.")
+    rows: list[dict[str, str | int | float | bool | None]] = Field(
+        description="The columns of the table; docs/batch.md names them."
+    )
+
+    @classmethod
+    def of(cls, batch: Batch, rows: Sequence[dict[str, Any]]) -> BatchResults:
+        """The table of a batch."""
+        return cls(id=batch.row.id, status=batch.status, rows=list(rows))
+
+
 class BatchList(BaseModel):
     """A page of batches, newest first, without their fits."""
 
@@ -157,10 +208,15 @@ class BatchList(BaseModel):
 
 
 def _fields(batch: Batch) -> dict[str, Any]:
+    own = f"/api/v1/batches/{batch.row.id}"
+    total = sum(batch.counts.values())
+    ended = sum(number for state, number in batch.counts.items() if state in ENDED)
     return {
         "id": batch.row.id,
         "name": batch.row.name,
         "status": batch.status,
+        "progress": {"fraction": batch.fraction, "ended": ended, "total": total},
         "counts": dict(batch.counts),
+        "links": {"self": own, "results": f"{own}/results", "report": f"{own}/report"},
         "created_at": moment(batch.row.created_at),
     }

@@ -8,23 +8,30 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.batches import repository
+from app.batches.results import refits_of
 from app.database import Database
-from app.errors import KeyReused, NotFound
+from app.errors import KeyReused, NotAcceptable, NotFound
 from app.fits import repository as fits
+from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id, new_id
 from app.paging import cursor_of, position_of
 from app.runs.service import checked_label
+from app.storage import Storage
 from app.tables import BatchRow, FitRow
+from identification.fleet.refit import Refit
+from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 
-__all__ = ["Batch", "BatchService"]
+__all__ = ["ENDED", "Batch", "BatchService"]
 
 
 @dataclass(frozen=True)
@@ -34,17 +41,22 @@ class Batch:
     Args:
         row: The batch.
         counts: Number of its fits in each state.
+        fraction: Share of the whole that is done.
         fits: Its fits in order, where they were asked for.
     """
 
     row: BatchRow
     counts: Mapping[str, int]
+    fraction: float = 0.0
     fits: Sequence[FitRow] = ()
 
     @property
     def status(self) -> str:
         """One word for all fits: ``partial`` where some succeeded and others did not."""
         states = {state for state, number in self.counts.items() if number}
+        if not states:
+            # Its fits were removed one by one, which only fits that ended can be.
+            return "succeeded"
         if states <= {"queued"}:
             return "queued"
         if states & {"queued", "running"}:
@@ -57,9 +69,12 @@ class Batch:
 class BatchService:
     """Batches of all workspaces; each call is made for one caller."""
 
-    def __init__(self, database: Database, supervisor: Supervisor, quotas: Quotas) -> None:
+    def __init__(
+        self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
+    ) -> None:
         self._quotas = quotas
         self._database = database
+        self._storage = storage
         self._supervisor = supervisor
 
     def create(
@@ -129,8 +144,11 @@ class BatchService:
             rows = repository.page(
                 session, caller.workspace, after=position_of(after), limit=limit + 1
             )
-            counts = repository.counts(session, [row.id for row in rows])
-        return [Batch(row, counts[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
+            ids = [row.id for row in rows[:limit]]
+            counts = repository.counts(session, ids)
+            shares = repository.fractions(session, ids)
+        batches = [Batch(row, counts[row.id], shares[row.id]) for row in rows[:limit]]
+        return batches, cursor_of(rows, limit)
 
     def get(self, caller: Caller, batch_id: str) -> Batch:
         """One batch, with its fits.
@@ -139,12 +157,90 @@ class BatchService:
             NotFound: There is no such batch in the caller's workspace.
         """
         with self._database.reading() as session:
-            row = (
-                repository.get(session, caller.workspace, batch_id)
-                if is_id("batch", batch_id)
-                else None
-            )
-            if row is None:
-                raise NotFound("there is no such batch; GET /api/v1/batches lists them")
+            row = _known(session, caller, batch_id)
             counts = repository.counts(session, [row.id])[row.id]
-            return Batch(row, counts, fits.of_batch(session, row.id))
+            share = repository.fractions(session, [row.id])[row.id]
+            return Batch(row, counts, share, fits.of_batch(session, row.id))
+
+    def delete(self, caller: Caller, batch_id: str) -> Batch | None:
+        """Cancel the fits of a batch that have not ended, or remove it where all have.
+
+        Returns:
+            The batch where fits were cancelled, None where it was removed.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        with self._database.writing() as session:
+            row = _known(session, caller, batch_id)
+            cancelled = repository.cancel(session, row.id, time.time())
+            ids = repository.fit_ids(session, row.id)
+            if not cancelled:
+                repository.remove(session, row.id)
+        if cancelled:
+            self._supervisor.wake()
+            return self.get(caller, batch_id)
+        for fit_id in ids:
+            self._storage.remove_fit(fit_id)
+        return None
+
+    def rows(self, caller: Caller, batch_id: str) -> tuple[Batch, list[dict[str, Any]]]:
+        """The batch and the table of its results, a row for each motor; see `table`.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        batch = self.get(caller, batch_id)
+        return batch, rows_of(self._refits(caller, batch))
+
+    def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
+        """The table of the results of a batch as a file.
+
+        Args:
+            caller: For whom.
+            batch_id: The batch.
+            kind: Form of the file.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+            NotAcceptable: This service cannot write Parquet.
+        """
+        _, rows = self.rows(caller, batch_id)
+        if kind == "csv":
+            return csv_text(rows).encode()
+        try:
+            return parquet_bytes(rows)
+        except MissingParquet as error:
+            raise NotAcceptable(
+                "this service writes no Parquet, since pyarrow is not installed; ask for text/csv "
+                "or application/json"
+            ) from error
+
+    def report(self, caller: Caller, batch_id: str) -> str:
+        """All motors of a batch on one page, with what is known by now.
+
+        Raises:
+            NotFound: There is no such batch in the caller's workspace.
+        """
+        # Imported with the first page: it brings what draws, for which every start would wait.
+        from identification.fleet.page import render_fleet
+
+        batch = self.get(caller, batch_id)
+        return render_fleet(batch.row.name or "Batch", self._refits(caller, batch))
+
+    def _refits(self, caller: Caller, batch: Batch) -> list[Refit]:
+        motors = sorted({fit.motor for fit in batch.fits if fit.motor})
+        with self._database.reading() as session:
+            earlier = repository.earlier(
+                session, caller.workspace, motors, before=batch.row.created_at
+            )
+        return refits_of(self._storage, batch.fits, earlier)
+
+
+def _known(session: Session, caller: Caller, batch_id: str) -> BatchRow:
+    found = None
+    if is_id("batch", batch_id):
+        found = repository.get(session, caller.workspace, batch_id)
+    if found is None:
+        raise NotFound("there is no such batch; GET /api/v1/batches lists them")
+    return found

@@ -10,10 +10,11 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from app.access.gate import COOKIE
+from app.batches.schemas import BatchSummary
 from app.dependencies import CallerDep, ServicesDep
 from app.errors import BadKey, NotFound
 from app.fits.schemas import FitOut, FitSummary
-from app.pages.views import fit_view, outcome_view, run_view
+from app.pages.views import batch_view, fit_view, outcome_view, run_view
 from app.paths import API_PREFIX, LOGIN_PATH
 from app.runs.schemas import RunOut
 
@@ -25,6 +26,7 @@ STATIC_FILES = Path(__file__).parent / "static"
 router = APIRouter(include_in_schema=False)
 
 _MOST_ROWS = 200
+_MOST_BATCHES = 50
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
     autoescape=True,
@@ -44,6 +46,7 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Runs and fits, and what can be done with them."""
     runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=None)
     fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
+    batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     files = {run.id: run.file for run in runs}
     return _page(
         "home",
@@ -52,6 +55,7 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
         more_runs=more is not None,
         motors=sorted({run.motor for run in runs if run.motor}),
         fits=[fit_view(FitSummary.of(fit), files) for fit in fits],
+        batches=[batch_view(BatchSummary.of(batch)) for batch in batches],
     )
 
 

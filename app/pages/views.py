@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
+from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary
 from app.runs.schemas import RunOut
 
-__all__ = ["fit_view", "outcome_view", "run_view"]
+__all__ = ["batch_view", "fit_view", "outcome_view", "run_view"]
 
 _CHANNELS = {
     "voltage_V": "V",
@@ -56,6 +57,18 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
         "percent": f"{100 * fit.progress.fraction:.0f} %",
         "took": took,
         "options": {name: _option(value) for name, value in fit.options.items()},
+    }
+
+
+def batch_view(batch: BatchSummary) -> dict[str, Any]:
+    """A batch for the table."""
+    counts = [f"{number} {status}" for status, number in batch.counts.items() if number]
+    return {
+        **batch.model_dump(),
+        "begun": _when(batch.created_at),
+        "percent": f"{100 * batch.progress.fraction:.0f} %",
+        "has_ended": batch.status not in ("queued", "running"),
+        "told": ", ".join(counts),
     }
 
 

@@ -142,7 +142,7 @@ def _text(head: bytes, unit: bytes) -> Maker:
 
 
 BOMBS: dict[str, Maker] = {
-    "crasher.mat": _mat_crasher,
+    "crash.mat": _mat_crasher,
     "bomb.mat": _mat_bomb,
     "bomb.parquet": _parquet,
     "bomb.h5": _hdf5_bomb,

@@ -149,7 +149,7 @@ def _outcomes(
     lines = [answer for name, answer in answers.items() if name.startswith("a line")]
     is_alive = httpx.get(f"{server.url}/readyz").status_code == 200
     return [
-        _of("bombs and crashers", {n: answers[n] for n in BOMBS}, _SLOWEST_S),
+        _of("bombs and crashing files", {n: answers[n] for n in BOMBS}, _SLOWEST_S),
         _of(f"texts of {flood / 1e9:g} GB", {n: answers[n] for n in FLOODS}, _READING_S),
         Outcome(
             f"one CSV line of {flood / 1e9:g} GB",

@@ -18,6 +18,7 @@ import numpy as np
 
 from app.access.service import AccessService
 from app.database import Database
+from motorid.client import Client
 
 ENDED = {"succeeded", "failed", "cancelled"}
 API = "/api/v1"
@@ -120,11 +121,13 @@ class Caller:
 
     def __init__(self, server: Server, key: str | None = None) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self.client = Client(server.url, key)
         self.http = httpx.Client(base_url=server.url + API, headers=headers, timeout=30)
 
     def close(self) -> None:
         """Give the connections back."""
         self.http.close()
+        self.client.close()
 
     def __enter__(self) -> Caller:
         """The caller itself."""
@@ -136,22 +139,16 @@ class Caller:
 
     def upload(self, content: bytes, name: str = "run.csv", **fields: str) -> dict[str, Any]:
         """Store a run."""
-        answer = self.http.post("/runs", files={"file": (name, content)}, data=fields)
-        assert answer.status_code in (200, 201), answer.text
-        return dict(answer.json())
+        stored = self.client.upload(content, name=name, **fields)
+        return dict(stored.content)
 
     def begin(self, *training: str, seed: int = 0, **options: object) -> dict[str, Any]:
         """Begin a fit."""
-        body = {"training": list(training), "options": {"seed": seed, **options}}
-        answer = self.http.post("/fits", json=body)
-        assert answer.status_code == 202, answer.text
-        return dict(answer.json())
+        return dict(self.client.fit(training, options={"seed": seed, **options}).content)
 
     def fit(self, fit_id: str) -> dict[str, Any]:
         """A fit as it is now."""
-        answer = self.http.get(f"/fits/{fit_id}")
-        assert answer.status_code == 200, answer.text
-        return dict(answer.json())
+        return dict(self.client.show_fit(fit_id).content)
 
     def wait(self, fit_id: str, *states: str, seconds: float = 30) -> dict[str, Any]:
         """A fit once it is in one of some states, or has ended."""

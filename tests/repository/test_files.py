@@ -76,9 +76,10 @@ def test_nothing_that_a_run_makes_is_in_git() -> None:
     assert [name for name in files_in_git() if made.search(name)] == []
 
 
-def test_wheel_holds_every_file_of_both_packages_and_no_other(wheel: zipfile.ZipFile) -> None:
+def test_wheel_holds_every_file_of_its_packages_and_no_other(wheel: zipfile.ZipFile) -> None:
     """Templates and vendored scripts are needed at run time; tests and benchmarks are not."""
-    expected = {name for name in files_in_git() if name.startswith(("app/", "identification/"))}
+    packages = ("app/", "identification/", "motorid/")
+    expected = {name for name in files_in_git() if name.startswith(packages)}
 
     held = {name for name in wheel.namelist() if ".dist-info/" not in name}
 
@@ -100,7 +101,7 @@ def test_version_is_written_once() -> None:
     number = written["project"]["version"]
     spelled = [
         str(path.relative_to(ROOT))
-        for package in ("app", "identification")
+        for package in ("app", "identification", "motorid")
         for path in (ROOT / package).rglob("*.py")
         if f'"{number}"' in path.read_text(encoding="utf-8")
     ]

@@ -35,7 +35,7 @@ def lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
 def sources(tmp_path: Path) -> Path:
     """A copy of the configuration and of all Python files, for a test to spoil."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    for package in ("app", "identification", "bench"):
+    for package in ("app", "identification", "bench", "motorid"):
         shutil.copytree(
             ROOT / package,
             tmp_path / package,
@@ -93,6 +93,7 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
         ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
         ("app/fits/service.py", "import fastapi", "services"),
         ("bench/motors.py", "import identification.quantities", "bench"),
+        ("motorid/files.py", "import identification.quantities", "client"),
     ],
 )
 def test_an_import_that_points_upwards_is_refused(
@@ -124,7 +125,8 @@ def test_no_import_points_upwards(sources: Path) -> None:
     ("module", "absent"),
     [
         ("identification", ("app", "fastapi", "sqlalchemy", "typer", "arviz", "matplotlib")),
-        ("app.cli", ("fastapi", "starlette", "uvicorn", "sqlalchemy")),
+        ("app.cli", ("fastapi", "starlette", "uvicorn", "sqlalchemy", "httpx")),
+        ("motorid.client", ("app", "identification", "numpy", "pandas", "casadi", "pydantic")),
     ],
 )
 def test_importing_a_door_does_not_load_what_is_behind_the_other(

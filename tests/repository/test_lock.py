@@ -118,7 +118,8 @@ def test_lock_reader_refuses_what_pip_would_fetch_unchecked() -> None:
 def imported() -> dict[str, list[str]]:
     """Packages from outside that the code imports, each with the files that do."""
     found: dict[str, list[str]] = {}
-    for path in [*ROOT.glob("app/**/*.py"), *ROOT.glob("identification/**/*.py")]:
+    packages = ("app", "identification", "motorid")
+    for path in [path for package in packages for path in ROOT.glob(f"{package}/**/*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             match node:
                 case ast.Import(names=names):
@@ -127,7 +128,7 @@ def imported() -> dict[str, list[str]]:
                     modules = {module.split(".")[0]}
                 case _:
                     continue
-            for module in modules - set(sys.stdlib_module_names) - {"app", "identification"}:
+            for module in modules - set(sys.stdlib_module_names) - set(packages):
                 found.setdefault(module, []).append(str(path.relative_to(ROOT)))
     return found
 

@@ -44,26 +44,44 @@ export function showProgress(place, fit) {
   place.querySelector("[data-part=progress]").replaceChildren(bar, stage);
 }
 
-/** Whether a fit has come to its end. */
-export function hasEnded(status) {
-  return ["succeeded", "failed", "cancelled"].includes(status);
+/** Shows status, progress and the number of fits in each state of a batch. */
+export function showBatch(place, batch) {
+  const told = Object.entries(batch.counts).map(([state, number]) => `${number} ${state}`).join(", ");
+  showProgress(place, {
+    status: batch.status,
+    progress: { fraction: batch.progress.fraction, stage: told },
+  });
 }
 
-/** Has each button marked with `data-end` cancel or remove its fit, then go on to `next`. */
+/** Whether a fit or a batch has come to its end. */
+export function hasEnded(status) {
+  return ["succeeded", "failed", "cancelled", "partial"].includes(status);
+}
+
+/** Has each button marked with `data-end` cancel or remove its fit, then go on to `next`; and each
+ *  marked with `data-end-batch` its batch. */
 export function wireEnds(next) {
-  for (const button of document.querySelectorAll("[data-end]")) {
-    button.addEventListener("click", async () => {
-      const isRemoval = button.textContent.trim() === "Remove";
-      if (isRemoval && !confirm("Remove this fit with its report and posterior?")) return;
-      button.disabled = true;
-      try {
-        await call("DELETE", `/fits/${button.dataset.end}`);
-        if (isRemoval) location.assign(next);
-        else location.reload();
-      } catch (error) {
-        button.disabled = false;
-        alert(error.message);
-      }
-    });
+  const kinds = [
+    ["[data-end]", (button) => `/fits/${button.dataset.end}`, "this fit with its report and posterior"],
+    ["[data-end-batch]", (button) => `/batches/${button.dataset.endBatch}`, "this batch with all its fits"],
+  ];
+  for (const [marked, path, words] of kinds) {
+    for (const button of document.querySelectorAll(marked)) {
+      button.addEventListener("click", () => end(button, path(button), words, next));
+    }
+  }
+}
+
+async function end(button, path, words, next) {
+  const isRemoval = button.textContent.trim() === "Remove";
+  if (isRemoval && !confirm(`Remove ${words}?`)) return;
+  button.disabled = true;
+  try {
+    await call("DELETE", path);
+    if (isRemoval) location.assign(next);
+    else location.reload();
+  } catch (error) {
+    button.disabled = false;
+    alert(error.message);
   }
 }

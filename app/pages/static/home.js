@@ -1,6 +1,6 @@
 // The first page: uploads runs, chooses which to fit, starts fits and watches them.
 
-import { call, hasEnded, showProgress, wireEnds } from "/static/calls.js";
+import { call, hasEnded, showBatch, showProgress, wireEnds } from "/static/calls.js";
 
 const WATCH_MS = 1000;
 
@@ -151,20 +151,28 @@ if (fit) {
   });
 }
 
-async function watch() {
-  const rows = [...document.querySelectorAll("[data-fit]")].filter((row) => !hasEnded(row.dataset.status));
-  if (rows.length === 0) return;
-  const { content } = await call("GET", "/fits?limit=100");
-  const fits = new Map(content.items.map((item) => [item.id, item]));
+/** Asks how the rows marked with `data-KIND` are doing; gives the number of those that ran. */
+async function look(kind, path, show, mayReload) {
+  const rows = [...document.querySelectorAll(`[data-${kind}]`)].filter((row) => !hasEnded(row.dataset.status));
+  if (rows.length === 0) return 0;
+  const { content } = await call("GET", path);
+  const found = new Map(content.items.map((item) => [item.id, item]));
+  let ended = 0;
   for (const row of rows) {
-    const now = fits.get(row.dataset.fit);
-    if (!now || hasEnded(now.status)) {
-      // Choices that were made meanwhile are kept until nothing runs any more.
-      if (chosen("training").length + chosen("validation").length === 0) location.reload();
-    }
-    if (now) showProgress(row, now);
+    const now = found.get(row.dataset[kind]);
+    if (!now || hasEnded(now.status)) ended += 1;
+    if (now) show(row, now);
   }
-  setTimeout(watch, WATCH_MS);
+  // Choices that were made meanwhile are kept until nothing runs any more.
+  if (ended && mayReload && chosen("training").length + chosen("validation").length === 0) location.reload();
+  return rows.length;
+}
+
+async function watch() {
+  const batches = await look("batch", "/batches?limit=50", showBatch, true);
+  // A batch ends a fit every moment; the page is loaded again when it has ended itself.
+  const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
+  if (batches + fits) setTimeout(watch, WATCH_MS);
 }
 
 wireEnds("/");

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import json
 from pathlib import Path
 
+import pyarrow.parquet
 import pytest
 
 from app.cli import main
+from tests.app.service import PRETENDED
 
 FAST = ["--no-posterior", "--no-effects"]
 
@@ -58,8 +61,11 @@ def test_bad_motor_is_told_and_does_not_stop_the_others(
     ]  # fmt: skip
 
 
-def test_batch_is_taken_up_where_it_was_left(run_files: list[Path], tmp_path: Path) -> None:
+def test_batch_is_taken_up_where_it_was_left(
+    run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The second time nothing is fitted; after a run changed, or an option, it is."""
+    monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
     bench = tmp_path / "bench"
     bench.mkdir()
     for file in run_files[:2]:
@@ -69,13 +75,160 @@ def test_batch_is_taken_up_where_it_was_left(run_files: list[Path], tmp_path: Pa
 
     def statuses(*more: str) -> str:
         """Status of the one motor after the same command with more options."""
-        assert main(["batch", str(bench / "m.csv"), "--out", str(out), "-q", *FAST, *more]) == 0
+        assert main(["batch", str(bench / "m.csv"), "--out", str(out), "-q", *more]) == 0
         return rows(out / "results.csv")["m"]["status"]
 
     assert [statuses(), statuses()] == ["fitted", "kept"]
-    assert [statuses("--seed", "5"), statuses("--seed", "5")] == ["fitted", "kept"]
+    assert [statuses("--no-posterior"), statuses("--no-posterior")] == ["fitted", "kept"]
     (bench / "run1.csv").write_bytes((bench / "run2.csv").read_bytes())
-    assert statuses("--seed", "5") == "fitted"
+    assert statuses("--no-posterior") == "fitted"
+
+
+def test_refit_is_compared_with_the_one_before(run_files: list[Path], tmp_path: Path) -> None:
+    """The drift is the difference of the medians of the two result files; the first has none."""
+    out = tmp_path / "out"
+    medians, lines = [], []
+    for number in (0, 2):
+        names = ";".join(str(file) for file in run_files[number : number + 2])
+        (tmp_path / "m.csv").write_text(f"motor,training\nm,{names}\n")
+        assert main(["batch", str(tmp_path / "m.csv"), "--out", str(out), "-q", *FAST]) == 0
+        result = json.loads((out / "m" / "result.json").read_text())
+        medians.append(result["parameters"]["J"]["median"])
+        lines.append(rows(out / "results.csv")["m"])
+    first, second = lines
+    (earlier,) = (out / "m" / "history").iterdir()
+
+    assert first["J_drift"] == first["previous_fit"] == ""
+    assert float(second["J_drift"]) == medians[1] - medians[0]
+    assert float(second["J_drift_relative"]) == (medians[1] - medians[0]) / medians[0]
+    assert second["previous_fit"] == f"m/history/{earlier.name}"
+    assert (second["previous_ended_at"], second["previous_shared_runs"]) == (first["ended_at"], "0")
+    assert pyarrow.parquet.read_table(out / "results.parquet").to_pylist()[0]["J"] == medians[1]
+    assert ">m</a>" in (out / "fleet.html").read_text(encoding="utf-8")
+
+
+PRETENDED_MANIFEST = """
+options: {posterior: false}
+motors:
+  - {motor: quick, training: [run1.csv, run2.csv], validation: [run3.csv]}
+  - {motor: killed, training: [run1.csv], options: {seed: 2}}
+  - {motor: stuck, training: [run1.csv], options: {seed: 3}}
+  - {motor: unsolved, training: [run1.csv], options: {seed: 4}}
+  - {motor: bug, training: [run1.csv], options: {seed: 5}}
+  - {motor: last, training: [run2.csv], options: {posterior: true, temperatures: [20, 80.5]}}
+"""
+
+
+def test_no_motor_stops_another_however_it_fails(
+    run_files: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """By the seeds of the pretended pipeline: a signal, bad input, no solution and a bug."""
+    monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
+    manifest = run_files[0].with_name("several.yaml")
+    manifest.write_text(PRETENDED_MANIFEST)
+
+    status = main(["batch", str(manifest), "--out", str(tmp_path), "--jobs", "2", "--json"])
+
+    table = rows(tmp_path / "results.csv")
+    assert status == 1
+    shown, told = capsys.readouterr()
+    assert "4 of 6 motors failed (killed, stuck, unsolved, bug)" in told
+    assert [row["status"] for row in json.loads(shown)] == [r["status"] for r in table.values()]
+    assert {name: row["status"] for name, row in table.items()} == {
+        "quick": "fitted", "killed": "failed", "stuck": "failed", "unsolved": "failed",
+        "bug": "failed", "last": "fitted",
+    }  # fmt: skip
+    assert "by signal 9" in table["killed"]["error"]
+    assert "row 7, column speed_rad_s: the speed never moves" in table["stuck"]["error"]
+    assert table["unsolved"]["error"] == "no step made the error smaller"
+    assert table["bug"]["error"] == "internal error, RuntimeError: a bug"
+    assert not (tmp_path / "quick" / "posterior.nc").exists()
+    assert (tmp_path / "last" / "posterior.nc").exists()
+    last = json.loads((tmp_path / "last" / "result.json").read_text())
+    assert last["temperatures"] == [20.0, 80.5]
+
+
+def test_options_stand_in_columns_of_a_csv_manifest(
+    run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An empty cell leaves the option to the command line; a mapping names a JSON file."""
+    monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
+    text = run_files[0].read_text().replace("speed_rad_s", "n_ist")
+    (tmp_path / "odd.csv").write_text(text)
+    (tmp_path / "map.json").write_text('{"speed_rad_s": {"column": "n_ist", "unit": "rad/s"}}')
+    (tmp_path / "m.csv").write_text(
+        "temperatures,motor,posterior,training,mapping\n"
+        "0;50,one,no,odd.csv,map.json\n"
+        f",two,,{run_files[0]}\n"
+    )
+
+    assert main(["batch", str(tmp_path / "m.csv"), "--out", str(tmp_path / "o"), "-q"]) == 0
+
+    results = [json.loads((tmp_path / "o" / m / "result.json").read_text()) for m in ("one", "two")]
+    assert [result["temperatures"] for result in results] == [[0.0, 50.0], [25.0, 125.0]]
+    assert results[0]["speeds"] == results[1]["speeds"]
+    assert [(tmp_path / "o" / m / "posterior.nc").exists() for m in ("one", "two")] == [False, True]
+
+
+def test_second_batch_in_the_same_directory_is_refused(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While one holds the directory, another says so, as bad input."""
+    manifest = tmp_path / "m.csv"
+    manifest.write_text(f"motor,training\nm,{run_files[0]}\n")
+
+    with (tmp_path / ".lock").open("ab") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        status = main(["batch", str(manifest), "--out", str(tmp_path)])
+
+    assert status == 2
+    assert "another batch writes there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("m.csv", "motor,training,sed\n", "row 1: begins with 'motor,training,sed'"),
+        ("m.csv", "motor,training\nm,a.csv,b.csv\n", "row 2: has 3 cells; expected at most 2"),
+        ("m.csv", "motor,training\nm,;\n", "row 2, column training: has no training run"),
+        ("m.csv", "motor,training,seed\nm,a.csv,x\n", "row 2, column seed: 'x' is no value"),
+        ("m.csv", "motor,training,seed\nm,a.csv,-1\n", "row 2: seed is -1"),
+        ("m.csv", "motor,training,controllers\nm,a.csv,Q:1\n", "row 2: "),
+        (
+            "m.yaml",
+            "motors: [{motor: m, trainings: [a]}]\n",
+            "motor 1 of the list: has 'trainings'",
+        ),
+        ("m.yaml", "motors: [{motor: m, training: 7}]\n", "column training: motor 1 of the list"),
+        ("m.yaml", "motors: [{motor: ../m, training: a}]\n", "'../m' is no name of a motor"),
+        ("m.yaml", "motors: [{motor: m, training: a, options: {sed: 1}}]\n", "motor m: has the"),
+        (
+            "m.yaml",
+            "motors: [{motor: m, training: a, options: {seed: 1.5}}]\n",
+            "'1.5' is no value",
+        ),
+        ("m.yaml", "options: {hold: often}\nmotors: []\n", "hold is 'often'"),
+        ("m.yaml", "motors: [\n  {motor: m\n", "row 3: is not YAML"),
+        ("m.yaml", "- a\n", "has no list `motors`"),
+        ("m.yaml", "motors: []\n", "lists no motor"),
+        ("m.yaml", "motors: !!python/object/apply:os.system [true]\n", "is not YAML"),
+    ],
+)
+def test_fault_of_a_manifest_is_told_by_its_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, told: str
+) -> None:
+    """Status 2 and one line, before anything is fitted or written."""
+    (tmp_path / name).write_text(text)
+
+    assert main(["batch", str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
+
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_demo_fits_the_training_runs_of_a_campaign(

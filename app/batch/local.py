@@ -1,0 +1,111 @@
+"""Motors fitted on this machine: each in a process of its own, as many at once as asked for."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from app.batch.manifest import Motor
+from app.nursery.client import Nursery, Task
+
+__all__ = ["Job", "fit_all"]
+
+_WAIT_S = 0.02
+_PIPELINE = "identification.pipeline:identify"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A motor that is to be fitted.
+
+    Args:
+        motor: The motor.
+        record: What its result depends on.
+        out: Its directory.
+    """
+
+    motor: Motor
+    record: dict[str, Any]
+    out: Path
+
+
+def fit_all(
+    jobs: Sequence[Job], at_once: int, tell: Callable[[str, str, float], None]
+) -> Iterator[tuple[Job, str]]:
+    """Fit motors, and give each with the reason of its failure, empty where there is none.
+
+    Args:
+        jobs: What to fit.
+        at_once: How many at the same time.
+        tell: Told motor, stage and share of a fit that is done.
+    """
+    if not jobs:
+        return
+    pipeline = os.environ.get("MOTORID_PIPELINE", _PIPELINE)
+    nursery = Nursery(
+        "app.batch.worker", pipeline.partition(":")[0], temporary=Path(tempfile.gettempdir())
+    )
+    waiting = list(reversed(jobs))
+    running: list[_Running] = []
+    try:
+        while waiting or running:
+            while waiting and len(running) < at_once:
+                job = waiting.pop()
+                running.append(_Running(job, nursery.fork(_task(job, pipeline))))
+            for one in list(running):
+                if one.look(_WAIT_S / len(running), tell):
+                    running.remove(one)
+                    yield one.job, one.reason
+    finally:
+        # Ends what still runs, when the command was interrupted.
+        nursery.stop()
+
+
+class _Running:
+    """A fit that is being computed."""
+
+    def __init__(self, job: Job, task: Task) -> None:
+        self.job = job
+        self.reason = ""
+        self._task = task
+        self._has_result = False
+
+    def look(self, wait_s: float, tell: Callable[[str, str, float], None]) -> bool:
+        """Take what the process told; True once it has ended."""
+        for message in self._task.messages(wait_s):
+            if "progress" in message:
+                tell(self.job.motor.name, *message["progress"])
+            elif "failed" in message:
+                self.reason = " ".join(str(message["failed"]).split())
+            elif "done" in message:
+                self._has_result = True
+            elif not self._has_result and not self.reason:
+                self.reason = _end_in_words(message.get("exit"))
+        if self._task.has_ended and not self._has_result and not self.reason:
+            self.reason = _end_in_words(None)
+        return self._task.has_ended
+
+
+def _end_in_words(status: object) -> str:
+    how = f"by signal {-status}" if isinstance(status, int) and status < 0 else "early"
+    return (
+        f"its process ended {how}, perhaps for want of memory; give the command again, with a "
+        "smaller --jobs"
+    )
+
+
+def _task(job: Job, pipeline: str) -> dict[str, Any]:
+    motor = job.motor
+    return {
+        "out": str(job.out.absolute()),
+        "training": [str(file.absolute()) for file in motor.training],
+        "validation": [str(file.absolute()) for file in motor.validation],
+        "mapping": None if motor.mapping is None else str(motor.mapping.absolute()),
+        "options": asdict(motor.options),
+        "record": job.record,
+        "pipeline": pipeline,
+    }

@@ -1,0 +1,221 @@
+"""Manifests: which motors there are, where their runs lie, and what is special about each.
+
+    motor,training,validation,seed
+    pump-17,pump17/run1.csv;pump17/run2.csv,pump17/check.csv,3
+
+    options: {posterior: false}
+    motors:
+      - motor: pump-17
+        training: [pump17/run1.csv, pump17/run2.csv]
+        validation: [pump17/check.csv]
+        mapping: pump17/columns.json
+        options: {seed: 3}
+
+A name that ends with .yaml or .yml is read as the second, any other as the first.  Paths are
+relative to the manifest.  What a manifest says about a motor goes before what it says about all,
+and that before the command line.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from app.batch.option_words import option_of, options_with
+from identification.errors import InputError, UnreadableFile
+from identification.options import FitOptions
+
+__all__ = ["Motor", "read_manifest"]
+
+_FILES: Final = ("training", "validation")
+_FIELDS: Final = ("motor", *_FILES, "mapping")
+_OPTIONS: Final = tuple(FitOptions.__dataclass_fields__)
+# The motor's name becomes the name of a directory.
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,99}")
+_LARGEST_BYTES: Final = 20_000_000
+
+
+@dataclass(frozen=True)
+class Motor:
+    """One motor of a manifest.
+
+    Args:
+        name: Name of the motor and of its directory.
+        training: Run files to fit, in the order of recording.
+        validation: Run files to check on.
+        options: Options of its fit.
+        mapping: JSON file that says which column is which channel, or None.
+    """
+
+    name: str
+    training: tuple[Path, ...]
+    validation: tuple[Path, ...]
+    options: FitOptions
+    mapping: Path | None = None
+
+
+def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
+    """Motors of a manifest.
+
+    Args:
+        path: The manifest.
+        defaults: Options of motors about which it says nothing else.
+
+    Raises:
+        InputError: The file cannot be read, or an entry is at fault.
+    """
+    text = _text(path)
+    is_yaml = path.suffix.lower() in (".yaml", ".yml")
+    motors: dict[str, Motor] = {}
+    for row, motor in (_of_yaml if is_yaml else _of_csv)(text, path, defaults):
+        if motor.name in motors:
+            raise InputError(
+                f"motor {motor.name!r} is there twice; give each motor one line",
+                file=str(path),
+                row=row,
+            )
+        motors[motor.name] = motor
+    if not motors:
+        raise InputError("lists no motor; expected a line for each", file=str(path))
+    return list(motors.values())
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise InputError(
+                f"has {path.stat().st_size} bytes; expected a manifest of at most {_LARGEST_BYTES}",
+                file=str(path),
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise UnreadableFile(
+            f"cannot be opened ({error.strerror}); expected a manifest", file=str(path)
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is not text; expected a manifest", file=str(path)) from error
+
+
+def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
+    try:
+        lines = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise InputError(
+            "is not a CSV file of text; expected a manifest", file=str(path)
+        ) from error
+    header = [cell.strip() for cell in lines[0]] if lines else []
+    known = (*_FIELDS, *_OPTIONS)
+    wrong = [name for name in header if name not in known or header.count(name) > 1]
+    if wrong or not {"motor", "training"} <= set(header):
+        raise InputError(
+            f"begins with {','.join(header)[:80]!r}; expected the columns motor,training and, if "
+            f"wanted, {','.join(known[2:])}",
+            file=str(path),
+            row=1,
+        )
+    for row, cells in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        place = _Place(path, row)
+        if len(cells) > len(header):
+            raise place.wrong(f"has {len(cells)} cells; expected at most {len(header)}")
+        entry: dict[str, Any] = dict.fromkeys(header, "") | {
+            name: cell.strip() for name, cell in zip(header, cells, strict=False)
+        }
+        for role in _FILES:
+            entry[role] = [f.strip() for f in entry.get(role, "").split(";") if f.strip()]
+        options = {name: entry.pop(name) for name in _OPTIONS if name in entry}
+        entry["options"] = {
+            name: option_of(name, word, place.at(name)) for name, word in options.items() if word
+        }
+        yield row, _motor(entry, place, defaults)
+
+
+def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
+    import yaml
+
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        raise InputError(
+            f"is not YAML ({getattr(error, 'problem', None) or 'no such text'}); expected a "
+            "manifest",
+            file=str(path),
+            row=mark.line + 1 if mark else None,
+        ) from error
+    if not isinstance(content, Mapping) or not isinstance(content.get("motors"), Sequence):
+        raise InputError("has no list `motors`; expected an entry for each", file=str(path))
+    above = _Place(path, None)
+    above.only(content, ("motors", "options"))
+    shared = options_with(defaults, _mapping(content.get("options"), above), above)
+    for number, entry in enumerate(content["motors"], start=1):
+        place = _Place(path, None, f"motor {number} of the list")
+        if not isinstance(entry, Mapping):
+            raise place.wrong(f"is {str(entry)[:60]!r}; expected `motor` and `training`")
+        place.only(entry, (*_FIELDS, "options"))
+        listed = {role: _files(entry.get(role), role, place) for role in _FILES}
+        options = _mapping(entry.get("options"), place)
+        yield number, _motor({**entry, **listed, "options": options}, place, shared)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where in a manifest something is wrong."""
+
+    path: Path
+    row: int | None
+    entry: str = ""
+    column: str | None = None
+
+    def at(self, column: str) -> _Place:
+        return replace(self, column=column)
+
+    def wrong(self, message: str) -> InputError:
+        text = f"{self.entry}: {message}" if self.entry else message
+        return InputError(text, file=str(self.path), row=self.row, column=self.column)
+
+    def only(self, entry: Mapping[Any, Any], known: Sequence[str]) -> None:
+        for name in entry:
+            if name not in known:
+                raise self.wrong(f"has {str(name)[:60]!r}; expected only {', '.join(known)}")
+
+
+def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Motor:
+    name = str(entry.get("motor") or "")
+    if not _NAME.fullmatch(name):
+        raise place.at("motor").wrong(
+            f"{name[:60]!r} is no name of a motor; expected letters, digits and _ . + -"
+        )
+    if place.entry:
+        place = replace(place, entry=f"motor {name}")
+    if not entry["training"]:
+        raise place.at("training").wrong("has no training run; expected at least one")
+    folder = place.path.parent
+    training, validation = (tuple(folder / file for file in entry[role]) for role in _FILES)
+    mapping = entry.get("mapping")
+    options = options_with(defaults, entry["options"], place)
+    return Motor(name, training, validation, options, folder / str(mapping) if mapping else None)
+
+
+def _files(value: object, role: str, place: _Place) -> list[str]:
+    if value is None:
+        return []
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, Sequence) and all(isinstance(file, str) for file in value):
+        return list(value)
+    raise place.at(role).wrong(f"is {str(value)[:60]!r}; expected a list of run files")
+
+
+def _mapping(value: object, place: _Place) -> Mapping[str, Any]:
+    if value is None:
+        return {}
+    if isinstance(value, Mapping):
+        return value
+    raise place.at("options").wrong(f"is {str(value)[:60]!r}; expected names with values")

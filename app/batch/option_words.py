@@ -1,0 +1,116 @@
+"""Options of a fit as a manifest writes them.
+
+seed            3
+posterior       false, no or 0
+hold            zoh
+temperatures    25;125            a list in YAML
+controllers     P:1;PI:2,0.5      a list in YAML
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from identification.errors import InputError
+from identification.options import FitOptions
+
+__all__ = ["option_of", "options_with"]
+
+_TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+class Place(Protocol):
+    """Where an option stands."""
+
+    def at(self, column: str) -> Place:
+        """The same place, in a column."""
+
+    def wrong(self, message: str) -> InputError:
+        """The error that says what is wrong there."""
+
+
+def option_of(name: str, word: str, place: Place) -> object:
+    """The value of an option from a cell.
+
+    Args:
+        name: Name of the option.
+        word: The cell, not empty.
+        place: Where it stands.
+
+    Raises:
+        InputError: The cell is no value of this option.
+    """
+    try:
+        return _OF_WORD[name](word)
+    except (ValueError, KeyError):
+        raise place.wrong(f"{word[:60]!r} is no value; expected {_EXPECTED[name]}") from None
+
+
+def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
+    """Options with what was given in place of the defaults.
+
+    Args:
+        defaults: What holds where nothing was given.
+        given: Values by name.
+        place: Where they stand.
+
+    Raises:
+        InputError: There is no such option, or a value is not accepted.
+    """
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in _EXPECTED:
+            raise place.wrong(f"has the option {name!r}; expected {', '.join(_EXPECTED)}")
+        values[name] = _checked(name, value, place)
+    try:
+        options = replace(defaults, **values)
+        if "controllers" in values:
+            from identification.feedback.controller import parse_controllers
+
+            parse_controllers(options.controllers)
+    except InputError as error:
+        raise place.wrong(error.message) from error
+    return options
+
+
+def _checked(name: str, value: object, place: Place) -> object:
+    """A value of the right type; lists become tuples, and whole numbers may be temperatures."""
+    expected = _EXPECTED[name]
+    match name, value:
+        case ("posterior" | "effects", bool()) | ("hold", str()):
+            return value
+        case "seed", int() if not isinstance(value, bool):
+            return value
+        case "temperatures", list() | tuple() if value and all(map(_is_number, value)):
+            return tuple(float(one) for one in value)
+        case "controllers", list() | tuple() if value and all(isinstance(v, str) for v in value):
+            return tuple(value)
+    raise place.at(name).wrong(f"{str(value)[:60]!r} is no value; expected {expected}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _parts(word: str) -> Sequence[str]:
+    return [part.strip() for part in word.split(";") if part.strip()]
+
+
+_OF_WORD: dict[str, Callable[[str], object]] = {
+    "seed": int,
+    "posterior": lambda word: _TRUTH[word.lower()],
+    "effects": lambda word: _TRUTH[word.lower()],
+    "hold": str,
+    "temperatures": lambda word: tuple(float(part) for part in _parts(word)),
+    "controllers": lambda word: tuple(_parts(word)),
+}
+_EXPECTED = {
+    "seed": "a whole number",
+    "posterior": "true or false",
+    "effects": "true or false",
+    "hold": "auto, zoh or foh",
+    "temperatures": "temperatures in degC",
+    "controllers": "controllers such as P:1 or PI:2,0.5",
+}

@@ -1,0 +1,137 @@
+"""What a result in the directory of a batch was made from, and what stood there before it.
+
+    DIR/MOTOR/result.json, report.html, posterior.nc
+    DIR/MOTOR/batch.json             hashes of the runs, options, and when the fit ended
+    DIR/MOTOR/history/TIME.json      earlier results with their records, oldest first by name
+
+`batch.json` is written last and taken away first, so where it stands the result beside it is whole.
+A result that makes way for another goes to the history before that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from app.batch.manifest import Motor
+from app.commands import read_result
+from app.storage import sync_directory
+from identification.errors import InputError, OptionError
+from identification.fleet.refit import Refit, refit_of
+from identification.report.atomic import write_text
+
+__all__ = [
+    "finish",
+    "kept_result",
+    "make_way",
+    "now_text",
+    "previous_refit",
+    "record_of",
+    "remember",
+]
+
+_RECORD: Final = "batch.json"
+_HISTORY: Final = "history"
+_MADE_FROM: Final = ("runs", "options", "mapping")
+
+
+def record_of(motor: Motor) -> dict[str, Any]:
+    """What a result depends on: the bytes of the runs, the options, the mapping.
+
+    Raises:
+        OptionError: A file cannot be read.
+    """
+    try:
+        runs = {
+            role: [_hash(file) for file in files]
+            for role, files in (("training", motor.training), ("validation", motor.validation))
+        }
+        mapping = None if motor.mapping is None else _hash(motor.mapping)
+    except OSError as error:
+        raise OptionError(f"{error.filename}: cannot be opened ({error.strerror})") from error
+    # As JSON gives it back, so that it compares.
+    options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))
+    return {"runs": runs, "options": options} | ({"mapping": mapping} if mapping else {})
+
+
+def kept_result(out: Path, record: Mapping[str, Any]) -> tuple[dict[str, Any], str | None] | None:
+    """The result in a directory and when it was made, if it was made from what a record says."""
+    stored = _stored(out)
+    if stored is None or any(stored.get(part) != record.get(part) for part in _MADE_FROM):
+        return None
+    try:
+        return read_result(out / "result.json"), stored.get("ended_at")
+    except InputError:
+        return None
+
+
+def make_way(out: Path) -> None:
+    """Move the result of a directory to its history, and sweep up what a killed writer left."""
+    for rest in out.glob(".*.part"):
+        rest.unlink(missing_ok=True)
+    stored = _stored(out)
+    if stored is None:
+        return
+    try:
+        result = read_result(out / "result.json")
+    except InputError:
+        return
+    remember(out, stored, result)
+    (out / _RECORD).unlink()
+    sync_directory(out)
+
+
+def remember(out: Path, record: Mapping[str, Any], result: Mapping[str, Any]) -> None:
+    """Put a result into the history of a directory.
+
+    The same result makes the same name, however often it is put there.
+    """
+    history = out / _HISTORY
+    history.mkdir(parents=True, exist_ok=True)
+    moment = re.sub(r"[^0-9TZ]", "", record.get("ended_at") or "") or "00000000T000000Z"
+    content = json.dumps({"record": record, "result": result}, indent=1, allow_nan=False)
+    write_text(history / f"{moment}.json", content + "\n")
+
+
+def finish(out: Path, record: Mapping[str, Any], ended_at: str) -> None:
+    """Say that the result of a directory is whole; nothing is written after this."""
+    content = json.dumps({**record, "ended_at": ended_at}, indent=2)
+    write_text(out / _RECORD, content + "\n")
+
+
+def previous_refit(motor: str, out: Path) -> Refit | None:
+    """The newest result of a motor's history, or None."""
+    for path in sorted((out / _HISTORY).glob("*.json"), reverse=True):
+        try:
+            entry = json.loads(path.read_text(encoding="utf-8"))
+            result, record = entry["result"], entry["record"]
+            place = f"{motor}/{_HISTORY}/{path.name}"
+            return refit_of(motor, "fitted", result, fit=place, ended_at=record.get("ended_at"))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            # Not written here; the one before it may be.
+            continue
+    return None
+
+
+def now_text() -> str:
+    """The time, UTC, ISO 8601."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def _stored(out: Path) -> dict[str, Any] | None:
+    try:
+        stored = json.loads((out / _RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return stored if isinstance(stored, dict) else None
+
+
+def _hash(file: Path) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()

@@ -1,0 +1,227 @@
+"""Motors fitted by a service: runs go there, results come into the same directory.
+
+    DIR/service.json       the batch that was asked for, written before it is
+
+The file holds the whole request with its Idempotency-Key, so that a command that was killed at any
+moment and is given again finds the batch that it began, and begins none twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+from app.batch.local import Job
+from app.batch.record import finish, make_way, previous_refit, remember
+from identification.errors import ComputationError, InputError
+from identification.report.atomic import write_text
+from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused, Run
+
+__all__ = ["fit_all_at"]
+
+_STATE: Final = "service.json"
+_MOST_MOTORS: Final = 500
+_FIRST_LOOK_S: Final = 0.2
+_SLOWEST_LOOK_S: Final = 5.0
+
+Tell = Callable[[str, str, float], None]
+
+
+@contextmanager
+def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterator[Client]:
+    """A client of a service that has answered once.
+
+    Args:
+        url: Address of the service.
+        key: Its key.
+        first_s: Time to wait for the first answer [s].
+        later_s: Time to wait for each later one [s].
+
+    Raises:
+        InputError: The key is not accepted, or the service refused for another reason.
+        ComputationError: The service does not answer, at first or later.
+    """
+    try:
+        with Client(url, key, patience_s=first_s) as first:
+            next(first.batches(), None)
+        with Client(url, key, patience_s=later_s) as service:
+            yield service
+    except BadKey as error:
+        raise InputError(f"--key: {error}") from error
+    except (NotFound, Refused, ValueError) as error:
+        raise InputError(f"--server {url}: {error}") from error
+    except ClientError as error:
+        raise ComputationError(
+            f"{error}; what was begun goes on at the service, and the same command takes it up"
+        ) from error
+
+
+def fit_all_at(
+    service: Client, out: Path, name: str, jobs: Sequence[Job], tell: Tell
+) -> Iterator[tuple[Job, str]]:
+    """Have motors fitted by a service, and give each with the reason of its failure, or "".
+
+    Args:
+        service: The service.
+        out: Directory of the batch.
+        name: Name of the batch in the service's lists.
+        jobs: What to fit.
+        tell: Told motor, stage and share of a fit that is done.
+
+    Raises:
+        ClientError: The service does not answer, or refuses.
+    """
+    left = list(jobs)
+    while left:
+        state = _state(out, service.url, left)
+        if state is None:
+            fresh: list[tuple[Job, dict[str, Any]]] = []
+            while left and len(fresh) < _MOST_MOTORS:
+                job = left.pop(0)
+                entry, reason = _uploaded(service, job, tell)
+                if entry is None:
+                    yield job, reason
+                else:
+                    fresh.append((job, entry))
+            if not fresh:
+                continue
+            state = _new_state(out, service.url, name, fresh)
+            mine = [job for job, _ in fresh]
+        else:
+            mine = [job for job in left if _is_in(state, job)]
+            left = [job for job in left if job not in mine]
+        yield from _followed(service, state, mine, tell)
+        (out / _STATE).unlink(missing_ok=True)
+
+
+def _followed(
+    service: Client, state: Mapping[str, Any], jobs: Sequence[Job], tell: Tell
+) -> Iterator[tuple[Job, str]]:
+    """Results of a batch, as they come."""
+    try:
+        batch = service.batch(
+            state["motors"], name=state["name"], idempotency_key=state["idempotency_key"]
+        )
+    except (NotFound, Refused) as error:
+        # Runs were removed meanwhile, or this service has never seen them.
+        yield from ((job, f"the service refused the batch: {error}") for job in jobs)
+        return
+    waiting = {job.motor.name: job for job in jobs}
+    pause = _FIRST_LOOK_S
+    while waiting:
+        ended = _ended(batch, waiting, tell)
+        for fit in ended:
+            job = waiting.pop(fit["motor"])
+            yield job, _taken(service, job, fit)
+        if not waiting:
+            return
+        pause = _FIRST_LOOK_S if ended else min(1.3 * pause, _SLOWEST_LOOK_S)
+        time.sleep(pause)
+        try:
+            batch = service.show_batch(batch)
+        except NotFound:
+            gone = "its batch was removed from the service; give the command again"
+            yield from ((job, gone) for job in waiting.values())
+            return
+        if batch.has_ended and not {fit["motor"] for fit in batch.fits} & set(waiting):
+            gone = "its fit was removed from the service; give the command again"
+            yield from ((job, gone) for job in waiting.values())
+            return
+
+
+def _ended(batch: Batch, waiting: Mapping[str, Job], tell: Tell) -> list[Mapping[str, Any]]:
+    ended = []
+    for fit in batch.fits:
+        if fit["motor"] not in waiting:
+            continue
+        if fit["status"] in ("succeeded", "failed", "cancelled"):
+            ended.append(fit)
+        elif fit["status"] == "running":
+            tell(fit["motor"], fit["progress"]["stage"], fit["progress"]["fraction"])
+    return ended
+
+
+def _taken(service: Client, job: Job, fit: Mapping[str, Any]) -> str:
+    """Write the result of a fit that ended; gives the reason where there is none."""
+    if fit["status"] != "succeeded":
+        error = fit.get("error") or {}
+        return str(error.get("detail") or f"{fit['fit']} was {fit['status']} at the service")
+    shown = service.show_fit(fit["fit"])
+    job.out.mkdir(parents=True, exist_ok=True)
+    make_way(job.out)
+    _remember_earlier(service, job, shown.content)
+    service.fetch(shown, job.out)
+    finish(job.out, {**job.record, "fit": shown.id}, shown.content["ended_at"])
+    return ""
+
+
+def _remember_earlier(service: Client, job: Job, fit: Mapping[str, Any]) -> None:
+    """Take the refit before from the service where this directory knows of none."""
+    if previous_refit(job.motor.name, job.out) is not None:
+        return
+    for earlier in service.fits(status="succeeded", motor=job.motor.name):
+        if earlier.content["created_at"] < fit["created_at"]:
+            shown = service.show_fit(earlier)
+            if shown.result is not None:
+                record = {"ended_at": shown.content["ended_at"], "fit": shown.id}
+                remember(job.out, record, shown.result)
+            return
+
+
+def _uploaded(service: Client, job: Job, tell: Tell) -> tuple[dict[str, Any] | None, str]:
+    """A motor as the service is asked for it, or the reason why a run was not taken."""
+    motor = job.motor
+    tell(motor.name, "upload", 0.0)
+    try:
+        mapping = motor.mapping.read_text(encoding="utf-8-sig") if motor.mapping else None
+        runs: dict[str, list[Run]] = {
+            role: [service.upload(file, motor=motor.name, mapping=mapping) for file in files]
+            for role, files in (("training", motor.training), ("validation", motor.validation))
+        }
+    except Refused as error:
+        return None, str(error)
+    except OSError as error:
+        return None, f"{error.filename}: cannot be opened ({error.strerror})"
+    options = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(motor.options).items()}
+    ids = {role: [run.id for run in stored] for role, stored in runs.items()}
+    return {"motor": motor.name, **ids, "options": options}, ""
+
+
+def _new_state(
+    out: Path, url: str, name: str, motors: Sequence[tuple[Job, dict[str, Any]]]
+) -> dict[str, Any]:
+    state = {
+        "url": url,
+        "idempotency_key": uuid.uuid4().hex,
+        "name": name,
+        "motors": [entry for _, entry in motors],
+        "records": {job.motor.name: _hash(job.record) for job, _ in motors},
+    }
+    write_text(out / _STATE, json.dumps(state, indent=1) + "\n")
+    return state
+
+
+def _state(out: Path, url: str, jobs: Sequence[Job]) -> dict[str, Any] | None:
+    """The batch that an earlier command began here, if it was to fit one of these motors."""
+    try:
+        state = json.loads((out / _STATE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(state, dict) or state.get("url") != url:
+        return None
+    return state if any(_is_in(state, job) for job in jobs) else None
+
+
+def _is_in(state: Mapping[str, Any], job: Job) -> bool:
+    return bool(state["records"].get(job.motor.name) == _hash(job.record))
+
+
+def _hash(record: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,88 @@
+"""Fits one motor of a batch in a child of a nursery, and tells of it in lines of JSON.
+
+    {"progress": ["posterior", 0.42]}
+    {"done": true}                the result and its record are on the disk
+    {"failed": "..."}             the input or the calculation
+
+If it ends without one of the last two it has crashed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from app.batch.record import finish, make_way, now_text
+from identification.errors import ComputationError, InputError
+from identification.ingest import read_run
+from identification.options import FitOptions
+
+__all__ = ["handle"]
+
+_INTERVAL_S = 0.2
+
+
+def handle(task: dict[str, Any], answer: int) -> None:
+    """Fit a motor and report on the pipe.
+
+    Args:
+        task: `out`, `training`, `validation`, `mapping`, `options`, `record` and `pipeline`.
+        answer: Pipe to the command.
+    """
+    try:
+        _fit(task, _Progress(answer))
+    except (InputError, ComputationError) as error:
+        _send(answer, {"failed": str(error)})
+    except OSError as error:
+        _send(answer, {"failed": f"{error.filename or 'files'}: {error.strerror or error}"})
+    except MemoryError:
+        _send(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
+    except Exception as error:  # noqa: BLE001  one bad motor does not stop the others
+        _send(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
+        raise
+    else:
+        _send(answer, {"done": True})
+
+
+def _fit(task: dict[str, Any], progress: _Progress) -> None:
+    out = Path(task["out"])
+    module, _, function = task["pipeline"].partition(":")
+    identify = getattr(importlib.import_module(module), function)
+    mapping = task["mapping"]
+    files = [*task["training"], *task["validation"]]
+    progress("read", 0.0)
+    runs = [read_run(Path(file), mapping=mapping) for file in files]
+    options: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in task["options"].items()
+    }
+    training = runs[: len(task["training"])]
+    identification = identify(training, runs[len(training) :], FitOptions(**options), progress)
+    out.mkdir(parents=True, exist_ok=True)
+    # Until here the earlier result stands as it was.
+    make_way(out)
+    identification.write(out)
+    finish(out, task["record"], now_text())
+
+
+class _Progress:
+    """Progress as messages, thinned out."""
+
+    def __init__(self, answer: int) -> None:
+        self._answer = answer
+        self._stage = ""
+        self._sent = 0.0
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        now = time.monotonic()
+        if stage != self._stage or now - self._sent >= _INTERVAL_S:
+            self._stage, self._sent = stage, now
+            _send(self._answer, {"progress": [stage, min(max(fraction, 0.0), 1.0)]})
+
+
+def _send(answer: int, message: dict[str, Any]) -> None:
+    os.write(answer, json.dumps(message).encode() + b"\n")

@@ -1,0 +1,61 @@
+"""Results of the fits of a batch, beside each other.
+
+A batch may have a thousand results, and each is read for the table and again for the page, so what
+was taken from one is kept in memory: a result never changes once its fit succeeded.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from app.runs.schemas import moment
+from app.storage import Storage
+from app.tables import FitRow
+from identification.fleet.refit import Refit, compared_with, refit_of
+
+__all__ = ["refits_of"]
+
+_UNNAMED = "unnamed motor"
+_MOST_KEPT = 4000
+
+
+def refits_of(
+    storage: Storage, fits: Sequence[FitRow], earlier: Mapping[str, FitRow]
+) -> list[Refit]:
+    """Fits as rows of the table, each with the refit of its motor before it.
+
+    Args:
+        storage: The data directory.
+        fits: Fits of the batch, in its order.
+        earlier: The fit before the batch that succeeded, by motor.
+    """
+    refits = []
+    for row in fits:
+        before = earlier.get(row.motor) if row.motor and row.status == "succeeded" else None
+        previous = None if before is None else _refit(storage, before)
+        refits.append(compared_with(_refit(storage, row), previous))
+    return refits
+
+
+def _refit(storage: Storage, row: FitRow) -> Refit:
+    motor = row.motor or _UNNAMED
+    ended_at = None if row.ended_at is None else moment(row.ended_at)
+    link = f"/fits/{row.id}"
+    if row.status != "succeeded":
+        error = str((row.error or {}).get("detail", ""))
+        return Refit(motor, row.status, fit=row.id, ended_at=ended_at, error=error, link=link)
+    path = storage.attempt(row.id, row.attempt) / "result.json"
+    try:
+        refit = _read(str(path))
+    except (OSError, ValueError):
+        refit = Refit(motor, row.status, error="its result is not in the data directory")
+    return replace(refit, motor=motor, status=row.status, fit=row.id, ended_at=ended_at, link=link)
+
+
+@lru_cache(maxsize=_MOST_KEPT)
+def _read(path: str) -> Refit:
+    return refit_of("", "", json.loads(Path(path).read_text(encoding="utf-8")))

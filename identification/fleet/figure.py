@@ -1,0 +1,251 @@
+"""One parameter over the fleet: all motors in the order of their medians, and their changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fleet.drift import Drift
+from identification.fleet.outliers import POSITIVE, Spread
+from identification.fleet.refit import Refit
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.numbers import interval_text, number_text, scaled_unit, unit_power
+from identification.report.svg import Frame, span, svg, text, tick_words
+
+__all__ = ["Mark", "fleet_figure", "marks_of"]
+
+Array = NDArray[np.float64]
+
+_LEFT, _WIDTH, _TOP = 66.0, 820.0, 10.0
+_LEVELS, _CHANGES, _GAP = 190.0, 120.0, 26.0
+_MOST_NAMED = 40
+_APART = 11.0
+_LONGEST_NAME = 17
+_LETTER = 6.0
+_DECADES_FOR_LOG = 1.5
+_NORMAL_90 = 1.645
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One motor in the picture of one parameter.
+
+    Args:
+        motor: Its name.
+        median: Median.
+        q05: Lower end of the 90 % interval.
+        q95: Upper end.
+        score: Distance from the fleet's median in robust standard deviations.
+        is_outlier: Whether it stands out.
+        drift: Change since its last refit, or None.
+        change_sd: Standard deviation of that change.
+    """
+
+    motor: str
+    median: float
+    q05: float
+    q95: float
+    score: float | None
+    is_outlier: bool
+    drift: Drift | None
+    change_sd: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it has moved by more than chance."""
+        return self.drift is not None and self.drift.is_significant is True
+
+
+def marks_of(
+    name: str, refits: Sequence[Refit], spread: Spread, changes: Sequence[dict[str, Drift]]
+) -> list[Mark]:
+    """Motors whose data determine a parameter, in the order of its medians.
+
+    Args:
+        name: Name of the parameter.
+        refits: The fleet.
+        spread: How the parameter lies over it.
+        changes: Changes of each motor by parameter.
+    """
+    marks = []
+    for place, refit in enumerate(refits):
+        estimate = refit.estimates.get(name)
+        if estimate is None or estimate.usable is None or estimate.median is None:
+            continue
+        drift = changes[place].get(name)
+        sds = drift.sds if drift else None
+        marks.append(
+            Mark(
+                motor=refit.motor,
+                median=estimate.median,
+                q05=estimate.median if estimate.q05 is None else estimate.q05,
+                q95=estimate.median if estimate.q95 is None else estimate.q95,
+                score=spread.scores[place],
+                is_outlier=spread.is_outlier(place),
+                drift=drift,
+                change_sd=abs(drift.absolute / sds) if drift and sds else 0.0,
+            )
+        )
+    return sorted(marks, key=lambda mark: mark.median)
+
+
+def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
+    """The picture of one parameter.
+
+    Args:
+        name: Name of the parameter.
+        marks: Motors in order, at least one.
+        spread: How the parameter lies over the fleet.
+
+    Returns:
+        Text of the drawing.
+    """
+    unit = DECLARED_PARAMETERS[name].unit
+    has_changes = any(mark.drift for mark in marks)
+    across = _LEFT + _WIDTH * (np.arange(len(marks)) + 0.5) / len(marks)
+    body = _levels(name, unit, marks, across, spread)
+    bottom = _TOP + _LEVELS
+    if has_changes:
+        body += _changes(name, unit, marks, across, bottom + _GAP)
+        bottom += _GAP + _CHANGES
+    names, room = _names(marks, across, bottom)
+    body += names
+    body += _hovers(marks, across, bottom, unit)
+    caption = (
+        f"{len(marks)} motors from {number_text(marks[0].median)} to "
+        f"{number_text(marks[-1].median)} {unit}, "
+        f"{sum(mark.is_outlier for mark in marks)} of them stand out, "
+        f"{sum(mark.is_significant for mark in marks)} have moved significantly."
+    )
+    return svg(_LEFT + _WIDTH + 14, bottom + room + 8, f"{name} over the fleet", caption, body)
+
+
+def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: Spread) -> str:
+    """Medians with their intervals."""
+    low = np.array([mark.q05 for mark in marks])
+    high = np.array([mark.q95 for mark in marks])
+    middle = np.array([mark.median for mark in marks])
+    box = (_LEFT, _TOP, _WIDTH, _LEVELS)
+    is_log = bool(low.min() > 0.0 and math.log10(high.max() / low.min()) > _DECADES_FOR_LOG)
+    power = 0 if is_log else unit_power(float(np.abs([low, high]).max()))
+
+    def scaled(values: Array) -> Array:
+        return np.asarray(np.log10(values) if is_log else values * 10.0**-power)
+
+    frame = Frame(box, (0.0, 1.0), span(scaled(low), scaled(high)))
+    words = _decade_words(*frame.y_range) if is_log else tick_words(*frame.y_range)
+    label = f"{name} [{scaled_unit(unit, power)}]"
+    body = _frame(frame, words, label)
+    if spread.median is not None and (not is_log or spread.median > 0.0):
+        at = float(frame.y(scaled(np.array([spread.median])))[0])
+        body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
+    loud = [mark.is_outlier for mark in marks]
+    return body + _bars(
+        across, frame.y(scaled(low)), frame.y(scaled(middle)), frame.y(scaled(high)), loud
+    )
+
+
+def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: float) -> str:
+    """Changes since the last refit with their 90 % intervals; loud where more than chance."""
+    is_relative = name in POSITIVE
+    values, halves = [], []
+    for mark in marks:
+        drift = mark.drift
+        absolute = drift.absolute if drift else None
+        size = drift.relative if drift and is_relative else absolute
+        share = abs(size / absolute) if size and absolute else 0.0
+        values.append(math.nan if size is None else float(size))
+        halves.append(_NORMAL_90 * mark.change_sd * share)
+    middle, half = np.array(values), np.array(halves)
+    largest = float(np.nanmax(np.abs(middle) + half)) if np.isfinite(middle).any() else 0.0
+    factor = 100.0 if is_relative else 10.0 ** -unit_power(largest)
+    limits = span((middle - half) * factor, (middle + half) * factor, [0.0])
+    frame = Frame((_LEFT, top, _WIDTH, _CHANGES), (0.0, 1.0), limits)
+    shown = "%" if is_relative else scaled_unit(unit, unit_power(largest))
+    body = _frame(frame, tick_words(*limits, 4), f"change [{shown}]")
+    zero = float(frame.y(0.0))
+    body += f'<path class="zero" d="M{_LEFT:.1f} {zero:.1f}H{_LEFT + _WIDTH:.1f}"/>'
+    loud = [mark.is_significant for mark in marks]
+    ends = (frame.y((middle + sign * half) * factor) for sign in (-1.0, 1.0))
+    low, high = ends
+    return body + _bars(across, low, frame.y(middle * factor), high, loud)
+
+
+def _frame(frame: Frame, words: Sequence[tuple[float, str]], label: str) -> str:
+    left, top, width, height = frame.box
+    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    for value, word in words:
+        at = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
+        parts.append(text(left - 6, at + 4, word, "tick end"))
+    parts.append(text(12, top + height / 2, label, "label mid", turned=True))
+    return "".join(parts)
+
+
+def _decade_words(low: float, high: float) -> list[tuple[float, str]]:
+    """Ticks of a logarithmic axis, at 1, 2 and 5 times a power of ten, or at powers alone."""
+    factors = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
+    values = [
+        math.log10(factor) + power
+        for power in range(math.floor(low), math.ceil(high) + 1)
+        for factor in factors
+    ]
+    return [(value, number_text(10.0**value, 1)) for value in values if low <= value <= high]
+
+
+def _bars(across: Array, low: Array, middle: Array, high: Array, loud: Sequence[bool]) -> str:
+    """Upright intervals with a dot at the median, in two paths: quiet ones and loud ones."""
+    body = ""
+    for is_loud in (False, True):
+        stems, dots = [], []
+        for place, x in enumerate(across):
+            if loud[place] is is_loud and math.isfinite(middle[place]):
+                stems.append(f"M{x:.1f} {low[place]:.1f}V{high[place]:.1f}")
+                dots.append(f"M{x:.1f} {middle[place]:.1f}h0")
+        kind = " loud" if is_loud else ""
+        if stems:
+            body += f'<path class="stem{kind}" d="{"".join(stems)}"/>'
+            body += f'<path class="dots few{kind}" d="{"".join(dots)}"/>'
+    return body
+
+
+def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, float]:
+    """Names below the frame and their room: of all if there is room, else of those in red."""
+    loud = [place for place, mark in enumerate(marks) if mark.is_outlier or mark.is_significant]
+    wanted = loud + (list(range(len(marks))) if len(marks) <= _MOST_NAMED else [])
+    placed: list[float] = []
+    parts = []
+    longest = 0
+    for place in wanted:
+        x = float(across[place])
+        if all(abs(x - other) >= _APART for other in placed):
+            placed.append(x)
+            name = marks[place].motor
+            short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+            longest = max(longest, len(short))
+            kind = "tick small end strong" if place in loud else "tick small end"
+            parts.append(text(x + 3.5, bottom + 6, short, kind, turned=True))
+    return "".join(parts), _LETTER * longest
+
+
+def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> str:
+    """What a pointer over a motor is told."""
+    width = _WIDTH / len(marks)
+    parts = []
+    for mark, x in zip(marks, across, strict=True):
+        value = interval_text(mark.median, mark.q05, mark.q95)
+        told = f"{mark.motor}: {value.median} ({value.low} … {value.high}){value.power} {unit}"
+        if mark.score is not None:
+            told += f"; {mark.score:+.1f} robust sd from the fleet"
+        if mark.drift is not None and mark.drift.sds is not None:
+            told += f"; moved by {mark.drift.sds:+.1f} combined sd"
+        parts.append(
+            f'<rect class="hover" x="{x - width / 2:.2f}" y="{_TOP:.1f}" width="{width:.2f}" '
+            f'height="{bottom - _TOP:.1f}"><title>{escape(told)}</title></rect>'
+        )
+    return "".join(parts)

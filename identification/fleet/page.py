@@ -1,0 +1,205 @@
+"""The fleet as one HTML file that needs nothing else, and runs no script.
+
+text = render_fleet("November refit", refits)
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identification.fleet.drift import FALSE_DISCOVERY_RATE, Drift, drifts
+from identification.fleet.figure import fleet_figure, marks_of
+from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, spread_of
+from identification.fleet.refit import Refit
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.numbers import (
+    Interval,
+    interval_text,
+    number_text,
+    percent_text,
+    signed_percent_text,
+    unit_text,
+)
+
+__all__ = ["content_security_policy", "render_fleet"]
+
+_MOST_LISTED = 60
+
+
+@dataclass(frozen=True)
+class _Remarkable:
+    """A motor that stands out, or one that has moved, in one parameter."""
+
+    refit: Refit
+    name: str
+    value: str
+    reference: str
+    change: str
+    size: float
+
+
+def render_fleet(title: str, refits: Sequence[Refit]) -> str:
+    """The complete page.
+
+    Args:
+        title: Name of the batch.
+        refits: All motors of the table.
+
+    Returns:
+        HTML text, UTF-8 when written.
+    """
+    changes = drifts(refits)
+    spreads = {name: spread_of(name, refits) for name in DECLARED_PARAMETERS}
+    outliers = _outliers(refits, spreads)
+    moved = _moved(refits, changes)
+    return _environment().get_template("fleet.html.j2").render(
+        title=title,
+        policy=content_security_policy(),
+        styles=_styles(),
+        counts=_counts(refits),
+        compared=sum(bool(found) for found in changes),
+        outliers=outliers[:_MOST_LISTED],
+        more_outliers=len(outliers) - len(outliers[:_MOST_LISTED]),
+        moved=moved[:_MOST_LISTED],
+        more_moved=len(moved) - len(moved[:_MOST_LISTED]),
+        parameters=[_parameter(name, refits, spreads[name], changes) for name in spreads],
+        names=list(DECLARED_PARAMETERS),
+        motors=[_motor(refit) for refit in refits],
+        threshold=THRESHOLD,
+        least=LEAST_MOTORS,
+        rate=percent_text(FALSE_DISCOVERY_RATE, 1),
+    )  # fmt: skip
+
+
+@cache
+def content_security_policy() -> str:
+    """Content security policy under which the page works: its own styles and nothing else."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()}'"
+        for style in _styles()
+    )
+    return (
+        f"default-src 'none'; style-src {hashes}; img-src data:; base-uri 'none'; "
+        "form-action 'none'"
+    )
+
+
+@cache
+def _styles() -> tuple[Markup, ...]:
+    """The style of the reports, and what the fleet needs beside it."""
+    files = (
+        resources.files("identification.report") / "templates" / "report.css",
+        resources.files("identification.fleet") / "templates" / "fleet.css",
+    )
+    return tuple(Markup(file.read_text("utf-8")) for file in files)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("identification.fleet"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number_text,
+        "percent": percent_text,
+        "signed": lambda value: f"{value:+.1f}".replace("-", "−"),
+    }
+    return environment
+
+
+def _counts(refits: Sequence[Refit]) -> dict[str, int]:
+    return {
+        status: sum(refit.status == status for refit in refits)
+        for status in dict.fromkeys(refit.status for refit in refits)
+    }
+
+
+def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Remarkable]:
+    """Motors that stand out, the farthest first."""
+    found = []
+    for name, spread in spreads.items():
+        for place, refit in enumerate(refits):
+            if spread.is_outlier(place):
+                value = refit.estimates[name].median
+                median = spread.median
+                share = value / median - 1.0 if value is not None and median else None
+                found.append(
+                    _Remarkable(
+                        refit,
+                        name,
+                        _with_unit(value, name),
+                        _with_unit(median, name),
+                        signed_percent_text(share),
+                        spread.scores[place] or 0.0,
+                    )
+                )
+    return sorted(found, key=lambda one: -abs(one.size))
+
+
+def _moved(refits: Sequence[Refit], changes: Sequence[dict[str, Drift]]) -> list[_Remarkable]:
+    """Motors that have moved by more than chance, the farthest first."""
+    found = [
+        _Remarkable(
+            refit,
+            name,
+            _with_unit(refit.estimates[name].median, name),
+            _with_unit(refit.previous.estimates[name].median, name),
+            signed_percent_text(drift.relative),
+            drift.sds or 0.0,
+        )
+        for refit, motor_changes in zip(refits, changes, strict=True)
+        for name, drift in motor_changes.items()
+        if drift.is_significant and refit.previous is not None
+    ]
+    return sorted(found, key=lambda one: -abs(one.size))
+
+
+def _with_unit(value: float | None, name: str) -> str:
+    return f"{number_text(value)} {unit_text(DECLARED_PARAMETERS[name].unit)}"
+
+
+def _parameter(
+    name: str, refits: Sequence[Refit], spread: Spread, changes: Sequence[dict[str, Drift]]
+) -> dict[str, Any]:
+    marks = marks_of(name, refits, spread, changes)
+    return {
+        "name": name,
+        "meaning": DECLARED_PARAMETERS[name].meaning,
+        "median": _with_unit(spread.median, name),
+        "scale": spread.relative_scale,
+        "count": spread.count,
+        "undetermined": sum(name in refit.estimates for refit in refits) - spread.count,
+        "outliers": sum(mark.is_outlier for mark in marks),
+        "compared": sum(mark.drift is not None for mark in marks),
+        "moved": sum(mark.is_significant for mark in marks),
+        "figure": Markup(fleet_figure(name, marks, spread)) if marks else None,
+    }
+
+
+def _motor(refit: Refit) -> dict[str, Any]:
+    values: list[Interval | None] = []
+    for name in DECLARED_PARAMETERS:
+        one = refit.estimates.get(name)
+        is_usable = one is not None and one.usable is not None
+        values.append(interval_text(one.median, one.q05, one.q95) if one and is_usable else None)
+    role = "validation" if refit.noise_ratios.get(("validation", "current")) else "training"
+    return {
+        "refit": refit,
+        "values": values,
+        "role": role,
+        "ratios": [refit.noise_ratios.get((role, channel)) for channel in ("current", "speed")],
+        "effects": ", ".join(effect.replace("_", " ") for effect in refit.effects),
+    }

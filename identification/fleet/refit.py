@@ -1,0 +1,132 @@
+"""What a table and a page of many motors take from each result.
+
+refit = refit_of("pump-17", "fitted", result, fit="DIR/pump-17", ended_at="2026-11-21T12:00:00Z")
+refit.estimates["Ra25"].median
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from identification.quantities import DECLARED_PARAMETERS
+
+__all__ = ["Estimate", "Refit", "compared_with", "refit_of"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter of one motor, in its unit.
+
+    Args:
+        median: Median of the posterior.
+        sd: Standard deviation.
+        q05: Lower end of the 90 % interval.
+        q95: Upper end.
+        is_identified: Whether the data determine it.
+    """
+
+    median: float | None
+    sd: float | None
+    q05: float | None
+    q95: float | None
+    is_identified: bool
+
+    @property
+    def usable(self) -> tuple[float, float] | None:
+        """Median and standard deviation where the data determine them, so that they compare."""
+        if not self.is_identified or self.median is None or self.sd is None:
+            return None
+        return self.median, self.sd
+
+
+@dataclass(frozen=True)
+class Refit:
+    """One motor of a batch.
+
+    Args:
+        motor: Its name.
+        status: How its fit ended, or how it is doing.
+        estimates: Declared parameters of the final model by name; empty without a result.
+        effects: Names of the effects that were found.
+        noise_ratios: Simulation error over sensor noise after the effects, by role and channel,
+            such as ``("validation", "speed")``.
+        training: Hashes of the training runs.
+        fit: Id or place of the fit.
+        ended_at: When it ended, UTC, ISO 8601.
+        error: Why there is no result.
+        previous: The refit of the same motor before this one.
+        link: Where its report is, as an address relative to the page; empty where there is none.
+    """
+
+    motor: str
+    status: str
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
+    noise_ratios: Mapping[tuple[str, str], float | None] = field(default_factory=dict)
+    training: tuple[str, ...] = ()
+    fit: str = ""
+    ended_at: str | None = None
+    error: str = ""
+    previous: Refit | None = None
+    link: str = ""
+
+
+def refit_of(
+    motor: str,
+    status: str,
+    result: Mapping[str, Any],
+    *,
+    fit: str = "",
+    ended_at: str | None = None,
+    link: str = "",
+) -> Refit:
+    """The parts of a result that are compared.
+
+    Args:
+        motor: Name of the motor.
+        status: How its fit ended.
+        result: Content of result.json; parts that it lacks count as unknown.
+        fit: Id or place of the fit.
+        ended_at: When it ended, UTC, ISO 8601.
+        link: Where its report is.
+    """
+    parameters = result.get("parameters") or {}
+    after = (result.get("errors") or {}).get("after") or {}
+    return Refit(
+        motor=motor,
+        status=status,
+        estimates={
+            name: _estimate(parameters[name]) for name in DECLARED_PARAMETERS if name in parameters
+        },
+        effects=tuple(str(effect["name"]) for effect in result.get("effects") or ()),
+        noise_ratios={
+            (role, channel): ((after.get(role) or {}).get(channel) or {}).get("noise_ratio")
+            for role in ("training", "validation")
+            for channel in ("current", "speed")
+        },
+        training=tuple(
+            str(run["sha256"])
+            for run in result.get("runs") or ()
+            if run.get("role") == "training" and run.get("sha256")
+        ),
+        fit=fit,
+        ended_at=ended_at,
+        link=link,
+    )
+
+
+def compared_with(refit: Refit, previous: Refit | None) -> Refit:
+    """The refit with the one before it, which itself is compared with nothing."""
+    return replace(refit, previous=None if previous is None else replace(previous, previous=None))
+
+
+def _estimate(entry: Mapping[str, Any]) -> Estimate:
+    return Estimate(
+        median=entry.get("median"),
+        sd=entry.get("sd"),
+        q05=entry.get("q05"),
+        q95=entry.get("q95"),
+        is_identified=bool(entry.get("identified")),
+    )

@@ -1,0 +1,170 @@
+"""The table of a batch: a row for each motor, as CSV, as JSON and as Parquet.
+
+NAME                        median of the parameter, in its unit
+NAME_sd, NAME_q05, NAME_q95 its standard deviation and 90 % interval
+NAME_identified             whether the data determine it
+NAME_drift                  median less that of the previous refit
+NAME_drift_relative         the same over the previous median
+NAME_drift_sds              the same over the combined standard deviation
+NAME_drift_probability      of a change as large by chance, corrected for all of the table
+NAME_drift_significant      whether that is at most 0.05
+
+See `identification.fleet.drift` for the statistics.  A cell that is not known is empty, or null.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from identification.errors import InputError
+from identification.fleet.drift import Drift, drifts
+from identification.fleet.refit import Estimate, Refit
+from identification.quantities import DECLARED_PARAMETERS
+
+__all__ = ["COLUMNS", "MissingParquet", "csv_text", "parquet_bytes", "rows_of"]
+
+Row = dict[str, Any]
+
+# A lone carriage return would end a line for some readers and not for others.
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
+
+# Type of the cell and the unit's source: of the parameter, or none.
+_OF_PARAMETER: dict[str, tuple[type, bool]] = {
+    "": (float, True),
+    "_sd": (float, True),
+    "_q05": (float, True),
+    "_q95": (float, True),
+    "_identified": (bool, False),
+    "_drift": (float, True),
+    "_drift_relative": (float, False),
+    "_drift_sds": (float, False),
+    "_drift_probability": (float, False),
+    "_drift_significant": (bool, False),
+}
+_RATIOS = {
+    f"{role}_noise_ratio_{channel}": (role, channel)
+    for role in ("training", "validation")
+    for channel in ("current", "speed")
+}
+
+COLUMNS: dict[str, tuple[type, str]] = {
+    "motor": (str, ""),
+    "status": (str, ""),
+    **{
+        f"{parameter.name}{ending}": (kind, parameter.unit if has_unit else "")
+        for parameter in DECLARED_PARAMETERS.values()
+        for ending, (kind, has_unit) in _OF_PARAMETER.items()
+    },
+    "effects": (str, ""),
+    **dict.fromkeys(_RATIOS, (float, "")),
+    "fit": (str, ""),
+    "ended_at": (str, ""),
+    "previous_fit": (str, ""),
+    "previous_ended_at": (str, ""),
+    "previous_effects": (str, ""),
+    "previous_shared_runs": (int, ""),
+    "error": (str, ""),
+}
+"""Columns in order, with the type of their cells and their unit."""
+
+
+class MissingParquet(InputError):
+    """Parquet was asked for, and pyarrow is not installed."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "Parquet needs pyarrow, which is not installed; install motorid[parquet], or take the "
+            "CSV"
+        )
+
+
+def rows_of(refits: Sequence[Refit]) -> list[Row]:
+    """The table, with the columns of `COLUMNS`.
+
+    Args:
+        refits: All motors, since changes are judged together.
+    """
+    return [_row(refit, changes) for refit, changes in zip(refits, drifts(refits), strict=True)]
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table as CSV; numbers have all their digits, and no cell is a formula."""
+    table = io.StringIO()
+    writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    return table.getvalue()
+
+
+def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """The table as a Parquet file; units are metadata of the columns.
+
+    Raises:
+        MissingParquet: pyarrow is not installed.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise MissingParquet from error
+    kinds = {
+        str: pyarrow.string(),
+        float: pyarrow.float64(),
+        bool: pyarrow.bool_(),
+        int: pyarrow.int64(),
+    }
+    fields = [
+        pyarrow.field(name, kinds[kind], metadata={"unit": unit} if unit else None)
+        for name, (kind, unit) in COLUMNS.items()
+    ]
+    table = pyarrow.Table.from_pylist([dict(row) for row in rows], schema=pyarrow.schema(fields))
+    content = io.BytesIO()
+    parquet.write_table(table, content)
+    return content.getvalue()
+
+
+def _row(refit: Refit, changes: Mapping[str, Drift]) -> Row:
+    before = refit.previous
+    row: Row = {"motor": refit.motor, "status": refit.status}
+    for name in DECLARED_PARAMETERS:
+        row |= _parameter(name, refit.estimates.get(name), changes.get(name))
+    return row | {
+        "effects": " ".join(refit.effects),
+        **{column: refit.noise_ratios.get(key) for column, key in _RATIOS.items()},
+        "fit": refit.fit or None,
+        "ended_at": refit.ended_at,
+        "previous_fit": before.fit if before else None,
+        "previous_ended_at": before.ended_at if before else None,
+        "previous_effects": " ".join(before.effects) if before else None,
+        "previous_shared_runs": len({*refit.training} & {*before.training}) if before else None,
+        "error": refit.error or None,
+    }
+
+
+def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row:
+    return {
+        name: estimate and estimate.median,
+        f"{name}_sd": estimate and estimate.sd,
+        f"{name}_q05": estimate and estimate.q05,
+        f"{name}_q95": estimate and estimate.q95,
+        f"{name}_identified": estimate and estimate.is_identified,
+        f"{name}_drift": drift and drift.absolute,
+        f"{name}_drift_relative": drift and drift.relative,
+        f"{name}_drift_sds": drift and drift.sds,
+        f"{name}_drift_probability": drift and drift.probability,
+        f"{name}_drift_significant": drift and drift.is_significant,
+    }
+
+
+def _cell(value: object) -> object:
+    """A cell; a text that a spreadsheet would take for a formula gets an apostrophe in front."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        line = _CONTROL.sub(" ", value)
+        return f"'{line}" if line.lstrip()[:1] in ("=", "+", "-", "@") else line
+    return value

@@ -1,0 +1,372 @@
+"""The service from a script.
+
+    from motorid.client import Client
+
+    service = Client("http://127.0.0.1:8000", key)
+    run = service.upload("training_1.csv", motor="motor 17")
+    fit = service.wait(service.fit([run]))
+    service.fetch(fit, "out/motor-17")
+
+Calls that get no answer, or one that says "not now", are sent again for a while, and nothing is
+done twice by that: the same bytes are the same run, and each fit and batch carries an
+Idempotency-Key of its own.  A client may be used by several threads.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+from motorid.errors import (
+    BadKey,
+    Busy,
+    ClientError,
+    FitFailed,
+    NotFound,
+    Problem,
+    Refused,
+    Unreachable,
+    WaitedTooLong,
+)
+from motorid.files import Source, opened, replacing
+from motorid.things import Batch, Fit, Run
+from motorid.transport import Transport, content_of
+from motorid.waiting import Tell, until_cancelled, until_ended
+
+__all__ = [
+    "BadKey",
+    "Batch",
+    "Busy",
+    "Client",
+    "ClientError",
+    "Fit",
+    "FitFailed",
+    "NotFound",
+    "Problem",
+    "Refused",
+    "Run",
+    "Unreachable",
+    "WaitedTooLong",
+]
+
+_ROLES = ("training", "validation")
+_MOMENT_S = 0.1
+_PAGE = 100
+_TABLES = {
+    ".csv": "text/csv",
+    ".json": "application/json",
+    ".parquet": "application/vnd.apache.parquet",
+}
+
+
+class Client:
+    """A caller of one service.
+
+    Args:
+        url: Address of the service.
+        key: Key from ``motorid keys create``; None where the service asks for none.
+        patience_s: Time over which a call that gets no answer is sent again [s].
+        timeout_s: Time to wait for each part of an answer [s].
+
+    Raises:
+        ValueError: The address is none.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        key: str | None = None,
+        *,
+        patience_s: float = 60.0,
+        timeout_s: float = 60.0,
+    ) -> None:
+        self._transport = Transport(url, key, patience_s, timeout_s)
+        self.url = self._transport.url
+
+    def __enter__(self) -> Self:
+        """The client itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Give the connections back."""
+        self.close()
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self._transport.close()
+
+    def upload(
+        self,
+        source: Source,
+        *,
+        name: str | None = None,
+        motor: str | None = None,
+        mapping: Mapping[str, object] | str | None = None,
+    ) -> Run:
+        """Store a run; the same bytes with the same mapping are the same run.
+
+        Args:
+            source: Path of a file, or its content as bytes.
+            name: What to call it; the name of the file where not given.
+            motor: Which motor it is of.
+            mapping: Which column is which channel, where the header does not say it.
+        """
+        called, open_source = opened(source, name)
+        fields = {} if motor is None else {"motor": motor}
+        if mapping is not None:
+            fields["mapping"] = mapping if isinstance(mapping, str) else json.dumps(mapping)
+
+        @contextmanager
+        def form() -> Iterator[dict[str, Any]]:
+            with open_source() as file:
+                yield {"files": {"file": (called, file)}, "data": fields}
+
+        return Run.of(content_of(self._transport.call("POST", "/runs", content=form)))
+
+    def fit(
+        self,
+        training: Sequence[Run | str],
+        validation: Sequence[Run | str] = (),
+        *,
+        motor: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        idempotency_key: str | None = None,
+    ) -> Fit:
+        """Begin a fit.
+
+        Args:
+            training: Runs to fit, or their ids, in the order of recording.
+            validation: Runs to check the model on.
+            motor: Which motor it is.
+            options: `seed`, `posterior`, `effects`, `hold`, `temperatures`, `controllers`.
+            idempotency_key: Word under which the same request is the same fit; a new one is made
+                for each call where not given.
+        """
+        body = {
+            "training": [_id(run) for run in training],
+            "validation": [_id(run) for run in validation],
+            "options": dict(options or {}),
+            "motor": motor,
+        }
+        return Fit.of(self._begin("/fits", body, idempotency_key))
+
+    def batch(
+        self,
+        motors: Sequence[Mapping[str, Any]],
+        *,
+        options: Mapping[str, Any] | None = None,
+        name: str | None = None,
+        idempotency_key: str | None = None,
+    ) -> Batch:
+        """Begin a fit for each of many motors.
+
+        Args:
+            motors: For each `motor`, `training`, and optionally `validation` and `options`.
+            options: For each motor that has none of its own.
+            name: What lists show.
+            idempotency_key: As with `fit`.
+        """
+        asked = [
+            {**motor, **{role: [_id(run) for run in motor.get(role, ())] for role in _ROLES}}
+            for motor in motors
+        ]
+        body = {"motors": asked, "options": dict(options or {}), "name": name}
+        return Batch.of(self._begin("/batches", body, idempotency_key))
+
+    def wait(
+        self,
+        fit: Fit | str,
+        *,
+        timeout_s: float | None = None,
+        progress: Tell | None = None,
+    ) -> Fit:
+        """The fit once it succeeded, with its result.
+
+        Args:
+            fit: The fit, or its id.
+            timeout_s: Longest time to wait [s]; without, as long as it takes.
+            progress: Told the stage and the share that is done whenever they change.
+
+        Raises:
+            FitFailed: It failed or was cancelled.
+            WaitedTooLong: The time is over; the fit goes on.
+        """
+
+        def told(now: Fit) -> tuple[str, float]:
+            return now.stage, now.fraction
+
+        ended = until_ended(lambda: self.show_fit(fit), told, timeout_s, progress)
+        if ended.status != "succeeded":
+            raise FitFailed(ended.id, ended.status, ended.error)
+        return ended
+
+    def wait_batch(
+        self,
+        batch: Batch | str,
+        *,
+        timeout_s: float | None = None,
+        progress: Tell | None = None,
+    ) -> Batch:
+        """The batch once all its fits have ended, however they ended.
+
+        Args:
+            batch: The batch, or its id.
+            timeout_s: Longest time to wait [s]; without, as long as it takes.
+            progress: Told how many fits have ended, and the share that is done.
+
+        Raises:
+            WaitedTooLong: The time is over; the batch goes on.
+        """
+
+        def told(now: Batch) -> tuple[str, float]:
+            waiting = now.counts.get("queued", 0) + now.counts.get("running", 0)
+            total = sum(now.counts.values())
+            return f"{total - waiting} of {total} motors", now.fraction
+
+        return until_ended(lambda: self.show_batch(batch), told, timeout_s, progress)
+
+    def fetch(self, fit: Fit | str, directory: str | os.PathLike[str]) -> dict[str, Path]:
+        """Write result.json, report.html and, where there is one, posterior.nc.
+
+        Args:
+            fit: A fit that succeeded, or its id.
+            directory: Where to; it is made if it is not there.
+
+        Returns:
+            Path of each file by `result`, `report` and `posterior`.
+        """
+        shown = fit if isinstance(fit, Fit) and fit.result is not None else self.show_fit(fit)
+        if shown.result is None:
+            raise FitFailed(shown.id, shown.status, shown.error)
+        folder = Path(directory)
+        files = {"result": folder / "result.json"}
+        with replacing(files["result"]) as file:
+            text = json.dumps(shown.result, indent=2, allow_nan=False, ensure_ascii=False)
+            file.write(f"{text}\n".encode())
+        files["report"] = self.fetch_report(shown, folder / "report.html")
+        posterior = folder / "posterior.nc"
+        if "posterior" in shown.content["links"]:
+            files["posterior"] = self.fetch_posterior(shown, posterior)
+        else:
+            # One of an earlier fit would not belong to this result.
+            posterior.unlink(missing_ok=True)
+        return files
+
+    def fetch_report(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
+        """Write the report of a fit that succeeded; gives the path."""
+        return self._fetched(f"/fits/{_id(fit)}/report", Path(path))
+
+    def fetch_posterior(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
+        """Write the posterior of a fit that sampled one; gives the path."""
+        return self._fetched(f"/fits/{_id(fit)}/posterior", Path(path))
+
+    def fetch_table(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
+        """Write the results of a batch, in the form that the path ends with.
+
+        Args:
+            batch: The batch, or its id.
+            path: A name that ends with ``.csv``, ``.json`` or ``.parquet``.
+        """
+        target = Path(path)
+        if target.suffix not in _TABLES:
+            raise ValueError(
+                f"{target.name!r} names no form of a table; expected a name that ends with "
+                f"{', '.join(_TABLES)}"
+            )
+        return self._fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
+
+    def fetch_fleet(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
+        """Write the fleet page of a batch; gives the path."""
+        return self._fetched(f"/batches/{_id(batch)}/report", Path(path))
+
+    def show_run(self, run: Run | str) -> Run:
+        """A run as it is stored."""
+        return Run.of(self._get(f"/runs/{_id(run)}"))
+
+    def show_fit(self, fit: Fit | str) -> Fit:
+        """A fit as it is now, with its result once it succeeded."""
+        return Fit.of(self._get(f"/fits/{_id(fit)}"))
+
+    def show_batch(self, batch: Batch | str) -> Batch:
+        """A batch as it is now, with the state of each of its fits."""
+        return Batch.of(self._get(f"/batches/{_id(batch)}"))
+
+    def runs(self, *, motor: str | None = None) -> Iterator[Run]:
+        """All runs, newest first, page by page as they are asked for."""
+        return map(Run.of, self._listed("/runs", motor=motor))
+
+    def fits(self, *, status: str | None = None, motor: str | None = None) -> Iterator[Fit]:
+        """All fits, newest first, without their results."""
+        return map(Fit.of, self._listed("/fits", status=status, motor=motor))
+
+    def batches(self) -> Iterator[Batch]:
+        """All batches, newest first, without their fits."""
+        return map(Batch.of, self._listed("/batches"))
+
+    def cancel(self, fit: Fit | str) -> Fit:
+        """Cancel a fit that has not ended; one that has stays as it is.
+
+        A fit that ends in the moment between the look and the call is removed by it.
+        """
+        return until_cancelled(
+            lambda: self.show_fit(fit), lambda: self._delete_once(f"/fits/{_id(fit)}")
+        )
+
+    def cancel_batch(self, batch: Batch | str) -> Batch:
+        """Cancel the fits of a batch that have not ended; those that have stay as they are."""
+        return until_cancelled(
+            lambda: self.show_batch(batch), lambda: self._delete_once(f"/batches/{_id(batch)}")
+        )
+
+    def delete_run(self, run: Run | str) -> None:
+        """Remove a run; it is no error where it is gone already."""
+        self._deleted(f"/runs/{_id(run)}")
+
+    def delete_fit(self, fit: Fit | str) -> None:
+        """Remove a fit with its outputs, and cancel it before where it has not ended."""
+        self._deleted(f"/fits/{_id(fit)}")
+
+    def delete_batch(self, batch: Batch | str) -> None:
+        """Remove a batch with its fits, and cancel them before where they have not ended."""
+        self._deleted(f"/batches/{_id(batch)}")
+
+    def _get(self, path: str, **parameters: Any) -> dict[str, Any]:
+        given = {name: value for name, value in parameters.items() if value is not None}
+        return content_of(self._transport.call("GET", path, params=given))
+
+    def _begin(self, path: str, body: Mapping[str, Any], key: str | None) -> dict[str, Any]:
+        headers = {"Idempotency-Key": key or uuid.uuid4().hex}
+        return content_of(self._transport.call("POST", path, json=body, headers=headers))
+
+    def _listed(self, path: str, **parameters: Any) -> Iterator[dict[str, Any]]:
+        page = self._get(path, limit=_PAGE, **parameters)
+        yield from page["items"]
+        while page["next"] is not None:
+            page = self._get(path, limit=_PAGE, after=page["next"], **parameters)
+            yield from page["items"]
+
+    def _delete_once(self, path: str) -> None:
+        # Not sent again by itself: a second one would remove what the first one cancelled.
+        self._transport.call("DELETE", path, repeat=False)
+
+    def _deleted(self, path: str) -> None:
+        try:
+            while self._transport.call("DELETE", path).status_code != 204:
+                time.sleep(_MOMENT_S)
+        except NotFound:
+            return
+
+    def _fetched(self, path: str, target: Path, kind: str = "*/*") -> Path:
+        with replacing(target) as file:
+            self._transport.copy(path, {"Accept": kind}, file)
+        return target
+
+
+def _id(thing: Run | Fit | Batch | str) -> str:
+    return thing if isinstance(thing, str) else thing.id

@@ -1,0 +1,157 @@
+"""`motorid batch --server`: a manifest on a service, taken up where it was left."""
+
+from __future__ import annotations
+
+import csv
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from tests.app.pretended import BAD_INPUT, QUICK, SLOW
+from tests.app.service import Caller, Server, make_key, run_text
+
+
+@pytest.fixture
+def caller(server: Server) -> Iterator[Caller]:
+    """A caller of a workspace that no other test uses."""
+    with Caller(server, make_key(server.data_dir, f"w{time.monotonic_ns()}")) as made:
+        yield made
+
+
+def manifest(directory: Path, **seeds: int) -> Path:
+    """Motors by their seeds, each with two runs."""
+    directory.mkdir(exist_ok=True)
+    lines = ["motor,training,validation,seed,posterior"]
+    for number, (name, seed) in enumerate(seeds.items()):
+        for run in range(2):
+            content = run_text(1000 + 10 * number + run)
+            (directory / f"{name}_{run}.csv").write_bytes(content)
+        lines.append(f"{name},{name}_0.csv,{name}_1.csv,{seed},no")
+    path = directory / "fleet.csv"
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+def batch(path: Path, out: Path, caller: Caller) -> int:
+    """The command, with the caller's service and key."""
+    key = caller.http.headers["authorization"].removeprefix("Bearer ")
+    words = ["batch", str(path), "--out", str(out), "--server", caller.client.url, "--key", key]
+    return main([*words, "-q"])
+
+
+def rows(out: Path) -> dict[str, dict[str, str]]:
+    """Lines of results.csv by motor."""
+    with (out / "results.csv").open(encoding="utf-8", newline="") as file:
+        return {row["motor"]: row for row in csv.DictReader(file)}
+
+
+def test_service_fits_what_the_manifest_lists(
+    caller: Caller, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same files as on this machine, one batch by the manifest's name; one motor fails."""
+    path = manifest(tmp_path / "bench", one=QUICK, bad=BAD_INPUT, two=QUICK)
+    out = tmp_path / "out"
+
+    status = batch(path, out, caller)
+
+    (made,) = caller.client.batches()
+    table = rows(out)
+    assert (status, made.name, made.status) == (1, "fleet.csv", "partial")
+    assert [row["status"] for row in table.values()] == ["fitted", "failed", "fitted"]
+    assert "bad_0.csv, row 7, column speed_rad_s: the speed never moves" in table["bad"]["error"]
+    assert "1 of 3 motors failed (bad)" in capsys.readouterr().err
+    for name in ("one", "two"):
+        assert {file.name for file in (out / name).iterdir()} == {
+            "batch.json", "report.html", "result.json"
+        }  # fmt: skip
+        result = json.loads((out / name / "result.json").read_text())
+        assert [run["role"] for run in result["runs"]] == ["training", "validation"]
+        assert float(table[name]["Ra25"]) == result["parameters"]["Ra25"]["median"]
+    assert (out / "fleet.html").exists()
+    assert not (out / "service.json").exists()
+
+
+def test_what_is_there_is_not_asked_for_again(caller: Caller, tmp_path: Path) -> None:
+    """The second command makes no batch; with one run changed, a batch of that motor alone."""
+    path = manifest(tmp_path / "bench", one=QUICK, two=QUICK)
+    out = tmp_path / "out"
+
+    assert batch(path, out, caller) == 0
+    assert batch(path, out, caller) == 0
+    assert [row["status"] for row in rows(out).values()] == ["kept", "kept"]
+    assert len(list(caller.client.batches())) == 1
+
+    (path.parent / "two_0.csv").write_bytes(run_text(1100))
+    assert batch(path, out, caller) == 0
+    table = rows(out)
+    assert [row["status"] for row in table.values()] == ["kept", "fitted"]
+    assert float(table["two"]["Ra25_drift"]) != 0.0
+    assert table["two"]["previous_fit"].startswith("two/history/")
+    newest, _ = caller.client.batches()
+    assert [fit["motor"] for fit in caller.client.show_batch(newest).fits] == ["two"]
+
+
+def test_batch_that_was_asked_for_before_a_kill_is_found_again(
+    caller: Caller, tmp_path: Path
+) -> None:
+    """A state file with a request, as a killed command leaves it: the same batch, not another."""
+    path = manifest(tmp_path / "bench", one=QUICK, two=SLOW)
+    out = tmp_path / "out"
+
+    class Killed(BaseException):
+        """Ends the command where a signal would."""
+
+    asked = caller.client.show_batch
+
+    def killed(*_: object) -> None:
+        raise Killed
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("motorid.client.Client.show_batch", killed)
+        assert batch(path, out, caller) != 0
+    state = json.loads((out / "service.json").read_text())
+    (begun,) = caller.client.batches()
+
+    assert batch(path, out, caller) == 0
+    assert [made.id for made in caller.client.batches()] == [begun.id]
+    assert sorted(state["records"]) == ["one", "two"]
+    assert asked(begun).status == "succeeded"
+
+
+def test_first_refit_here_is_compared_with_the_service_of_before(
+    caller: Caller, tmp_path: Path
+) -> None:
+    """An empty directory, and a fit of the same motor in the workspace: that one is the earlier."""
+    path = manifest(tmp_path / "bench", one=QUICK)
+    run = caller.client.upload(run_text(1200))
+    before = caller.client.wait(caller.client.fit([run], motor="one"))
+    assert before.result is not None
+
+    assert batch(path, tmp_path / "out", caller) == 0
+
+    row = rows(tmp_path / "out")["one"]
+    expected = float(row["Ra25"]) - before.result["parameters"]["Ra25"]["median"]
+    assert float(row["Ra25_drift"]) == expected
+
+
+def test_wrong_key_and_absent_service_are_one_line(
+    server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Status 2 for the key, 1 for a service that does not answer; the table says nothing false."""
+    path = manifest(tmp_path / "bench", one=QUICK)
+    words = ["batch", str(path), "--out", str(tmp_path / "out")]
+    monkeypatch.setenv("MOTORID_KEY", "motorid_wrong")
+
+    assert main([*words, "--server", server.url]) == 2
+    assert "motorid: --key: " in capsys.readouterr().err
+    monkeypatch.setattr("app.batch.command._FIRST_PATIENCE_S", 0.5)
+    assert main([*words, "--server", "http://127.0.0.1:9"]) == 1
+    assert "127.0.0.1:9 does not answer" in capsys.readouterr().err
+    assert main([*words, "--server", "localhost:8000"]) == 2
+    assert "'localhost:8000' is no address of a service" in capsys.readouterr().err
+    assert main([*words, "--server", f"{server.url}/nowhere"]) == 2

@@ -1,0 +1,132 @@
+"""The service's pages in a real browser: their scripts run, nothing is refused, nobody else asked.
+
+Runs are uploaded and fitted by the real pipeline, so that the report is one, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from identification.ingest import write_run
+from motorid.client import Client
+from tests.app.browser import Shown, needs_browser, show
+from tests.app.service import Server, serving
+from tests.motors import campaign, motor_named
+
+pytestmark = needs_browser
+
+SEVERAL = 6
+QUICKLY = {"posterior": False, "effects": False}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A service with a fit and a batch.
+
+    Args:
+        server: The service.
+        fit: Id of the fit.
+        batch: Id of the batch.
+    """
+
+    server: Server
+    fit: str
+    batch: str
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Runs of the 100 W servo, one fit of two of them, and a batch of several motors."""
+    directory = tmp_path_factory.mktemp("browser")
+    files = []
+    for number, run in enumerate(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=400)):
+        files.append(directory / f"run{number}.csv")
+        write_run(run, files[-1])
+    settings = {"PIPELINE": "identification.pipeline:identify"}
+    with (
+        serving(directory / "data", "--no-auth", **settings) as server,
+        Client(server.url) as client,
+    ):
+        runs = [client.upload(file, motor="servo <1>") for file in files]
+        fit = client.wait(client.fit(runs, motor="servo <1>", options=QUICKLY))
+        motors = [{"motor": f"servo <{n}>", "training": runs} for n in range(SEVERAL)]
+        batch = client.wait_batch(client.batch(motors, options=QUICKLY, name="<b>refit"))
+        assert batch.status == "succeeded"
+        yield Bench(server, fit.id, batch.id)
+
+
+def assert_is_quiet(shown: Shown, server: Server) -> None:
+    """Nothing on the console, and no address but those of this service."""
+    assert shown.console == []
+    assert [a for a in shown.requests if not a.startswith(f"{server.url}/")] == []
+
+
+def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) -> None:
+    """Two runs, seven fits and one batch with its links; the script asks for nothing outside."""
+    shown = show(bench.server.url, tmp_path)
+
+    assert_is_quiet(shown, bench.server)
+    assert {a.partition("?")[0].removeprefix(bench.server.url) for a in shown.requests} >= {
+        "/", "/static/motorid.css", "/static/home.js", "/static/calls.js",
+    }  # fmt: skip
+    assert len(re.findall(r'<tr data-run="', shown.dom)) == 2
+    assert len(re.findall(r'<tr data-fit="', shown.dom)) == SEVERAL + 1
+    assert len(re.findall(rf'<tr data-batch="{bench.batch}"', shown.dom)) == 1
+    assert f'href="/api/v1/batches/{bench.batch}/report"' in shown.dom
+    assert f'href="/api/v1/batches/{bench.batch}/results.csv"' in shown.dom
+    assert "&lt;b&gt;refit" in shown.dom
+
+
+def test_page_of_a_fit_shows_its_parameters(bench: Bench, tmp_path: Path) -> None:
+    """Seven rows of the declared model, and the way to the report."""
+    shown = show(f"{bench.server.url}/fits/{bench.fit}", tmp_path)
+
+    assert_is_quiet(shown, bench.server)
+    for name in ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L"):
+        assert f"<td>{name}</td>" in shown.dom
+    assert f'href="/api/v1/fits/{bench.fit}/report"' in shown.dom
+
+
+def test_report_draws_in_its_sandbox(bench: Bench, tmp_path: Path) -> None:
+    """Its script runs under the policy of the header and asks nobody for anything."""
+    shown = show(f"{bench.server.url}/api/v1/fits/{bench.fit}/report", tmp_path)
+
+    assert_is_quiet(shown, bench.server)
+    assert 'class="uplot' in shown.dom
+    assert len(shown.requests) == 1
+
+
+def test_fleet_page_shows_every_motor_without_a_script(bench: Bench, tmp_path: Path) -> None:
+    """Its styles pass both policies, of the header and of the page; it is one request."""
+    shown = show(f"{bench.server.url}/api/v1/batches/{bench.batch}/report", tmp_path)
+
+    assert_is_quiet(shown, bench.server)
+    assert len(shown.requests) == 1
+    told = shown.dom.partition('id="motors"')[2]
+    for number in range(SEVERAL):
+        assert f"servo &lt;{number}&gt;</a>" in told
+    assert shown.dom.count("<svg") >= 5
+
+
+def test_interface_is_described(bench: Bench, tmp_path: Path) -> None:
+    """The vendored page draws the calls from this service's own description."""
+    shown = show(f"{bench.server.url}/docs", tmp_path)
+
+    assert_is_quiet(shown, bench.server)
+    assert "/api/v1/batches/{batch_id}/results" in shown.dom
+
+
+def test_outside_request_would_be_seen(bench: Bench, tmp_path: Path) -> None:
+    """Negative control: a page that asks for a picture elsewhere is caught, answered or not."""
+    page = tmp_path / "page.html"
+    page.write_text('<!doctype html><script>nosuch()</script><img src="http://192.0.2.1/x.png">')
+
+    shown = show(page.as_uri(), tmp_path)
+
+    assert "http://192.0.2.1/x.png" in shown.requests
+    assert any("nosuch is not defined" in line for line in shown.console)

@@ -1,0 +1,96 @@
+"""The fleet page: what it shows, that it escapes, and that it asks nobody for anything."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import pytest
+
+from identification.fleet.page import content_security_policy, render_fleet
+from identification.fleet.refit import Refit
+from tests.fleet.fleets import CENTRE, estimate, fleet
+
+
+def page(refits: list[Refit]) -> str:
+    """The page of a fleet."""
+    return render_fleet("Refit", refits)
+
+
+def test_every_motor_is_in_every_picture() -> None:
+    """A title for the pointer for each motor and parameter, and a row of the last table."""
+    text = page(fleet(12))
+
+    assert text.count('<rect class="hover"') == 12 * len(CENTRE)
+    assert len(re.findall(r'<tr><th scope="row">motor \d+</th>\s*<td><span class="tag', text)) == 12
+    assert text.count("<svg") == len(CENTRE)
+
+
+def test_motors_stand_in_the_order_of_their_medians() -> None:
+    """The pointer's titles of the first picture, which is that of Ra25."""
+    refits = fleet(12)
+    expected = sorted(refits, key=lambda refit: refit.estimates["Ra25"].median or 0.0)
+
+    told = re.findall(r"<title>(motor \d+): ", page(refits).partition("Ra25 over the fleet")[2])
+
+    assert told[:12] == [refit.motor for refit in expected]
+
+
+def test_odd_and_moved_motors_are_listed_and_drawn_loud() -> None:
+    """Motor 3 has twice the inertia of its kind, motor 5 lost a tenth of its torque constant."""
+    refits = fleet(30, 1, {(5, "Kt25"): 0.9})
+    odd = dataclasses.replace(
+        refits[3], estimates={**refits[3].estimates, "J": estimate(2 * CENTRE["J"], 1e-8)},
+        previous=None,
+    )  # fmt: skip
+    text = page([*refits[:3], odd, *refits[4:]])
+
+    summary = text.partition('id="Ra25"')[0]
+    assert re.search(r'motor 3</th><td><a href="#J">J</a>', summary)
+    assert re.search(r'motor 5</th><td><a href="#Kt25">Kt25</a>.*?−\d+ %', summary, re.S)
+    assert 'class="stem loud"' in text
+
+
+def test_fleet_over_decades_is_drawn_on_a_logarithmic_axis() -> None:
+    """From 0.01 to 100 ohm the ticks are powers of ten."""
+    refits = [
+        dataclasses.replace(r, estimates={"Ra25": estimate(10.0 ** (n - 2), 1e-4)}, previous=None)
+        for n, r in enumerate(fleet(5))
+    ]
+
+    ticks = re.findall(r'<text class="tick end"[^>]*>([^<]+)</text>', page(refits))
+
+    assert {"0.01", "0.1", "1", "10", "100"} <= set(ticks)
+
+
+@pytest.mark.parametrize(
+    "refits",
+    [
+        [],
+        [Refit("m", "failed", error="no such file")],
+        fleet(1),
+        [dataclasses.replace(fleet(1)[0], previous=None)],
+        [Refit("m", "fitted", estimates={"b": estimate(0.0, 0.0)})],
+        [Refit("m", "fitted", estimates={"alpha_Ra": estimate(-1e-3, 0.0)})] * 3,
+    ],
+    ids=["nothing", "failed", "one", "first", "zero", "equal"],
+)
+def test_poor_fleets_have_a_page(refits: list[Refit]) -> None:
+    """No motor, no result, no spread: a page without a number that is none."""
+    text = page(refits)
+
+    assert text.rstrip().endswith("</html>")
+    assert not re.search(r"\b(nan|inf)\b|>None<|None [^b]", text.partition("<body>")[2])
+
+
+def test_page_holds_names_as_text_and_no_address_of_another() -> None:
+    """Markup in a motor's name or reason is text; the policy allows the page's styles alone."""
+    evil = '"><script>alert(1)</script>'
+    refits = [dataclasses.replace(r, motor=evil) for r in fleet(6)]
+    text = page([*refits, Refit(evil, "failed", error=evil)])
+
+    assert "<script" not in text
+    assert not re.search(r"(?:src|href)=\"(?!#|data:,)", text)
+    assert "http" not in text.replace("http-equiv", "").replace("http://www.w3.org", "")
+    assert "script" not in content_security_policy()
+    assert content_security_policy().startswith("default-src 'none'; style-src 'sha256-")

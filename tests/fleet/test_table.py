@@ -1,0 +1,123 @@
+"""The table: columns, cells, and the same in each form."""
+
+from __future__ import annotations
+
+import builtins
+import csv
+import dataclasses
+import io
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identification.fleet.refit import Refit, refit_of
+from identification.fleet.table import COLUMNS, MissingParquet, csv_text, parquet_bytes, rows_of
+from identification.quantities import DECLARED_PARAMETERS
+from tests.fleet.fleets import fleet
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+def test_row_has_every_parameter_with_interval_and_drift() -> None:
+    """The columns that docs/batch.md lists, for each of the seven parameters."""
+    (row,) = rows_of(fleet(1))
+
+    assert list(row) == list(COLUMNS)
+    for name in DECLARED_PARAMETERS:
+        for ending in ("_sd", "_q05", "_q95", "_drift", "_drift_relative", "_drift_sds"):
+            assert isinstance(row[f"{name}{ending}"], float)
+        assert row[f"{name}_drift"] == pytest.approx(row[name] - _before(name))
+        assert isinstance(row[f"{name}_drift_significant"], bool)
+
+
+def _before(name: str) -> float:
+    previous = fleet(1)[0].previous
+    assert previous is not None
+    return previous.estimates[name].median or 0.0
+
+
+def test_result_without_parts_is_a_row_with_empty_cells() -> None:
+    """A result of nothing but its version; nothing is known, and nothing fails."""
+    (row,) = rows_of([refit_of("m", "fitted", {"schema_version": 1})])
+
+    assert {n for n, v in row.items() if v not in (None, "")} == {"motor", "status"}
+    assert len(csv_text([row]).splitlines()) == 2
+
+
+def test_noise_ratios_and_effects_come_from_the_final_model() -> None:
+    """`errors.after` by role, and the names of `effects` in their order."""
+    result = {
+        "errors": {
+            "before": {"training": {"current": {"noise_ratio": 9.0}}},
+            "after": {"training": {"current": {"noise_ratio": 1.1}, "speed": {"noise_ratio": 1.2}},
+                      "validation": None},
+        },
+        "effects": [{"name": "brush_drop"}, {"name": "coulomb_friction"}],
+    }  # fmt: skip
+
+    (row,) = rows_of([refit_of("m", "fitted", result)])
+
+    assert row["training_noise_ratio_current"] == 1.1
+    assert row["training_noise_ratio_speed"] == 1.2
+    assert row["validation_noise_ratio_speed"] is None
+    assert row["effects"] == "brush_drop coulomb_friction"
+
+
+def test_runs_that_both_refits_share_are_counted() -> None:
+    """Shared runs are shared noise, which the combined standard deviation does not know."""
+    refit = fleet(1)[0]
+    assert refit.previous is not None
+    shared = dataclasses.replace(refit, training=("a", *refit.previous.training))
+
+    assert rows_of([refit])[0]["previous_shared_runs"] == 0
+    assert rows_of([shared])[0]["previous_shared_runs"] == 1
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(["", " ", "\t", "\r", "\n"]),
+    st.sampled_from("=+-@"),
+    st.text(max_size=8).filter(str.isprintable),
+)
+def test_no_cell_begins_like_a_formula(gap: str, sign: str, text: str) -> None:
+    """What a spreadsheet would compute gets an apostrophe, and a cell stays on its line."""
+    failed = Refit(motor=gap + sign + text, status="failed", error=gap + sign + text)
+
+    (line,) = csv.DictReader(io.StringIO(csv_text(rows_of([failed])), newline=""))
+
+    assert line["motor"] == line["error"] == f"'{' ' if gap else ''}{sign}{text}"
+
+
+def test_numbers_read_back_exactly_in_each_form() -> None:
+    """CSV with all digits, JSON and Parquet hold the same doubles."""
+    rows = rows_of([*fleet(3), Refit("bad", "failed", error="x")])
+    numbers = [name for name, (kind, _) in COLUMNS.items() if kind is float]
+
+    lines = list(csv.DictReader(io.StringIO(csv_text(rows))))
+    table = parquet.read_table(io.BytesIO(parquet_bytes(rows)))
+
+    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+    assert table.to_pylist() == rows
+    for row, line in zip(rows, lines, strict=True):
+        read = {n: float(line[n]) if line[n] else None for n in numbers}
+        assert read == {n: row[n] for n in numbers}
+    assert lines[0]["Ra25_identified"] == "true"
+    assert table.schema.field("Ra25_sd").metadata == {b"unit": b"ohm"}
+
+
+def test_parquet_says_what_to_install_where_it_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra by its name, and what to do without it."""
+    real = builtins.__import__
+
+    def without(name: str, *args: Any, **more: Any) -> Any:
+        if name.startswith("pyarrow"):
+            raise ImportError(name)
+        return real(name, *args, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+
+    with pytest.raises(MissingParquet, match=r"install motorid\[parquet\], or take the CSV"):
+        parquet_bytes(rows_of(fleet(1)))
