@@ -138,6 +138,7 @@ def test_files_without_a_row_go_once_they_are_old(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
     """What a crash between a file and its row left; a young one may still get its row."""
+    keep(database, storage, run_row("a"))
     old, young = (storage.run(new_id("run")) for _ in range(2))
     for path in (old, young):
         path.write_bytes(b"")
