@@ -42,7 +42,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     with serving(directory / "data", **settings) as server, Caller(server, key) as caller:
         runs = [str(caller.upload(run_text(seed))["id"]) for seed in range(40)]
         phases = "fuzzing,stateful" if short else "examples,coverage,fuzzing,stateful"
-        words = ["--phases", phases, "--max-examples", "3" if short else "250"]
+        words = ["--phases", phases, "--max-examples", "3" if short else "500"]
         report = _schemathesis(server, key, runs, directory, words)
         statuses = _statuses(server)
     cases, failures = report["test_cases"], report["failures"]
@@ -85,8 +85,9 @@ def _schemathesis(
             *("--request-timeout", "60", "--report", "json", "--report-json-path", str(report)),
             *words,
         ],
-        env=os.environ | hooks,
-        cwd=Path(__file__).parents[2],
+        env=os.environ | hooks | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        # It keeps what it found for the next time, which is not to be.
+        cwd=directory,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

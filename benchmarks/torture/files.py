@@ -111,8 +111,8 @@ def _line(size: int) -> Iterator[bytes]:
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
     """Send every bomb, and a line of a gigabyte in three ways."""
-    unpacked = 50_000_000 if short else 4 * GIGABYTE
-    flood = 20_000_000 if short else GIGABYTE
+    unpacked = 10_000_000 if short else 4 * GIGABYTE
+    flood = 5_000_000 if short else GIGABYTE
     answers: dict[str, Answer] = {}
     settings = {"MAX_UPLOAD_BYTES": 3 * GIGABYTE, "READERS": 2}
     with serving(directory / "data", "--no-auth", **settings) as server:

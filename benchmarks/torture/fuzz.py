@@ -38,7 +38,7 @@ _MAPPINGS = (
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
     """Read mutated files of each kind, and send some."""
-    number = 60 if short else 10_000
+    number = 15 if short else 10_000
     nursery = Nursery("app.runs.parser", temporary=directory)
     reader = RunReader(nursery, _LIMITS, 1_000_000)
     outcomes = []
@@ -50,7 +50,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
         outcomes.append(_outcome("mappings", _ends(reader, directory, mapped)))
     finally:
         nursery.stop()
-    return [*outcomes, _over_http(directory, 100 if short else 2000)]
+    return [*outcomes, _over_http(directory, 30 if short else 2000)]
 
 
 def _files(content: bytes, name: str, number: int) -> Iterator[tuple[bytes, None]]:

@@ -8,18 +8,21 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import httpx
 
 from benchmarks.torture import pipeline
 from benchmarks.torture.outcome import Outcome
 from benchmarks.torture.watching import children
+from tests.app import pretended
 from tests.app.service import Caller, Server, run_text, serving
 
 __all__ = ["ClockServer", "run"]
 
 _PIPELINE = f"{pipeline.__name__}:identify"
 _DISK = "24m"
+_PATIENCE_S = 300.0
 _YEAR_S = 365 * 86_400.0
 
 
@@ -36,8 +39,12 @@ class ClockServer(Server):
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
     """Run out of each, and come back."""
-    outcomes = [*_forbidden_writes(directory / "size"), *_memory(directory / "memory")]
-    outcomes += [_clock(directory / f"clock-{n}", j) for n, j in enumerate((_YEAR_S, -_YEAR_S))]
+    with (
+        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
+        Caller(server) as caller,
+    ):
+        outcomes = [_forbidden_writes(server, caller), _memory(server, caller)]
+    outcomes += _clocks(directory / "clocks", fits=3 if short else 12)
     if not short:
         outcomes.append(_full_disk(directory / "disk"))
     return outcomes
@@ -47,36 +54,37 @@ def _of(test: str, asked: str, faults: list[str], measured: str) -> Outcome:
     return Outcome(test, asked, "; ".join(faults) or measured, not faults)
 
 
+def _ended(caller: Caller, run_id: str, seed: int) -> dict[str, Any]:
+    """A fit of a run, once it has ended."""
+    return caller.wait(caller.begin(run_id, seed=seed)["id"], seconds=_PATIENCE_S)
+
+
 # ---------------------------------------------------------------- disk
 
 
-def _forbidden_writes(directory: Path) -> list[Outcome]:
+def _forbidden_writes(server: Server, caller: Caller) -> Outcome:
     """The kernel refuses writes beyond a size, as it does where a disk or a quota is full."""
     faults: list[str] = []
-    with (
-        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
-        Caller(server) as caller,
-    ):
-        run_id = caller.upload(run_text(0))["id"]
-        with _largest_file(server, 1_000_000):
-            large = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
-            failed = caller.wait(caller.begin(run_id, seed=pipeline.LARGE)["id"])
-            small = caller.http.post("/runs", files={"file": ("a.csv", run_text(2))})
-        again = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
-        fitted = caller.wait(caller.begin(run_id, seed=pipeline.LARGE)["id"])
-        left = list((directory / "data").rglob("incoming/*/*"))
-        code = (failed["error"] or {}).get("code")
-        if (large.status_code, large.json()["code"]) != (507, "storage_full"):
-            faults.append(f"upload: {large.status_code} {large.text[:100]}")
-        if (failed["status"], code) != ("failed", "storage_full"):
-            faults.append(f"fit: {failed['status']} {failed['error']}")
-        if (small.status_code, again.status_code, fitted["status"]) != (201, 201, "succeeded"):
-            faults.append(f"after: {small.status_code} {again.status_code} {fitted['status']}")
-        if left or caller.http.get(f"/runs/{run_id}").status_code != 200:
-            faults.append(f"left behind: {left}")
+    run_id = caller.upload(run_text(0))["id"]
+    with _largest_file(server, 1_000_000):
+        large = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
+        failed = _ended(caller, run_id, pipeline.LARGE)
+        small = caller.http.post("/runs", files={"file": ("a.csv", run_text(2))})
+    again = caller.http.post("/runs", files={"file": ("a.csv", run_text(1, 30_000))})
+    fitted = _ended(caller, run_id, pipeline.LARGE)
+    left = list(server.data_dir.rglob("incoming/*/*"))
+    code = (failed["error"] or {}).get("code")
+    if (large.status_code, large.json()["code"]) != (507, "storage_full"):
+        faults.append(f"upload: {large.status_code} {large.text[:100]}")
+    if (failed["status"], code) != ("failed", "storage_full"):
+        faults.append(f"fit: {failed['status']} {failed['error']}")
+    if (small.status_code, again.status_code, fitted["status"]) != (201, 201, "succeeded"):
+        faults.append(f"after: {small.status_code} {again.status_code} {fitted['status']}")
+    if left or caller.http.get(f"/runs/{run_id}").status_code != 200:
+        faults.append(f"left behind: {left}")
     told = "upload 507 storage_full, fit failed as storage_full, both done once there is space"
     asked = "507 and a named failure, nothing lost, all well once there is space"
-    return [_of("no space for files", asked, faults, told)]
+    return _of("no space for files", asked, faults, told)
 
 
 @contextmanager
@@ -131,7 +139,7 @@ def _fill(directory: Path) -> tuple[list[str], str]:
                 fits.append(answer.json()["id"])
         is_alive = httpx.get(f"{server.url}/healthz").status_code == 200
         filler.unlink()
-        ends = {caller.wait(fit, seconds=120)["status"] for fit in fits}
+        ends = {caller.wait(fit, seconds=_PATIENCE_S)["status"] for fit in fits}
         kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
         after = caller.http.post("/runs", files={"file": ("a.csv", run_text(500))}).status_code
     named = ("storage_full", "unavailable")
@@ -145,16 +153,12 @@ def _fill(directory: Path) -> tuple[list[str], str]:
 # ---------------------------------------------------------------- memory
 
 
-def _memory(directory: Path) -> list[Outcome]:
+def _memory(server: Server, caller: Caller) -> Outcome:
     """A fit that asks for memory until there is none."""
-    with (
-        serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
-        Caller(server) as caller,
-    ):
-        run_id = caller.upload(run_text(0))["id"]
-        once = caller.wait(caller.begin(run_id, seed=pipeline.HUNGRY_ONCE)["id"], seconds=120)
-        always = caller.wait(caller.begin(run_id, seed=pipeline.HUNGRY)["id"], seconds=120)
-        is_alive = httpx.get(f"{server.url}/readyz").status_code == 200
+    run_id = caller.upload(run_text(0))["id"]
+    once = _ended(caller, run_id, pipeline.HUNGRY_ONCE)
+    always = _ended(caller, run_id, pipeline.HUNGRY)
+    is_alive = httpx.get(f"{server.url}/readyz").status_code == 200
     error = always["error"] or {}
     faults = []
     if once["status"] != "succeeded":
@@ -163,31 +167,36 @@ def _memory(directory: Path) -> list[Outcome]:
         faults.append(f"always: {always['status']} {error}, alive {is_alive}")
     told = f"succeeded at attempt {once['attempt']}; failed as {error.get('code')}: "
     told += f"{error.get('detail')}"
-    return [_of("no memory in the child", "retried, then failed with a reason", faults, told)]
+    return _of("no memory in the child", "retried, then failed with a reason", faults, told)
 
 
 # ---------------------------------------------------------------- clock
 
 
-def _clock(directory: Path, jump: float) -> Outcome:
-    """The wall clock jumps by a year while fits wait and run, and back again."""
+def _clocks(directory: Path, fits: int) -> list[Outcome]:
+    """The wall clock jumps by a year while fits wait and run, and back again; either way."""
     directory.mkdir()
-    clock = directory / "clock"
-    clock.write_text("0")
+    (directory / "clock").write_text("0")
     settings = {"PIPELINE": "tests.app.pretended:identify", "RETENTION_DAYS": 30, "SWEEP_S": 1}
     server = ClockServer(directory / "data", "--no-auth", **settings)
     try:
-        with Caller(server) as caller:
-            runs = [caller.upload(run_text(seed))["id"] for seed in range(6)]
-            fits = [caller.begin(run_id, seed=1)["id"] for run_id in runs]
-            time.sleep(1.0)
-            _write(clock, str(jump))
-            time.sleep(3.0)
-            _write(clock, "0")
-            ended = [caller.wait(fit, seconds=120) for fit in fits]
-            kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
+        return [_clock(server, directory / "clock", jump, fits) for jump in (_YEAR_S, -_YEAR_S)]
     finally:
         server.stop()
+
+
+def _clock(server: Server, clock: Path, jump: float, number: int) -> Outcome:
+    with Caller(server) as caller:
+        runs = [caller.upload(run_text(seed))["id"] for seed in range(number)]
+        fits = [caller.begin(run_id, seed=pretended.SLOW)["id"] for run_id in runs]
+        time.sleep(0.5)
+        _write(clock, str(jump))
+        time.sleep(2.5)
+        _write(clock, "0")
+        ended = [caller.wait(fit, seconds=_PATIENCE_S) for fit in fits]
+        kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
+    # The log is read by a thread of its own.
+    time.sleep(0.5)
     log = "".join(server.log)
     results = [log.count(f'"fit succeeded", "fit": "{fit}"') for fit in fits]
     faults = []
@@ -196,7 +205,7 @@ def _clock(directory: Path, jump: float) -> Outcome:
     if results != [1] * len(fits):
         faults.append(f"results of each fit: {results}")
     attempts = max(int(fit["attempt"]) for fit in ended)
-    told = f"6 fits, one result each, at most {attempts} attempts, nothing removed as old"
+    told = f"{number} fits, one result each, at most {attempts} attempts, nothing removed as old"
     return _of(
         f"the clock jumps by a year {'ahead' if jump > 0 else 'back'} and back again",
         "no fit lost, none doubled, nothing removed",

@@ -1,0 +1,63 @@
+"""Every route of the application, and keys that open none."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI
+
+from app.access.gate import PUBLIC_PATHS
+from app.access.service import AccessService
+from app.database import Database
+from app.paths import STATIC_PREFIX
+
+PLACE = re.compile(r"\{(\w+)\}")
+
+
+def walked(routes: Iterable[Any]) -> Iterator[tuple[str, str]]:
+    """Method and path of each route, those of routers that were included among them."""
+    for route in routes:
+        if hasattr(route, "effective_route_contexts"):
+            # FastAPI keeps a router that was included as one route of its own kind.
+            yield from walked(route.effective_route_contexts())
+            continue
+        for method in sorted(getattr(route, "methods", None) or {"GET"}):
+            yield method, route.path
+
+
+def every_route(application: FastAPI) -> list[tuple[str, str]]:
+    """Each method and path that the application answers, by its routes and its description."""
+    described = application.openapi()["paths"]
+    from_schema = [(m.upper(), path) for path, calls in described.items() for m in calls]
+    found = {*from_schema, *walked(application.routes)}
+    return sorted(
+        (method, path)
+        for method, path in found
+        if path and path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX.rstrip("/"))
+    )
+
+
+def revoked_key(data_dir: Path) -> str:
+    """The secret of a key of alice that was revoked."""
+    database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
+    access = AccessService(database)
+    key, secret = access.create_key("lost", "alice")
+    access.revoke_key(key.id)
+    database.close()
+    return secret
+
+
+def expired_key(data_dir: Path) -> str:
+    """The secret of a key of alice that has expired: it lasted 86 microseconds."""
+    database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
+    _, secret = AccessService(database).create_key("visitor", "alice", days=1e-9)
+    database.close()
+    return secret
+
+
+def filled(path: str, ids: Mapping[str, str]) -> str:
+    """A path with things of alice in the places of its parameters."""
+    return PLACE.sub(lambda found: ids[found.group(1)], path)
