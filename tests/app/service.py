@@ -89,7 +89,8 @@ class Server:
         self.log.extend(iter(self.process.stderr.readline, ""))
 
     def _await_address(self) -> str:
-        deadline = time.monotonic() + 60
+        # A machine that is busy with other work may need minutes to load what a server needs.
+        deadline = time.monotonic() + 300
         while time.monotonic() < deadline and self.process.poll() is None:
             for line in list(self.log):
                 found = re.search(r"http://[^\s\"]+:\d+", line)
