@@ -144,7 +144,7 @@ def torture(directory: Path, database: str, engine: str, kills: int, rng: random
         clients = [Client(lambda: rig.url, number) for number in range(_CLIENTS)]
         for client in clients:
             client.start()
-        killed = _kill(rig, kills, rng)
+        killed = _kill(rig, clients, kills, rng)
         for client in clients:
             client.stop()
         deadline = time.monotonic() + _PATIENCE_S
@@ -182,19 +182,34 @@ def _outcome(
     )
 
 
-def _kill(rig: Rig, kills: int, rng: random.Random) -> collections.Counter[str]:
-    """Kill so many times, each kind in turn in an order of chance."""
+def _kill(
+    rig: Rig, clients: list[Client], kills: int, rng: random.Random
+) -> collections.Counter[str]:
+    """Kill so many times, each kind in turn in an order of chance.
+
+    Half of the kills come soon after the one before, so that they hit what is just starting.  The
+    others come some time after a fit has ended, so that even on a slow machine fits do end.
+    """
     killed: collections.Counter[str] = collections.Counter()
     bag: list[str] = []
     while killed.total() < kills:
         if not bag:
             bag = rig.targets()
             rng.shuffle(bag)
+        if rng.random() < 0.5:
+            _await_an_end(rig, clients)
         time.sleep(rng.uniform(0.1, 1.2))
         _tend(rig)
         target = bag.pop()
         killed[target] += rig.kill(target, rng)
     return killed
+
+
+def _await_an_end(rig: Rig, clients: list[Client]) -> None:
+    before = sum(len(client.ended) for client in clients)
+    deadline = time.monotonic() + _PATIENCE_S
+    while sum(len(client.ended) for client in clients) == before and time.monotonic() < deadline:
+        _tend(rig)
 
 
 def _tend(rig: Rig) -> None:

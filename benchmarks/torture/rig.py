@@ -107,7 +107,7 @@ class Rig:
 
     def targets(self) -> list[str]:
         """What can be killed here."""
-        found = ["server", "nursery", "child", "child"]
+        found = ["server", "nursery", "child"]
         if self.postgres is not None:
             found += ["postgresql", "backend"]
         if self.cluster is not None:

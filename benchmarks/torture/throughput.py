@@ -54,7 +54,9 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     ]
 
 
-def ratios(directory: Path, workers: int, *, turns: int, fits: int) -> list[float]:
+def ratios(
+    directory: Path, workers: int, *, turns: int, fits: int, **settings: object
+) -> list[float]:
     """Fits a minute of several workers over those of one, turn by turn.
 
     Args:
@@ -62,8 +64,9 @@ def ratios(directory: Path, workers: int, *, turns: int, fits: int) -> list[floa
         workers: How many workers are compared with one.
         turns: How often each is measured.
         fits: Fits of one worker in a turn; several get as many more.
+        **settings: Settings of the servers, such as another pipeline.
     """
-    settings = {"PIPELINE": "identification.pipeline:identify", "LOG_LEVEL": "warning"}
+    settings = {"PIPELINE": "identification.pipeline:identify"} | settings
     found = []
     with ExitStack() as stack:
         callers = [
@@ -82,7 +85,7 @@ def ratios(directory: Path, workers: int, *, turns: int, fits: int) -> list[floa
         runs = [caller.upload(_RUN.read_bytes(), _RUN.name)["id"] for caller in callers]
         for caller, stored in zip(callers, runs, strict=True):
             # What is loaded or compiled once is no part of the rate.
-            _rate(caller, stored, workers)
+            _rate(caller, stored, workers, seed=0)
         for turn in range(turns):
             order = (0, 1) if turn % 2 == 0 else (1, 0)
             rates = {n: _rate(callers[n], runs[n], fits * (1, workers)[n]) for n in order}
@@ -90,13 +93,14 @@ def ratios(directory: Path, workers: int, *, turns: int, fits: int) -> list[floa
     return found
 
 
-def _rate(caller: Caller, stored: str, count: int) -> float:
+def _rate(caller: Caller, stored: str, count: int, seed: int = 9) -> float:
     """Fits a second.
 
     Looked for seldom, since who asks takes time from those who compute.
     """
     began = time.monotonic()
-    fits = [caller.begin(stored, posterior=False, effects=False)["id"] for _ in range(count)]
+    options = {"seed": seed, "posterior": False, "effects": False}
+    fits = [caller.begin(stored, **options)["id"] for _ in range(count)]
     for fit in reversed(fits):
         while caller.fit(fit)["status"] not in ENDED:
             time.sleep(_LOOK_S)

@@ -8,8 +8,8 @@ was given up and still runs overwrites nothing.  A file is complete or not there
 when its content is on the disk.  It is used where its key is that of the chain, and otherwise the
 chain starts over; so does it where the file cannot be read, since all that is lost is time.
 
-Kept are the walkers' ways, their densities and the state of the random numbers: a chain that goes
-on is number for number the one that was not interrupted.
+Whatever computes a fit loads this file, so it imports little; what the state of a chain is stands
+in `identification.posterior.resume`.
 """
 
 from __future__ import annotations
@@ -23,18 +23,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Self
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.posterior.density import Posterior
-
-__all__ = ["Checkpoint", "chain_key", "kept_backend", "state_of"]
-
-Array = NDArray[np.float64]
+__all__ = ["Checkpoint", "digest"]
 
 _INTERVAL_S: Final = 10.0
-_RESOLUTION: Final = 0.01
 
 
 class Checkpoint:
@@ -62,7 +56,7 @@ class Checkpoint:
 
     def about(self, *subject: object) -> Self:
         """The same files for one piece of work, such as the hashes of its runs and its options."""
-        words = _digest(repr(subject).encode())
+        words = digest(subject)
         return type(self)(self._path, self._earlier, self._interval_s, words)
 
     def load(self, key: str) -> dict[str, NDArray[Any]] | None:
@@ -103,70 +97,9 @@ class Checkpoint:
         self._saved = time.monotonic()
 
 
-def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) -> str:
-    """Key of a chain: what is sampled, where it is, how wide it is, and from which seed.
-
-    Centre and widths are rounded to a hundredth of a standard deviation, so that another machine,
-    whose last digits differ, can go on where this one stopped.
-
-    Args:
-        posterior: The density.
-        covariance: (n_dim, n_dim) of its normal approximation.
-        seed: Seed of the chain.
-        walkers: Number of walkers.
-    """
-    spread = np.sqrt(np.diag(covariance))
-    place = np.rint(posterior.centre / spread / _RESOLUTION)
-    width = np.rint(np.log(spread) / _RESOLUTION)
-    words = (posterior.names, seed, walkers, place.tolist(), width.tolist())
-    return _digest(repr(words).encode())
-
-
-def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
-    """The state of a chain as arrays.
-
-    Args:
-        backend: What emcee keeps of it.
-    """
-    _, keys, position, has_gauss, gauss = backend.random_state
-    steps = backend.iteration
-    return {
-        "chain": backend.chain[:steps],
-        "log_prob": backend.log_prob[:steps],
-        "accepted": backend.accepted,
-        "random_keys": keys,
-        "random_place": np.array([position, has_gauss], dtype=np.float64),
-        "random_gauss": np.array(gauss),
-    }
-
-
-def kept_backend(
-    checkpoint: Checkpoint | None, key: str, walkers: int, n_dim: int
-) -> emcee.backends.Backend:
-    """What emcee begins with: the state that was saved, or nothing.
-
-    Args:
-        checkpoint: Where it may have been saved.
-        key: Key of the chain.
-        walkers: Number of walkers.
-        n_dim: Number of dimensions.
-    """
-    backend = emcee.backends.Backend()
-    state = None if checkpoint is None else checkpoint.load(key)
-    if state is None or state["chain"].shape[1:] != (walkers, n_dim):
-        return backend
-    backend.reset(walkers, n_dim)
-    backend.chain, backend.log_prob = state["chain"], state["log_prob"]
-    backend.accepted = state["accepted"]
-    backend.iteration = len(backend.chain)
-    position, has_gauss = (int(number) for number in state["random_place"])
-    gauss = float(state["random_gauss"])
-    backend.random_state = ("MT19937", state["random_keys"], position, has_gauss, gauss)
-    return backend
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def digest(*words: object) -> str:
+    """A hash of numbers and texts."""
+    return hashlib.sha256(repr(words).encode()).hexdigest()
 
 
 def _read(path: Path) -> dict[str, NDArray[Any]] | None:

@@ -23,14 +23,10 @@ import numpy as np
 from emcee import moves
 from numpy.typing import NDArray
 
-from identification.posterior.checkpoint import (
-    Checkpoint,
-    chain_key,
-    kept_backend,
-    state_of,
-)
+from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.convergence import Convergence, convergence_of
 from identification.posterior.density import Posterior
+from identification.posterior.resume import chain_key, kept_backend, state_of
 
 __all__ = ["Sample", "sample"]
 

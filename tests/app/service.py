@@ -18,6 +18,7 @@ import numpy as np
 
 from app.access.service import AccessService
 from app.database import Database
+from app.settings import load_settings
 from motorid.client import Client
 
 ENDED = {"succeeded", "failed", "cancelled"}
@@ -94,7 +95,8 @@ class Server:
         self.log.extend(iter(self.process.stderr.readline, ""))
 
     def _await_address(self) -> str:
-        deadline = time.monotonic() + 60
+        # A machine that is busy with other work may need minutes to load what a server needs.
+        deadline = time.monotonic() + 300
         while time.monotonic() < deadline and self.process.poll() is None:
             for line in list(self.log):
                 found = re.search(r"http://[^\s\"]+:\d+", line)
@@ -163,7 +165,8 @@ class Caller:
 def make_key(data_dir: Path, workspace: str = "default") -> str:
     """Make a key in a data directory, as `motorid keys create` does."""
     data_dir.mkdir(parents=True, exist_ok=True)
-    database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
+    # As the server finds it, wherever MOTORID_DATABASE_URL says that it is.
+    database = Database(load_settings(data_dir=data_dir).sqlalchemy_url)
     database.migrate()
     _, secret = AccessService(database).create_key("test", workspace)
     database.close()

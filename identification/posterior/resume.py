@@ -1,0 +1,83 @@
+"""The state of a chain as arrays, and a chain that begins with it.
+
+Kept are the walkers' ways, their densities and the state of the random numbers: a chain that goes
+on is number for number the one that was not interrupted.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import emcee
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.posterior.checkpoint import Checkpoint, digest
+from identification.posterior.density import Posterior
+
+__all__ = ["chain_key", "kept_backend", "state_of"]
+
+Array = NDArray[np.float64]
+
+_RESOLUTION: Final = 0.01
+
+
+def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) -> str:
+    """Key of a chain: what is sampled, where it is, how wide it is, and from which seed.
+
+    Centre and widths are rounded to a hundredth of a standard deviation, so that another machine,
+    whose last digits differ, can go on where this one stopped.
+
+    Args:
+        posterior: The density.
+        covariance: (n_dim, n_dim) of its normal approximation.
+        seed: Seed of the chain.
+        walkers: Number of walkers.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    place = np.rint(posterior.centre / spread / _RESOLUTION)
+    width = np.rint(np.log(spread) / _RESOLUTION)
+    return digest(posterior.names, seed, walkers, place.tolist(), width.tolist())
+
+
+def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
+    """The state of a chain as arrays.
+
+    Args:
+        backend: What emcee keeps of it.
+    """
+    _, keys, position, has_gauss, gauss = backend.random_state
+    steps = backend.iteration
+    return {
+        "chain": backend.chain[:steps],
+        "log_prob": backend.log_prob[:steps],
+        "accepted": backend.accepted,
+        "random_keys": keys,
+        "random_place": np.array([position, has_gauss], dtype=np.float64),
+        "random_gauss": np.array(gauss),
+    }
+
+
+def kept_backend(
+    checkpoint: Checkpoint | None, key: str, walkers: int, n_dim: int
+) -> emcee.backends.Backend:
+    """What emcee begins with: the state that was saved, or nothing.
+
+    Args:
+        checkpoint: Where it may have been saved.
+        key: Key of the chain.
+        walkers: Number of walkers.
+        n_dim: Number of dimensions.
+    """
+    backend = emcee.backends.Backend()
+    state = None if checkpoint is None else checkpoint.load(key)
+    if state is None or state["chain"].shape[1:] != (walkers, n_dim):
+        return backend
+    backend.reset(walkers, n_dim)
+    backend.chain, backend.log_prob = state["chain"], state["log_prob"]
+    backend.accepted = state["accepted"]
+    backend.iteration = len(backend.chain)
+    position, has_gauss = (int(number) for number in state["random_place"])
+    gauss = float(state["random_gauss"])
+    backend.random_state = ("MT19937", state["random_keys"], position, has_gauss, gauss)
+    return backend
