@@ -16,7 +16,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 UV ?= uv
 IMAGE ?= motorid
-# Tests stop at the first warning that nobody explained; ARGS="-k name -x" passes words to pytest.
+# As many tests at once as cores; one stops at the first warning that nobody explained.  ARGS="-k name -x" passes words to pytest.
 ARGS ?=
 
 # ---------------------------------------------------------------- environment
@@ -80,7 +80,7 @@ data: $(READY) ## make the campaigns in data/ again with the bench simulator
 
 .PHONY: test
 test: lint types imports spelling docstrings ## all checks, then all tests
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses logical --dist loadfile $(ARGS)
 
 .PHONY: check
 check: lint types imports spelling docstrings docs ## what needs no test to run: a minute at most
