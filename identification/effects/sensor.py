@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -31,15 +34,42 @@ __all__ = [
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
 
+Array = NDArray[np.float64]
+
+_DRIFTING = "from run to run"
+_FEWEST_RUNS = 3
+
+
+def _forms(survey: Survey) -> tuple[bool, ...]:
+    """Whether to look for constant zero errors, and for those that move."""
+    return (False, True) if len(survey.runs) >= _FEWEST_RUNS else (False,)
+
+
+def _zero_error(unit: str, size: float, drifts: bool) -> tuple[Parameter, ...]:
+    offset = amplitude("offset", unit, "zero error", size, signed=True)
+    drift = amplitude("drift", unit, "what it gains from run to run", 0.1 * size, signed=True)
+    return (offset, drift) if drifts else (offset,)
+
+
+def _error_in_run(signals: Signals, values: Values, drifts: bool) -> Expression:
+    return values.offset + values.drift * signals.run if drifts else values.offset
+
+
+def _zero_starts(size: float, drifts: bool) -> Array:
+    return columns((size, 0.0), (0.0, 0.1 * size)) if drifts else columns((size,))
+
+
 @dataclass(frozen=True)
 class _ZeroError(AbstractSensor):
-    """A zero error of a sensor: logged = true + offset.
+    """A zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
 
     Args:
         size: Natural size of the channel, in its unit.
+        drifts: Whether the error moves from run to run.
     """
 
     size: float
+    drifts: bool = False
 
     equation: ClassVar[str] = "sensor"
     drivers: ClassVar[tuple[str, ...]] = ()
@@ -48,21 +78,29 @@ class _ZeroError(AbstractSensor):
     tried: ClassVar[float]  # prototype over the natural size
 
     @property
+    def variant(self) -> str:
+        """Whether it moves."""
+        return _DRIFTING if self.drifts else ""
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error."""
-        return (amplitude("offset", self.unit, "zero error", self.size, signed=True),)
+        """The zero error, and how far it moves."""
+        return _zero_error(self.unit, self.size, self.drifts)
 
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Logged value, in the unit of the channel."""
-        return before + values.offset
+        return before + _error_in_run(signals, values, self.drifts)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
+        """A constant one, and one that moves where there are runs enough to tell."""
         size = float(getattr(survey, cls.channel))
-        return [Candidate(cls(size), columns((cls.tried * size,)))]
+        return [
+            Candidate(cls(size, drifts), _zero_starts(cls.tried * size, drifts), joint=1 + drifts)
+            for drifts in _forms(survey)
+        ]
 
 
 @dataclass(frozen=True)
@@ -87,13 +125,17 @@ class SpeedOffset(_ZeroError):
 
 @dataclass(frozen=True)
 class VoltageOffset(AbstractSupply):
-    """A zero error of the voltage sensor: terminal voltage = logged voltage - offset [V].
+    """A zero error of the voltage sensor.
+
+        terminal voltage = logged voltage - offset - drift k   in the k-th run, from 0      [V]
 
     Args:
         size: Natural voltage [V].
+        drifts: Whether the error moves from run to run.
     """
 
     size: float
+    drifts: bool = False
 
     name: ClassVar[str] = "voltage_offset"
     equation: ClassVar[str] = "sensor"
@@ -101,41 +143,78 @@ class VoltageOffset(AbstractSupply):
     source: ClassVar[str] = _SOURCE
 
     @property
+    def variant(self) -> str:
+        """Whether it moves."""
+        return _DRIFTING if self.drifts else ""
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error."""
-        return (amplitude("offset", "V", "zero error", self.size, signed=True),)
+        """The zero error, and how far it moves."""
+        return _zero_error("V", self.size, self.drifts)
 
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
         """Terminal voltage [V]."""
-        return before - values.offset
+        return before - _error_in_run(signals, values, self.drifts)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
-        return [Candidate(cls(survey.voltage), columns((0.03 * survey.voltage,)))]
+        """A constant one, and one that moves where there are runs enough to tell."""
+        size = survey.voltage
+        return [
+            Candidate(cls(size, drifts), _zero_starts(0.03 * size, drifts), joint=1 + drifts)
+            for drifts in _forms(survey)
+        ]
 
 
 @dataclass(frozen=True)
 class _Filter(AbstractSensor):
-    """A low-pass of first order between the quantity and the log.
+    """A low-pass of first or second order between the quantity and the log.
 
-        dy/dt = (x - y) / tau,   logged = y
+        tau dy/dt + q tau^2 d2y/dt2 = x - y,   logged = y
+
+    With q = 1/4 it is two equal stages, 1/3 is near a moving average, 1/2 is Butterworth's.
 
     Args:
         fastest: Shortest time constant the sampling shows [s].
         slowest: Longest [s].
+        order: 1, with q = 0, or 2.
     """
 
     fastest: float
     slowest: float
+    order: int = 1
 
     equation: ClassVar[str] = "sensor"
     source: ClassVar[str] = _SOURCE
+    unit: ClassVar[str]
+
+    @property
+    def variant(self) -> str:
+        """Its order, where that is not the usual one."""
+        return "second order" if self.order == 2 else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The time constant."""
-        return (shape("time_constant", "s", "time constant", self.fastest, self.slowest),)
+        """The time constant, and what makes it a filter of second order."""
+        time = shape("time_constant", "s", "time constant", self.fastest, self.slowest)
+        second = shape("second", "-", "coefficient q of the second order", 0.05, 2.0)
+        return (time, second) if self.order == 2 else (time,)
+
+    @property
+    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+        """What is logged, and for second order its rate times the time constant."""
+        filtered = State("filtered", self.unit, self.channel)  # type: ignore[arg-type]
+        return (filtered, State("rise", self.unit)) if self.order == 2 else (filtered,)
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rates of the states [unit of the channel / s]."""
+        lag = getattr(signals, self.channel) - states.filtered
+        if self.order == 1:
+            return [lag / values.time_constant]
+        return [
+            states.rise / values.time_constant,
+            (lag - states.rise) / (values.second * values.time_constant),
+        ]
 
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
@@ -145,38 +224,43 @@ class _Filter(AbstractSensor):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its time constant scanned."""
-        term = cls(0.1 * survey.interval, 300 * survey.interval)
-        scanned = (0.7, 3.0, 12.0, 50.0)
-        return [Candidate(term, columns(*[(f * survey.interval,) for f in scanned]))]
+        """One structure of each order, its time constant scanned."""
+        scanned = [f * survey.interval for f in (0.7, 3.0, 12.0, 50.0)]
+        ends = 0.1 * survey.interval, 300 * survey.interval
+        return [
+            Candidate(cls(*ends), columns(*[(time,) for time in scanned])),
+            Candidate(cls(*ends, 2), columns(*[(time, 0.4) for time in scanned])),
+        ]
 
 
 @dataclass(frozen=True)
 class SpeedFilter(_Filter):
-    """The logged speed went through a low-pass, dy/dt = (w - y) / tau."""
+    """The logged speed went through a low-pass of first or second order.
+
+    tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
+
+    Without q it is of first order.
+    """
 
     name: ClassVar[str] = "speed_filter"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     channel: ClassVar[str] = "speed"
-    states: ClassVar[tuple[State, ...]] = (State("filtered", "rad/s", "speed"),)
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the filtered speed [rad/s^2]."""
-        return [(signals.speed - states.filtered) / values.time_constant]
+    unit: ClassVar[str] = "rad/s"
 
 
 @dataclass(frozen=True)
 class CurrentFilter(_Filter):
-    """The logged current went through a low-pass, dy/dt = (i - y) / tau."""
+    """The logged current went through a low-pass of first or second order.
+
+    tau dy/dt + q tau^2 d2y/dt2 = i - y,   logged current = y           [A]
+
+    Without q it is of first order.
+    """
 
     name: ClassVar[str] = "current_filter"
     drivers: ClassVar[tuple[str, ...]] = ("current",)
     channel: ClassVar[str] = "current"
-    states: ClassVar[tuple[State, ...]] = (State("filtered", "A", "current"),)
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the filtered current [A/s]."""
-        return [(signals.current - states.filtered) / values.time_constant]
+    unit: ClassVar[str] = "A"
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,12 @@ __all__ = ["NormalEquations", "gradient_of", "normal_equations", "products", "st
 
 Array = NDArray[np.float64]
 
+_LARGEST = 1e100
+"""Entry above which a derivative is that of a simulation that does not stay finite."""
+
+_LEAST = 1e-60
+"""Least entry of a diagonal, over the largest of the matrix."""
+
 
 @dataclass(frozen=True)
 class NormalEquations:
@@ -48,6 +54,11 @@ class NormalEquations:
     state_gradients: tuple[Array, ...]
     logged: tuple[Array, ...]
     tangents: tuple[Array, ...]
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether a step can be computed; a simulation on its way to infinity gives none."""
+        return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     @property
     def decrement(self) -> float:
@@ -192,8 +203,12 @@ def normal_equations(
         xx = full[n:, n:] + np.diag(precision)
         xg = right[n:] + precision * (centre - states[k])
         xj = full[n:, :n]
-        information += full[:n, :n] - xj.T @ np.linalg.solve(xx, xj)
-        gradient += right[:n] - xj.T @ np.linalg.solve(xx, xg)
+        if not np.max(np.abs(full)) < _LARGEST:
+            # On the way to infinity: `is_finite` tells it, and nothing is solved.
+            information[:], xx, xj = np.nan, np.eye(xx.shape[0]), np.zeros_like(xj)
+        solved = _by_states(xx, np.column_stack([xj, xg]))
+        information += full[:n, :n] - xj.T @ solved[:, :n]
+        gradient += right[:n] - xj.T @ solved[:, n]
         matrices.append(xx)
         couplings.append(xj)
         state_gradients.append(xg)
@@ -270,13 +285,27 @@ def _solved(matrix: Array, right: Array) -> Array:
     """Solution of a symmetric system, scaled to unit diagonal first; least squares if singular."""
     if matrix.size == 0:
         return right
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    size = _sizes(matrix)
     scaled = matrix / np.outer(size, size)
     return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size)
 
 
+def _by_states(matrix: Array, right: Array) -> Array:
+    """Solution for each column; not a number where what the states do is lost in rounding."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full_like(right, np.nan)
+
+
+def _sizes(matrix: Array) -> Array:
+    """Roots of the diagonal; rounding may leave a zero, or less, where nothing is determined."""
+    least = max(_LEAST * float(np.max(np.abs(matrix), initial=0.0)), 1e-300)
+    return np.asarray(np.sqrt(np.maximum(np.diag(matrix), least)))
+
+
 def _inverse(matrix: Array) -> Array:
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    size = _sizes(matrix)
     scaled = matrix / np.outer(size, size)
     values, vectors = np.linalg.eigh(scaled)
     values = np.maximum(values, 1e-14)

@@ -143,9 +143,11 @@ def solve(
     cost = float(costs[0])
     converged = False
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
+    if not equations.is_finite:
+        cost = np.inf
     patience = patience or Patience()
     for number in range(patience.steps):
-        if patience.over or not np.isfinite(equations.matrix).all():
+        if patience.over or not equations.is_finite:
             break
         if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
             break
@@ -163,9 +165,12 @@ def solve(
             converged = equations.decrement < 1.0
             break
         gain = cost - float(costs[best])
-        cost, weighting = float(costs[best]), sized
-        at, x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
-        equations = normal_equations(simulator, coordinates, at, x0, weighting)
+        moved, moved_x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
+        following = normal_equations(simulator, coordinates, moved, moved_x0, sized)
+        if not following.is_finite:
+            # Finite still, but on the way to infinity: no place to go on from.
+            break
+        at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         if gain < _ENOUGH and equations.decrement < _ENOUGH * 10:
             converged = True
             break
