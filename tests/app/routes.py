@@ -59,5 +59,5 @@ def expired_key(data_dir: Path) -> str:
 
 
 def filled(path: str, ids: Mapping[str, str]) -> str:
-    """A path with things of alice in the places of its parameters."""
-    return PLACE.sub(lambda found: ids[found.group(1)], path)
+    """A path with things of alice in the places of its parameters; tables are asked for as CSV."""
+    return PLACE.sub(lambda found: {"form": "csv", **ids}[found.group(1)], path)
