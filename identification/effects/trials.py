@@ -47,7 +47,7 @@ class Trials:
     Args:
         campaign: Records of training and of runs left out.
         until: Moment of the monotonic clock at which nothing new is begun [s].
-        longest: Time after which one refit is given up [s].
+        longest: Time after which a first refit is given up; the best are finished later [s].
         tried: Number of prototypes that were scored in one round.
     """
 
@@ -65,9 +65,14 @@ class Trials:
         """Whether the time is up."""
         return time.monotonic() > self.until
 
-    def patience(self, hopeless: float = np.inf) -> Patience:
-        """What a refit may take."""
-        return Patience(_STEPS, hopeless, min(self.until, time.monotonic() + self.longest))
+    def patience(self, hopeless: float = np.inf, longest: float = np.inf) -> Patience:
+        """What a refit may take.
+
+        Args:
+            hopeless: Cost of a rival; the fit stops where it is not going to come near it.
+            longest: Time after which it is given up [s].
+        """
+        return Patience(_STEPS, hopeless, min(self.until, time.monotonic() + longest))
 
     def judge(self, fit: Fit, share: float | None = None) -> Judged:
         """The fit with its errors on the runs left out; the first of a model is kept.
@@ -140,7 +145,7 @@ class Trials:
             fit = self._fits.get(key)
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
-                patience = self.patience(min(best + slack, hopeless))
+                patience = self.patience(min(best + slack, hopeless), self.longest)
                 fit = refitted_with(
                     current.fit, score.candidate.final, score.start, patience, score.own
                 )
