@@ -281,7 +281,7 @@ def test_line_cut_off_by_a_power_failure_is_left_out_with_a_warning(tmp_path: Pa
 @needs_real_data
 @pytest.mark.parametrize(("file", "rows"), [("prbs_long.csv", 50_000), ("prbs_short.csv", 10_000)])
 def test_measured_servo_reads_with_its_current_sensor_scaled(file: str, rows: int) -> None:
-    """The row counts are the files'; 2.5 A/V is assumed, as the real gain is not known, and that is said."""
+    """The row counts are the files'; the real gain of the current is unknown, and that is said."""
     path = REAL / "labeca_dc_servo" / file
     with pytest.raises(WrongUnit, match=r'"current_A": \{"column": "current_sensor_V", "scale"'):
         read_run(path)
