@@ -70,6 +70,11 @@ class FitQueue:
         with self._database.reading() as session:
             return repository.has_ended(session, fit_id)
 
+    def waiting(self, most: int) -> int:
+        """How many fits wait, counted up to a number."""
+        with self._database.reading() as session:
+            return repository.waiting(session, most)
+
     def claim(self) -> tuple[Job, int] | None:
         """Take the fit that waits longest.
 

@@ -38,6 +38,7 @@ __all__ = [
     "run_ids",
     "runs_of",
     "unclaim",
+    "waiting",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -284,6 +285,12 @@ def expired(session: Session, *, node: str, owner: str, now: float) -> Sequence[
         or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{node}/", autoescape=True)),
     )
     return session.scalars(query).all()
+
+
+def waiting(session: Session, most: int) -> int:
+    """How many fits wait, of all workspaces, counted up to a number."""
+    query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
+    return len(session.scalars(query).all())
 
 
 def counts(session: Session) -> dict[str, int]:

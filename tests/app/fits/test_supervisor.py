@@ -74,6 +74,10 @@ class Engine(AbstractEngine):
         """What the test said."""
         return self.most
 
+    def threads(self, jobs: int) -> int:
+        """A share of eight."""
+        return 8 // min(jobs, self.most)
+
     def start(self, job: Job) -> AbstractRunning:
         """Start nothing."""
         if self.refusals:
@@ -264,6 +268,19 @@ def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
     first.succeed()
 
     bench.started(3)
+
+
+def test_fits_share_the_cores_among_those_that_run_or_wait(bench: Bench) -> None:
+    """Of eight: all for one that is alone, half for the second, and half when a third waits too."""
+    bench.queue()
+    assert bench.started(1).job.threads == 8
+
+    bench.queue()
+    bench.queue()
+    assert bench.started(2).job.threads == 4
+    bench.started(1).succeed()
+
+    assert bench.started(3).job.threads == 4
 
 
 def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> None:
