@@ -270,19 +270,19 @@ def put_back(session: Session, fit_id: str, attempt: int, *, failures: int) -> b
     )
 
 
-def expired(session: Session, *, node: str, owner: str, now: float) -> Sequence[FitRow]:
+def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence[FitRow]:
     """Fits that run under an owner who is gone.
 
     Args:
         session: Session of the database.
-        node: Name of this machine: it has one server, so that every other owner of it is gone.
+        place: Name of this place: it has one server, so that every other owner of it is gone.
         owner: This server.
         now: The time, past which a lease must reach [s since 1970].
     """
     query = select(FitRow).where(
         FitRow.status == "running",
         FitRow.owner != owner,
-        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{node}/", autoescape=True)),
+        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{place}/", autoescape=True)),
     )
     return session.scalars(query).all()
 
