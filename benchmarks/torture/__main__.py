@@ -3,9 +3,9 @@
     python -m benchmarks.torture [--short] [--only kills,files] [--out FILE.md]
 
 Each module of `MODULES` has one function, `run(short, directory)`, that starts the servers which
-it needs on loopback, ends them, and gives a list of outcomes.  Each has a section of its own in the
-table, which is written when the module is done; the other sections stay as they are, so that the
-whole can be made in parts.
+it needs on loopback, ends them, and gives outcomes, at once or one by one.  Each has a section of
+its own in the table, which is written when the module is done; the other sections stay as they are,
+so that the whole can be made in parts.
 """
 
 from __future__ import annotations
