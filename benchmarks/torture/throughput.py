@@ -63,8 +63,8 @@ class Kind:
 
 _BRIEF = {"posterior": False, "effects": False}
 _LONG = (
-    Kind("fits without effects and posterior", _BRIEF, fits=8, turns=9, seconds=1200.0),
-    Kind("fits as by default", {}, fits=3, turns=5, seconds=1200.0),
+    Kind("fits without effects and posterior", _BRIEF, fits=5, turns=9, seconds=900.0),
+    Kind("fits as by default", {}, fits=2, turns=5, seconds=900.0),
 )
 _SHORT = (Kind("fits without effects and posterior", _BRIEF, fits=4, turns=3, seconds=20.0),)
 
