@@ -158,13 +158,34 @@ class FluxSaturation(_Saturation):
 class InductanceSaturation(_Saturation):
     """The iron saturates: L falls with the size of the current.
 
-    L -> L / (1 + c (|i| / i_0)^n)                                      [H]
+        L -> L (s + (1 - s) / (1 + c (|i| / i_0)^n))                        [H]
+
+    The share s is that of the leakage flux, whose path is in air and does not saturate.
     """
 
     name: ClassVar[str] = "inductance_saturation"
     source: ClassVar[str] = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
     coefficient: ClassVar[str] = "L"
     scale: ClassVar[float] = 0.2
-    most: ClassVar[float] = 20.0
-    width: ClassVar[float] = 10.0
-    tried: ClassVar[float] = 0.3
+    most: ClassVar[float] = 100.0
+    width: ClassVar[float] = 20.0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Fall at the reference current, its exponent, and what does not fall."""
+        meaning = "share of L that leakage keeps at any current"
+        leakage = Parameter(
+            "leakage", "-", meaning, scale=0.1, lower=0.0, upper=0.9, prior_mean=0.1, prior_sd=2.0
+        )
+        return (*super().parameters, leakage)
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on L [-]."""
+        falling = super().factor(signals, states, values)
+        return values.leakage + (1 - values.leakage) * falling
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, from where saturation begins to where little but leakage is left."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (5.0, 2.0, 0.15)))]

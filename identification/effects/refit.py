@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,13 +18,36 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 
-__all__ = ["refined", "refitted_with", "refitted_without", "with_known_amplitudes"]
+__all__ = ["Along", "refined", "refitted_with", "refitted_without", "with_known_amplitudes"]
 
 Array = NDArray[np.float64]
 
 _STEPS: Final = 20
 _ATTEMPTS: Final = 3
+_ROUGH: Final = 0.1
+"""Share of the residual by which one interval may be wrong where a refit begins."""
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
+
+
+@dataclass(frozen=True)
+class Along:
+    """How a fit moves along with what is added to it, to first order.
+
+    Args:
+        position: (n_parameter, ...) change of its search coordinates.
+        states: For each record (n_state, ...) change of its initial states.
+    """
+
+    position: Array
+    states: tuple[Array, ...]
+
+    def of(self, columns: slice) -> Along:
+        """Some of the columns."""
+        return Along(self.position[:, columns], tuple(state[:, columns] for state in self.states))
+
+    def by(self, weights: Array) -> Along:
+        """The columns weighed together."""
+        return Along(self.position @ weights, tuple(state @ weights for state in self.states))
 
 
 def refitted_with(
@@ -33,6 +56,7 @@ def refitted_with(
     start: Array,
     patience: Patience | None = None,
     own: Sequence[Array] = (),
+    along: Along | None = None,
 ) -> Fit:
     """The fit of the model with `term` added, from where `fit` ended.
 
@@ -42,6 +66,7 @@ def refitted_with(
         start: (n_parameter,) physical values of the term's parameters.
         patience: When to give up.
         own: For each record initial values of the term's states; the usual ones where empty.
+        along: How the fit is expected to move along; to where it ended where None.
     """
     return _refitted(
         fit,
@@ -55,6 +80,7 @@ def refitted_with(
         ),
         patience or Patience(_STEPS),
         own,
+        along,
     )
 
 
@@ -90,6 +116,7 @@ def _refitted(
     added: dict[str, float],
     patience: Patience,
     own: Sequence[Array] = (),
+    along: Along | None = None,
 ) -> Fit:
     known = {p.name: p for p in fit.coordinates.parameters}
     parameters = [known.get(p.name, p) for p in model.parameters]
@@ -104,32 +131,70 @@ def _refitted(
     plain = replace(
         Weighting.white(records), deviation=fit.weighting.deviation, robust=fit.weighting.robust
     )
-    if patience.steps:
-        values = _shortened(simulator, values, set(added), states, plain)
     position = coordinates.of(values)
+    if patience.steps and added:
+        ways = [_held(coordinates, states)]
+        if along is not None:
+            ways.append(_following(fit, simulator.model, coordinates, along))
+        # What blows up on intervals that are too long cannot be compared with what does not.
+        simulator = simulator.divided_for(
+            values, states, _ROUGH * plain.deviation, start=fit.simulator.divisions
+        )
+        place = (position, states)
+        position, states = _shortened(simulator, coordinates, place, ways, set(added), plain)
     return replanned(solve(simulator, coordinates, position, states, plain, patience), patience)
+
+
+def _held(coordinates: Coordinates, states: Sequence[Array]) -> Along:
+    """Nothing that was fitted moves."""
+    return Along(np.zeros(len(coordinates.names)), tuple(np.zeros(state.size) for state in states))
+
+
+def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Along) -> Along:
+    """How a fit moves along, in the parameters and states of the model that was added to."""
+    moves = dict(zip(fit.coordinates.names, along.position, strict=True))
+    names = fit.simulator.model.state_names
+    shifts = [dict(zip(names, state, strict=True)) for state in along.states]
+    return Along(
+        np.array([moves.get(name, 0.0) for name in coordinates.names]),
+        tuple(np.array([own.get(name, 0.0) for name in model.state_names]) for own in shifts),
+    )
 
 
 def _shortened(
     simulator: Simulator,
-    values: Array,
+    coordinates: Coordinates,
+    place: tuple[Array, Sequence[Array]],
+    ways: Sequence[Along],
     added: set[str],
-    states: Sequence[Array],
     weighting: Weighting,
-) -> Array:
+) -> tuple[Array, list[Array]]:
     """The start, with the sizes of what is added made smaller where that is better.
 
-    A size that is right to first order may be far too large where the effect is not small.
+    A size that is right to first order may be far too large where the effect is not small, and
+    so may be what moves along with it.
     """
+    position, states = place
     is_size = np.array(
         [p.name in added and p.vanishes for p in simulator.model.parameters], dtype=bool
     )
     if not is_size.any():
-        return values
-    lanes = np.repeat(values[:, None], _SHARES.size, axis=1)
-    lanes[is_size] *= _SHARES
-    cost = weighting.sized(simulator.misfit(lanes, states, weighting))[1]
-    return lanes[:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
+        return position, list(states)
+    shares = np.tile(_SHARES, len(ways))
+    lanes = np.repeat(position[:, None], shares.size, axis=1)
+    lanes[is_size] *= shares
+    lanes += np.column_stack([way.position for way in ways]).repeat(_SHARES.size, axis=1) * shares
+    lanes = np.clip(lanes, coordinates.lower[:, None], coordinates.upper[:, None])
+    starts = [
+        state[:, None]
+        + np.column_stack([way.states[k] for way in ways]).repeat(_SHARES.size, axis=1) * shares
+        for k, state in enumerate(states)
+    ]
+    cost = weighting.sized(simulator.misfit(coordinates.values(lanes), starts, weighting))[
+        1
+    ] - coordinates.log_prior(lanes)
+    best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
+    return lanes[:, best], [start[:, best] for start in starts]
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:

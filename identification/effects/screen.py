@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.effects.forcing import responses
+from identification.effects.refit import Along
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
@@ -54,6 +55,7 @@ class Score:
             their prototypes, everything else fitted along [-]; None where they are a record's own.
         own: For each record the amplitudes that are its own, in the order of the term's states;
             empty where there are none.
+        along: How what was fitted so far moves along; None where it is held.
     """
 
     candidate: Candidate
@@ -61,6 +63,7 @@ class Score:
     gain: float
     covariance: Array | None = None
     own: tuple[Array, ...] = ()
+    along: Along | None = None
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -153,12 +156,12 @@ def _scores_of_forced(
     lanes = sum(candidate.lanes for candidate in candidates)
     stride = _stride(fit)
     forced = _forced(fit, candidates, stride)
-    projections, products = _normal(fit, forced, residuals, lanes, stride)
+    projections, products, along = _normal(fit, forced, residuals, lanes, stride)
     scores: list[Score] = []
     start = 0
     for candidate in candidates:
         span = slice(start, start + candidate.lanes)
-        scores += _scores_from(candidate, projections[span], products[span, span])
+        scores += _scores_from(candidate, projections[span], products[span, span], along.of(span))
         start += candidate.lanes
     return scores
 
@@ -198,19 +201,22 @@ def _scores_together(
     """Scores of starts whose amplitudes are the same in all records."""
     stride = _stride(fit)
     kept = [deviation[::stride] for deviation in deviations]
-    projections, products = _normal(fit, kept, residuals, candidate.lanes, stride)
-    return _scores_from(candidate, projections, products)
+    return _scores_from(candidate, *_normal(fit, kept, residuals, candidate.lanes, stride))
 
 
-def _scores_from(candidate: Candidate, projections: Array, products: Array) -> list[Score]:
+def _scores_from(
+    candidate: Candidate, projections: Array, products: Array, along: Along
+) -> list[Score]:
     scores = []
     for first in range(0, candidate.lanes, candidate.joint):
         span = slice(first, first + candidate.joint)
         gain, weights = _gain(products[span, span], projections[span])
         if np.isfinite(gain):
-            inverse = np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True)
-            sized = _sized(candidate, first, weights)
-            scores.append(Score(candidate, sized, gain, np.asarray(inverse, dtype=np.float64)))
+            inverse = np.asarray(
+                np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True), dtype=np.float64
+            )
+            sized, weights = _sized(candidate, first, weights)
+            scores.append(Score(candidate, sized, gain, inverse, (), along.of(span).by(weights)))
     return scores
 
 
@@ -299,13 +305,17 @@ def _normal(
     residuals: Sequence[Array],
     count: int,
     stride: int = 1,
-) -> tuple[Array, Array]:
-    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp, each sample standing for `stride`."""
+) -> tuple[Array, Array, Along]:
+    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp, each sample standing for `stride`.
+
+    And how what is fitted already moves along with each start.
+    """
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
     right = np.zeros(count)
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))
+    moved = []
     for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
@@ -320,21 +330,36 @@ def _normal(
             both += tangent.T @ scaled
         solved = np.linalg.solve(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
+        moved.append(solved)
         crossed += both[:n] - equations.couplings[k].T @ solved
         right[bad] = np.nan
     free = equations.matrix
     size = np.sqrt(np.diag(free))
     scaled_matrix = free / np.outer(size, size)
     solved = np.linalg.lstsq(scaled_matrix, crossed / size[:, None], rcond=1e-12)[0]
-    return right, square - (crossed / size[:, None]).T @ solved
+    moves = -solved / size[:, None]
+    states = [
+        np.asarray(-own - np.linalg.solve(matrix, coupling @ moves), dtype=np.float64)
+        for own, matrix, coupling in zip(
+            moved, equations.state_matrices, equations.couplings, strict=True
+        )
+    ]
+    return right, square - (crossed / size[:, None]).T @ solved, Along(moves, tuple(states))
 
 
-def _sized(candidate: Candidate, first: int, weights: Array) -> Array:
-    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept."""
+def _sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
+    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept.
+
+    Where that leaves nothing, since the score points where the effect cannot go, the prototype is
+    the start: what is best far from nothing need not show there.
+
+    Returns:
+        The start and the weights of the prototypes in it.
+    """
     parameters = candidate.term.parameters
     columns = candidate.starts[:, first : first + weights.size]
     if columns.size == 0:
-        return np.zeros(0)
+        return np.zeros(0), weights
     sized = columns[:, 0].copy()
     for row, parameter in enumerate(parameters):
         if parameter.vanishes:
@@ -344,5 +369,6 @@ def _sized(candidate: Candidate, first: int, weights: Array) -> Array:
             low, high = max(parameter.lower, -reach), min(parameter.upper, reach)
             sized[row] = float(np.clip(value, low, high))
             if sized[row] == 0.0 and columns[row].any():
-                sized[row] = 0.1 * float(columns[row][np.argmax(np.abs(columns[row]))])
-    return sized
+                sized[row] = float(columns[row][np.argmax(np.abs(columns[row]))])
+                weights = np.ones(1) if weights.size == 1 else weights
+    return sized, weights

@@ -147,7 +147,12 @@ class Trials:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
                 patience = self.patience(min(best + slack, hopeless), self.longest)
                 fit = refitted_with(
-                    current.fit, score.candidate.final, score.start, patience, score.own
+                    current.fit,
+                    score.candidate.final,
+                    score.start,
+                    patience,
+                    score.own,
+                    score.along,
                 )
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
