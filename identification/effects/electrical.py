@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import casadi as ca
 
@@ -17,7 +17,9 @@ from identification.model.term import (
     Values,
 )
 
-_SMALLEST = 1e-4
+_ROUND: Final = 0.02
+"""Share of the drop below which its size is rounded, so that it has a slope everywhere."""
+_SMALLEST: Final = 1e-4
 """Current over the knee below which its size is rounded off."""
 
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
@@ -27,7 +29,7 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractVoltage):
     """Voltage lost at the brush contacts, with the sign of the current.
 
-        v = -V_b (1 + a s) s,   s = i / (|i|^p + i_b^p)^(1/p)               [V]
+        v = -V_b (s + a |s|),   s = i / (|i|^p + i_b^p)^(1/p)               [V]
 
     `i_b` is where the knee lies: far below the current the drop is a step, near it a contact
     whose resistance falls as the current grows.  `p` says how sharp the knee is (one: hyperbolic,
@@ -70,7 +72,8 @@ class BrushDrop(AbstractVoltage):
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
         share = relative / ca.exp(ca.log(1 + size) / power)
-        return -values.voltage * (1 + values.asymmetry * share) * share
+        even = ca.sqrt(share * share + _ROUND**2) - _ROUND
+        return -values.voltage * (share + values.asymmetry * even)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:

@@ -18,7 +18,14 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 
-__all__ = ["Along", "refined", "refitted_with", "refitted_without", "with_known_amplitudes"]
+__all__ = [
+    "Along",
+    "refined",
+    "refitted_as",
+    "refitted_with",
+    "refitted_without",
+    "with_known_amplitudes",
+]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +89,16 @@ def refitted_with(
         own,
         along,
     )
+
+
+def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) -> Fit:
+    """The fit with a term in a richer form, from where `fit` ended; what is new starts neutral."""
+    before = fit.simulator.model
+    terms = tuple(term if own.name == term.name else own for own in before.terms)
+    model = replace(before, terms=terms)
+    known = set(fit.coordinates.names)
+    new = {p.name: p.prior_mean for p in model.parameters if p.name not in known}
+    return _refitted(fit, model, new, patience or Patience(_STEPS))
 
 
 def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> Fit:

@@ -158,6 +158,7 @@ def search(
         if not _forward(state, round_):
             is_exhausted = True
             break
+        _enrich(state, round_)
         if round_ == 1:
             if _leaves_more(state, first):
                 alone = _curve_alone(state, first)
@@ -224,6 +225,21 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
             Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
         )
     return None if chosen is None else judgements[chosen]
+
+
+def _enrich(state: _State, round_: int) -> None:
+    """Give effects the richer forms of their laws, as long as these pass."""
+    for found in state.current.fit.simulator.model.terms:
+        term = found.richer
+        while term is not None and not state.trials.over:
+            richer = state.trials.enriched(state.current, term)
+            gates = richer.gates(state.current, state.trials.tried)
+            state.searched.append(
+                Searched(term.name, round_, gates.gain, gates, gates.passed, term.variant)
+            )
+            if not gates.passed:
+                break
+            state.current, term = richer, term.richer
 
 
 def _backward(state: _State) -> None:

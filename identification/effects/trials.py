@@ -17,7 +17,7 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
-from identification.effects.refit import refined, refitted_with, refitted_without
+from identification.effects.refit import refined, refitted_as, refitted_with, refitted_without
 from identification.effects.screen import Score, screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
@@ -97,6 +97,15 @@ class Trials:
                 refitted_without(current.fit, term.name, self.patience()), self.patience()
             )
             known = self.judge(fit)
+        return known
+
+    def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
+        """The model with one of its terms in this richer form."""
+        kept = {name for name in _key(current.fit) if name[0] != term.name}
+        known = self._judged.get(frozenset(kept | {_name(term)}))
+        if known is None:
+            fit = refitted_as(current.fit, term, self.patience())
+            known = self.judge(self._finished(fit), current.share)
         return known
 
     def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:

@@ -115,6 +115,11 @@ class AbstractTerm(ABC):
         """Which of several terms of this name it is: its channel, run or signals; empty for one."""
         return ""
 
+    @property
+    def richer(self) -> AbstractTerm | None:
+        """The same law with more freedom, tried once this one has been found; None for most."""
+        return None
+
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term [unit of the state / s]."""
         return []

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scipy import integrate
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.cogging import CoggingTorque
 from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
-from identification.effects.load import CoggingTorque, InertiaChange, LoadStep, LoadTorque
+from identification.effects.load import InertiaChange, LoadStep, LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.sensor import CurrentOffset, VoltageOffset
 from identification.effects.thermal import Demagnetization, SelfHeating
