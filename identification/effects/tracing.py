@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, MissingVoltage, curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
@@ -61,7 +62,8 @@ def missing_curves(fit: Fit) -> list[Score]:
     """
     survey = survey_of(fit)
     candidates = [*curves(survey), *ripples(survey, _peaks(fit))]
-    scores = screened(fit, candidates + LaggingFriction.candidates(survey))
+    candidates += AngularFriction.candidates(survey) + LaggingFriction.candidates(survey)
+    scores = screened(fit, candidates)
     best: dict[object, Score] = {}
     for score in scores:
         best.setdefault(score.candidate.final, score)
