@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.effects.forcing import responses
-from identification.effects.refit import Along
+from identification.effects.start import Along, Start
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
@@ -56,6 +56,7 @@ class Score:
         own: For each record the amplitudes that are its own, in the order of the term's states;
             empty where there are none.
         along: How what was fitted so far moves along; None where it is held.
+        others: Starts of the same structure that promised less.
     """
 
     candidate: Candidate
@@ -64,6 +65,12 @@ class Score:
     covariance: Array | None = None
     own: tuple[Array, ...] = ()
     along: Along | None = None
+    others: tuple[Start, ...] = ()
+
+    @property
+    def starts(self) -> tuple[Start, ...]:
+        """Where a refit may start, the most promising first."""
+        return (Start(self.start, self.own, self.along), *self.others)
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:

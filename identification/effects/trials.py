@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -38,6 +38,8 @@ _REACH: Final = 0.15
 UNDERSTATED: Final = 5.0
 """Gain of a refit over what screening promised, at most."""
 _COMMON: Final = 4.0
+_OTHERS: Final = 4
+"""Starts beside the most promising one from which a refit may go on."""
 
 
 @dataclass
@@ -155,14 +157,7 @@ class Trials:
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
                 patience = self.patience(min(best + slack, hopeless), self.longest)
-                fit = refitted_with(
-                    current.fit,
-                    score.candidate.final,
-                    score.start,
-                    patience,
-                    score.own,
-                    score.along,
-                )
+                fit = refitted_with(current.fit, score.candidate.final, score.starts, patience)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
             found.append((score, fit))
@@ -233,7 +228,10 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
     """
     best: dict[tuple[str, str], Score] = {}
     for score in scores:
-        best.setdefault((score.candidate.term.name, score.candidate.final.variant), score)
+        key = (score.candidate.term.name, score.candidate.final.variant)
+        known = best.setdefault(key, score)
+        if known is not score and len(known.others) < _OTHERS:
+            best[key] = replace(known, others=(*known.others, *score.starts))
     kinds: dict[str, int] = {}
     kept = []
     for score in best.values():

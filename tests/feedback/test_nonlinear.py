@@ -18,6 +18,7 @@ from identification.effects.friction import CoulombFriction
 from identification.effects.load import InertiaChange, LoadStep, LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.sensor import CurrentOffset, VoltageOffset
+from identification.effects.start import Start
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.feedback import METRIC_UNITS, feedback_metrics
 from identification.feedback.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
@@ -170,7 +171,7 @@ def fits() -> tuple[Fit, Fit]:
     drop = BrushDrop(24.0, 10.0)
     sizes = {"voltage": 1e-9, "knee": 1.0, "sharpness": 2.0}
     start = np.array([sizes.get(p.name, 0.0) for p in drop.parameters])
-    return declared, refitted_with(declared, drop, start)
+    return declared, refitted_with(declared, drop, [Start(start)])
 
 
 def spread(fit: Fit, count: int = 200) -> dict[str, Array]:
