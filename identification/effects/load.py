@@ -219,7 +219,10 @@ class ShaftCompliance(AbstractTorque, AbstractCoefficient):
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
     coefficient: ClassVar[str] = "J"
-    states: ClassVar[tuple[State, ...]] = (State("twist", "rad"), State("speed", "rad/s", "speed"))
+    states: ClassVar[tuple[State, ...]] = (
+        State("twist", "rad", fades=True),
+        State("speed", "rad/s", "speed", fades=True),
+    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

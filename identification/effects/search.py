@@ -160,7 +160,7 @@ def search(
             break
         _enrich(state, round_)
         if round_ == 1:
-            if _leaves_more(state, first):
+            if _leaves_more(state):
                 alone = _curve_alone(state, first)
             if alone is not None and _is_far_better(alone, state.current, first):
                 break
@@ -281,10 +281,10 @@ def _is_left(state: _State) -> list[Score]:
     return [s for s in state.trials.curves(state.current) if s.gain > needed]
 
 
-def _leaves_more(state: _State, declared: Judged) -> bool:
-    """Whether curves promise more beside the kind that was taken than it has gained itself."""
+def _leaves_more(state: _State) -> bool:
+    """Whether curves promise more beside the kind that was taken than it promised itself."""
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
-    return left > declared.fit.cost - state.current.fit.cost
+    return left > max(one.promised for one in state.searched if one.chosen)
 
 
 def _curve_alone(state: _State, declared: Judged) -> Judged | None:

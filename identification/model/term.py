@@ -62,6 +62,8 @@ class State:
             ``current``, ``speed``) or ``zero``; the start of the free initial value.
         scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
         is_own: Whether it is an amplitude that each record has for itself and that does not move.
+        fades: Whether its value at the start is forgotten long before the record ends, as a
+            filter's is; samples after that tell nothing of it.
     """
 
     name: str
@@ -69,6 +71,7 @@ class State:
     follows: Literal["temperature", "current", "speed", "zero"] = "zero"
     scale: float = 30.0
     is_own: bool = False
+    fades: bool = False
 
 
 @dataclass(frozen=True)
