@@ -137,11 +137,11 @@ def test_loop_with_friction_drop_and_cogging_is_that_of_an_independent_integrati
 
 
 def test_a_derivative_kicks_the_flux_and_not_the_current() -> None:
-    """Flux kd r = integral of L / (1 + c (i / i_0)^2) di, which is an arc tangent."""
+    """Without leakage flux kd r = integral of L / (1 + c (i / i_0)^2) di is an arc tangent."""
     reference, fall, derivative, step = 10.0, 2.0, 0.3, 5.0
     term = InductanceSaturation(reference)
 
-    run = response((term,), (fall, 2.0), f"PID:1,0,{derivative:g}", step, 0.1)
+    run = response((term,), (fall, 2.0, 0.0), f"PID:1,0,{derivative:g}", step, 0.1)
 
     root = np.sqrt(fall)
     expected = reference / root * np.tan(root * derivative * step / (INDUCTANCE * reference))
