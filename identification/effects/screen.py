@@ -3,7 +3,7 @@
 A prototype's deviation from the current model, with everything taken out that the fitted
 parameters and initial states could imitate, is compared with the residual:
 
-    gain = (d' W r)^2 / (2 d_perp' W d_perp)                    [log likelihood]
+    gain = (d_perp' W r)^2 / (2 d_perp' W d_perp)               [log likelihood]
 
 This is what the log likelihood would gain if the effect's size were free and all parameters were
 fitted again, to first order.  Marginal correlation would not do: the parameters that were fitted
@@ -28,7 +28,7 @@ from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["Score", "screened"]
+__all__ = ["Score", "gathered", "screened"]
 
 _MANY = 1_000_000
 """Samples times prototypes above which better code pays for itself in one run."""
@@ -36,6 +36,9 @@ _MANY = 1_000_000
 _ENOUGH = 20_000
 """Samples at which deviations are compared with the residual; an effect that changes the error by
 two per cent gains hundreds in log likelihood on so many."""
+
+_OTHERS = 5
+"""Starts beside the most promising one from which a refit may go on."""
 
 _PARTS = 2
 """Parts of a sample interval at most; which effect it is shows without its sharpest moments."""
@@ -71,6 +74,21 @@ class Score:
     def starts(self) -> tuple[Start, ...]:
         """Where a refit may start, the most promising first."""
         return (Start(self.start, self.own, self.along), *self.others)
+
+
+def gathered(scores: Sequence[Score]) -> list[Score]:
+    """One score of each structure, its other starts with it.
+
+    Args:
+        scores: Best first.
+    """
+    best: dict[tuple[str, str], Score] = {}
+    for score in scores:
+        key = (score.candidate.term.name, score.candidate.final.variant)
+        known = best.setdefault(key, score)
+        if known is not score and len(known.others) < _OTHERS:
+            best[key] = replace(known, others=(*known.others, *score.starts))
+    return list(best.values())
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -313,9 +331,11 @@ def _normal(
     count: int,
     stride: int = 1,
 ) -> tuple[Array, Array, Along]:
-    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp, each sample standing for `stride`.
+    """(n_start,) d_perp'Wr and (n_start, n_start) d_perp'Wd_perp.
 
-    And how what is fitted already moves along with each start.
+    Each sample stands for `stride`.  Where the fit is at a bound or not quite at its optimum d'Wr
+    holds some of what the parameters could still do; that is taken away.  And how what is fitted
+    already moves along with each start.
     """
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
@@ -337,6 +357,7 @@ def _normal(
             both += tangent.T @ scaled
         solved = np.linalg.solve(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
+        right -= solved.T @ equations.state_gradients[k]
         moved.append(solved)
         crossed += both[:n] - equations.couplings[k].T @ solved
         right[bad] = np.nan
@@ -345,6 +366,7 @@ def _normal(
     scaled_matrix = free / np.outer(size, size)
     solved = np.linalg.lstsq(scaled_matrix, crossed / size[:, None], rcond=1e-12)[0]
     moves = -solved / size[:, None]
+    right += moves.T @ equations.gradient
     states = [
         np.asarray(-own - np.linalg.solve(matrix, coupling @ moves), dtype=np.float64)
         for own, matrix, coupling in zip(

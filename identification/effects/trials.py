@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
 from identification.effects.refit import refined, refitted_as, refitted_with, refitted_without
-from identification.effects.screen import Score, screened
+from identification.effects.screen import Score, gathered, screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
@@ -38,8 +38,6 @@ _REACH: Final = 0.15
 UNDERSTATED: Final = 5.0
 """Gain of a refit over what screening promised, at most."""
 _COMMON: Final = 4.0
-_OTHERS: Final = 4
-"""Starts beside the most promising one from which a refit may go on."""
 
 
 @dataclass
@@ -226,15 +224,9 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
         count: Most that are taken.
         least: Gain that has to be promised.
     """
-    best: dict[tuple[str, str], Score] = {}
-    for score in scores:
-        key = (score.candidate.term.name, score.candidate.final.variant)
-        known = best.setdefault(key, score)
-        if known is not score and len(known.others) < _OTHERS:
-            best[key] = replace(known, others=(*known.others, *score.starts))
     kinds: dict[str, int] = {}
     kept = []
-    for score in best.values():
+    for score in gathered(scores):
         name = score.candidate.term.name
         kinds[name] = kinds.get(name, 0) + 1
         if kinds[name] <= 2 and score.gain > least:

@@ -7,6 +7,7 @@ from typing import Any, Final
 from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, MissingVoltage
 from identification.effects.hysteresis import LaggingFriction
+from identification.effects.loose import LoosePart
 from identification.effects.ripple import MissingTorqueRipple, MissingVoltageRipple
 from identification.model.term import AbstractTerm
 
@@ -33,6 +34,8 @@ def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
         fields["imitated"] = tuple((float(a), float(b)) for a, b in fields["imitated"])
     if "farthest" in fields:
         return LaggingFriction(**fields)
+    if "narrowest" in fields:
+        return LoosePart(**fields)
     if "turning" in fields:
         return AngularFriction(**fields)
     term: AbstractTerm = _KINDS[equation, "duration" in fields](**fields)
