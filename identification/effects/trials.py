@@ -59,6 +59,7 @@ class Trials:
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
+    _led: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
     def over(self) -> bool:
@@ -89,10 +90,15 @@ class Trials:
         return known
 
     def without(self, current: Judged, term: AbstractTerm) -> Judged:
-        """The model without one of its terms."""
+        """The model without one of its terms.
+
+        One that is known but had not come to its optimum is fitted again from here: what was added
+        to it may have done nothing but lead it on.
+        """
         key = _key(current.fit) - {_name(term)}
         known = self._judged.get(key)
-        if known is None:
+        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
+            self._led.add((key, _key(current.fit)))
             fit = refined(
                 refitted_without(current.fit, term.name, self.patience()), self.patience()
             )
