@@ -58,7 +58,9 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
         InputError: The result lacks what a simulation needs.
     """
     model, values = model_of(result, declared)
-    records = records_of([run], first=_recorded(result, run))
+    before = _before(result, run)
+    hottest = max((r.get("hottest_degC") or -np.inf for r in before), default=-np.inf)
+    records = records_of([run], len(before), hottest)
     simulator = Simulator.fitting(model, records, values)
     noise = result.get("noise") or {}
     spread = np.maximum(np.std(np.column_stack([run.current, run.speed]), axis=0), 1e-12)
@@ -137,10 +139,10 @@ def _term(effect: Mapping[str, Any]) -> AbstractTerm:
     return term
 
 
-def _recorded(result: Mapping[str, Any], run: Run) -> int:
-    """Place of the run in the campaign: its own where it was part of it, else after all."""
-    runs = result.get("runs") or []
+def _before(result: Mapping[str, Any], run: Run) -> list[Mapping[str, Any]]:
+    """The runs that were recorded before: all, where the run was no part of the campaign."""
+    runs = list(result.get("runs") or [])
     for place, known in enumerate(runs):
         if known.get("sha256") == run.sha256:
-            return place
-    return len(runs)
+            return runs[:place]
+    return runs

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from identification.effects.cogging import CoggingTorque
 from identification.effects.electrical import BrushDrop, FluxSaturation, InductanceSaturation
 from identification.effects.friction import (
     CoulombFriction,
@@ -14,13 +15,7 @@ from identification.effects.friction import (
     StribeckFriction,
     ViscousTemperature,
 )
-from identification.effects.load import (
-    CoggingTorque,
-    InertiaChange,
-    LoadStep,
-    LoadTorque,
-    ShaftCompliance,
-)
+from identification.effects.load import InertiaChange, LoadStep, LoadTorque, ShaftCompliance
 from identification.effects.sensor import (
     ChannelDelay,
     CurrentFilter,

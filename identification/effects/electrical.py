@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import casadi as ca
 
@@ -17,7 +17,9 @@ from identification.model.term import (
     Values,
 )
 
-_SMALLEST = 1e-4
+_ROUND: Final = 0.02
+"""Share of the drop below which its size is rounded, so that it has a slope everywhere."""
+_SMALLEST: Final = 1e-4
 """Current over the knee below which its size is rounded off."""
 
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
@@ -27,7 +29,7 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractVoltage):
     """Voltage lost at the brush contacts, with the sign of the current.
 
-        v = -V_b (1 + a s) s,   s = i / (|i|^p + i_b^p)^(1/p)               [V]
+        v = -V_b (s + a |s|),   s = i / (|i|^p + i_b^p)^(1/p)               [V]
 
     `i_b` is where the knee lies: far below the current the drop is a step, near it a contact
     whose resistance falls as the current grows.  `p` says how sharp the knee is (one: hyperbolic,
@@ -70,7 +72,8 @@ class BrushDrop(AbstractVoltage):
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
         share = relative / ca.exp(ca.log(1 + size) / power)
-        return -values.voltage * (1 + values.asymmetry * share) * share
+        even = ca.sqrt(share * share + _ROUND**2) - _ROUND
+        return -values.voltage * (share + values.asymmetry * even)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
@@ -158,13 +161,34 @@ class FluxSaturation(_Saturation):
 class InductanceSaturation(_Saturation):
     """The iron saturates: L falls with the size of the current.
 
-    L -> L / (1 + c (|i| / i_0)^n)                                      [H]
+        L -> L (s + (1 - s) / (1 + c (|i| / i_0)^n))                        [H]
+
+    The share s is that of the leakage flux, whose path is in air and does not saturate.
     """
 
     name: ClassVar[str] = "inductance_saturation"
     source: ClassVar[str] = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
     coefficient: ClassVar[str] = "L"
     scale: ClassVar[float] = 0.2
-    most: ClassVar[float] = 20.0
-    width: ClassVar[float] = 10.0
-    tried: ClassVar[float] = 0.3
+    most: ClassVar[float] = 100.0
+    width: ClassVar[float] = 20.0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Fall at the reference current, its exponent, and what does not fall."""
+        meaning = "share of L that leakage keeps at any current"
+        leakage = Parameter(
+            "leakage", "-", meaning, scale=0.1, lower=0.0, upper=0.9, prior_mean=0.1, prior_sd=2.0
+        )
+        return (*super().parameters, leakage)
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Factor on L [-]."""
+        falling = super().factor(signals, states, values)
+        return values.leakage + (1 - values.leakage) * falling
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, from where saturation begins to where little but leakage is left."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (5.0, 2.0, 0.15)))]

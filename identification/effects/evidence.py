@@ -119,10 +119,7 @@ class Judged:
             tried: Number of prototypes among which the effect was found.
         """
         more = self.fit.position.size - simpler.fit.position.size
-        more += sum(
-            len(own) - len(other)
-            for own, other in zip(self.fit.states, simpler.fit.states, strict=True)
-        )
+        more += _lasting(self.fit) - _lasting(simpler.fit)
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.share, 2.0)
         names = {t.name for t in self.fit.simulator.model.terms}
@@ -152,9 +149,18 @@ class Judged:
             share: Effective share of the samples, the same for all that are compared.
         """
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
-        own = sum(len(states) - 2 for states in self.fit.states)
-        size = _determined(self.fit) + own
+        size = _determined(self.fit) + _lasting(self.fit)
         return share * self.fit.cost + 0.5 * size * float(np.log(samples))
+
+
+def _lasting(fit: Fit) -> int:
+    """Number of initial values, over all records, that count as parameters.
+
+    Those of current and speed do not, nor any that fades: what a sample tells of them ends early in
+    the record, so that they do not cost the logarithm of its length.
+    """
+    states = [state for term in fit.simulator.model.terms for state in term.states]
+    return len(fit.states) * sum(not state.fades for state in states)
 
 
 def _determined(fit: Fit) -> float:

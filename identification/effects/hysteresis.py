@@ -45,7 +45,7 @@ class LaggingFriction(AbstractTorque):
     equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976), 1675-1682"
-    states: ClassVar[tuple[State, ...]] = (State("deflection", "-", scale=1.0),)
+    states: ClassVar[tuple[State, ...]] = (State("deflection", "-", scale=1.0, fades=True),)
 
     @property
     def variant(self) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
-from identification.effects.orders import HIGHEST_ORDER
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -21,16 +20,7 @@ from identification.model.term import (
     Values,
 )
 
-"""Highest order scanned: three times the slots of a usual armature."""
-
-_HARMONICS = {
-    "sine": "sine of the order",
-    "cosine": "cosine of the order",
-    "sine_2": "sine of twice the order",
-    "cosine_2": "cosine of twice the order",
-}
-
-__all__ = ["CoggingTorque", "InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
+__all__ = ["InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
 
 
 def _in_run(signals: Signals, run: int | None) -> Expression:
@@ -152,96 +142,6 @@ class LoadStep(AbstractTorque):
 
 
 @dataclass(frozen=True)
-class CoggingTorque(AbstractTorque):
-    """A torque periodic in the shaft angle, from slots and poles or from a bent shaft.
-
-        tau = A sin(k phi) + B cos(k phi) + C sin(2 k phi) + D cos(2 k phi)  [N m]
-
-    Where the angle is logged from a mark on the shaft, the four amplitudes are those of the motor.
-    Where it is counted from wherever a run began, or is only the integral of the speed, the
-    amplitudes are free in each record: they are states that do not move.
-
-    Args:
-        torque_size: Natural torque [N m].
-        logged: Whether the angle is logged, from the same zero in all runs.
-    """
-
-    torque_size: float
-    logged: bool = True
-
-    name: ClassVar[str] = "cogging_torque"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("position",)
-    source: ClassVar[str] = (
-        "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
-    )
-
-    @property
-    def variant(self) -> str:
-        """Whose zero the angle has."""
-        return "one angle" if self.logged else "an angle of each run"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Order, and, where the angle is logged, the amplitudes of two harmonics."""
-        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * HIGHEST_ORDER)
-        amplitudes = tuple(
-            amplitude(name, "N m", meaning, self.torque_size, signed=True)
-            for name, meaning in _HARMONICS.items()
-        )
-        return (order, *amplitudes) if self.logged else (order,)
-
-    @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Amplitudes that each record has for itself, where the angle is not logged."""
-        return (
-            ()
-            if self.logged
-            else tuple(
-                State(name, "N m", scale=self.torque_size, is_own=True) for name in _HARMONICS
-            )
-        )
-
-    def expecting(self, size: float) -> CoggingTorque:
-        """The term with amplitudes of records expected to be of this size [N m]."""
-        return replace(self, torque_size=size)
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Amplitudes do not move."""
-        return [ca.SX(0)] * len(self.states)
-
-    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque by the angle [N m]."""
-        angle = values.order * signals.angle
-        sine, cosine = ca.sin(angle), ca.cos(angle)
-        own = values if self.logged else states
-        return (
-            own.sine * sine
-            + own.cosine * cosine
-            + own.sine_2 * 2 * sine * cosine
-            + own.cosine_2 * (1 - 2 * sine * sine)
-        )
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two where the angle may have a zero; sine and cosine belong together."""
-        revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
-        if revolutions < 0.5:
-            return []
-        size = 0.05 * survey.torque
-        starts = [
-            (float(order), *phase, 0.0, 0.0)
-            for order in (*range(1, HIGHEST_ORDER + 1), *survey.orders)
-            for phase in ((size, 0.0), (0.0, size))
-        ]
-        scanned = cls(survey.torque, logged=True)
-        return [
-            Candidate(scanned, columns(*starts), joint=2, fitted=cls(survey.torque, logged=logged))
-            for logged in {survey.angle_logged, False}
-        ]
-
-
-@dataclass(frozen=True)
 class InertiaChange(AbstractCoefficient):
     """One run turns another inertia: a coupling or a load was changed.
 
@@ -319,7 +219,10 @@ class ShaftCompliance(AbstractTorque, AbstractCoefficient):
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
     coefficient: ClassVar[str] = "J"
-    states: ClassVar[tuple[State, ...]] = (State("twist", "rad"), State("speed", "rad/s", "speed"))
+    states: ClassVar[tuple[State, ...]] = (
+        State("twist", "rad", fades=True),
+        State("speed", "rad/s", "speed", fades=True),
+    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

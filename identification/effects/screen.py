@@ -3,7 +3,7 @@
 A prototype's deviation from the current model, with everything taken out that the fitted
 parameters and initial states could imitate, is compared with the residual:
 
-    gain = (d' W r)^2 / (2 d_perp' W d_perp)                    [log likelihood]
+    gain = (d_perp' W r)^2 / (2 d_perp' W d_perp)               [log likelihood]
 
 This is what the log likelihood would gain if the effect's size were free and all parameters were
 fitted again, to first order.  Marginal correlation would not do: the parameters that were fitted
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.effects.forcing import responses
+from identification.effects.start import Along, Start
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["Score", "screened"]
+__all__ = ["Score", "gathered", "screened"]
 
 _MANY = 1_000_000
 """Samples times prototypes above which better code pays for itself in one run."""
@@ -35,6 +36,9 @@ _MANY = 1_000_000
 _ENOUGH = 20_000
 """Samples at which deviations are compared with the residual; an effect that changes the error by
 two per cent gains hundreds in log likelihood on so many."""
+
+_OTHERS = 5
+"""Starts beside the most promising one from which a refit may go on."""
 
 _PARTS = 2
 """Parts of a sample interval at most; which effect it is shows without its sharpest moments."""
@@ -54,6 +58,8 @@ class Score:
             their prototypes, everything else fitted along [-]; None where they are a record's own.
         own: For each record the amplitudes that are its own, in the order of the term's states;
             empty where there are none.
+        along: How what was fitted so far moves along; None where it is held.
+        others: Starts of the same structure that promised less.
     """
 
     candidate: Candidate
@@ -61,6 +67,28 @@ class Score:
     gain: float
     covariance: Array | None = None
     own: tuple[Array, ...] = ()
+    along: Along | None = None
+    others: tuple[Start, ...] = ()
+
+    @property
+    def starts(self) -> tuple[Start, ...]:
+        """Where a refit may start, the most promising first."""
+        return (Start(self.start, self.own, self.along), *self.others)
+
+
+def gathered(scores: Sequence[Score]) -> list[Score]:
+    """One score of each structure, its other starts with it.
+
+    Args:
+        scores: Best first.
+    """
+    best: dict[tuple[str, str], Score] = {}
+    for score in scores:
+        key = (score.candidate.term.name, score.candidate.final.variant)
+        known = best.setdefault(key, score)
+        if known is not score and len(known.others) < _OTHERS:
+            best[key] = replace(known, others=(*known.others, *score.starts))
+    return list(best.values())
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -153,12 +181,12 @@ def _scores_of_forced(
     lanes = sum(candidate.lanes for candidate in candidates)
     stride = _stride(fit)
     forced = _forced(fit, candidates, stride)
-    projections, products = _normal(fit, forced, residuals, lanes, stride)
+    projections, products, along = _normal(fit, forced, residuals, lanes, stride)
     scores: list[Score] = []
     start = 0
     for candidate in candidates:
         span = slice(start, start + candidate.lanes)
-        scores += _scores_from(candidate, projections[span], products[span, span])
+        scores += _scores_from(candidate, projections[span], products[span, span], along.of(span))
         start += candidate.lanes
     return scores
 
@@ -198,19 +226,22 @@ def _scores_together(
     """Scores of starts whose amplitudes are the same in all records."""
     stride = _stride(fit)
     kept = [deviation[::stride] for deviation in deviations]
-    projections, products = _normal(fit, kept, residuals, candidate.lanes, stride)
-    return _scores_from(candidate, projections, products)
+    return _scores_from(candidate, *_normal(fit, kept, residuals, candidate.lanes, stride))
 
 
-def _scores_from(candidate: Candidate, projections: Array, products: Array) -> list[Score]:
+def _scores_from(
+    candidate: Candidate, projections: Array, products: Array, along: Along
+) -> list[Score]:
     scores = []
     for first in range(0, candidate.lanes, candidate.joint):
         span = slice(first, first + candidate.joint)
         gain, weights = _gain(products[span, span], projections[span])
         if np.isfinite(gain):
-            inverse = np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True)
-            sized = _sized(candidate, first, weights)
-            scores.append(Score(candidate, sized, gain, np.asarray(inverse, dtype=np.float64)))
+            inverse = np.asarray(
+                np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True), dtype=np.float64
+            )
+            sized, weights = _sized(candidate, first, weights)
+            scores.append(Score(candidate, sized, gain, inverse, (), along.of(span).by(weights)))
     return scores
 
 
@@ -299,13 +330,19 @@ def _normal(
     residuals: Sequence[Array],
     count: int,
     stride: int = 1,
-) -> tuple[Array, Array]:
-    """(n_start,) d'Wr and (n_start, n_start) d_perp'Wd_perp, each sample standing for `stride`."""
+) -> tuple[Array, Array, Along]:
+    """(n_start,) d_perp'Wr and (n_start, n_start) d_perp'Wd_perp.
+
+    Each sample stands for `stride`.  Where the fit is at a bound or not quite at its optimum d'Wr
+    holds some of what the parameters could still do; that is taken away.  And how what is fitted
+    already moves along with each start.
+    """
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
     right = np.zeros(count)
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))
+    moved = []
     for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
@@ -320,21 +357,38 @@ def _normal(
             both += tangent.T @ scaled
         solved = np.linalg.solve(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
+        right -= solved.T @ equations.state_gradients[k]
+        moved.append(solved)
         crossed += both[:n] - equations.couplings[k].T @ solved
         right[bad] = np.nan
     free = equations.matrix
     size = np.sqrt(np.diag(free))
     scaled_matrix = free / np.outer(size, size)
     solved = np.linalg.lstsq(scaled_matrix, crossed / size[:, None], rcond=1e-12)[0]
-    return right, square - (crossed / size[:, None]).T @ solved
+    moves = -solved / size[:, None]
+    right += moves.T @ equations.gradient
+    states = [
+        np.asarray(-own - np.linalg.solve(matrix, coupling @ moves), dtype=np.float64)
+        for own, matrix, coupling in zip(
+            moved, equations.state_matrices, equations.couplings, strict=True
+        )
+    ]
+    return right, square - (crossed / size[:, None]).T @ solved, Along(moves, tuple(states))
 
 
-def _sized(candidate: Candidate, first: int, weights: Array) -> Array:
-    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept."""
+def _sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
+    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept.
+
+    Where that leaves nothing, since the score points where the effect cannot go, the prototype is
+    the start: what is best far from nothing need not show there.
+
+    Returns:
+        The start and the weights of the prototypes in it.
+    """
     parameters = candidate.term.parameters
     columns = candidate.starts[:, first : first + weights.size]
     if columns.size == 0:
-        return np.zeros(0)
+        return np.zeros(0), weights
     sized = columns[:, 0].copy()
     for row, parameter in enumerate(parameters):
         if parameter.vanishes:
@@ -344,5 +398,6 @@ def _sized(candidate: Candidate, first: int, weights: Array) -> Array:
             low, high = max(parameter.lower, -reach), min(parameter.upper, reach)
             sized[row] = float(np.clip(value, low, high))
             if sized[row] == 0.0 and columns[row].any():
-                sized[row] = 0.1 * float(columns[row][np.argmax(np.abs(columns[row]))])
-    return sized
+                sized[row] = float(columns[row][np.argmax(np.abs(columns[row]))])
+                weights = np.ones(1) if weights.size == 1 else weights
+    return sized, weights

@@ -158,8 +158,9 @@ def search(
         if not _forward(state, round_):
             is_exhausted = True
             break
+        _enrich(state, round_)
         if round_ == 1:
-            if _leaves_more(state, first):
+            if _leaves_more(state):
                 alone = _curve_alone(state, first)
             if alone is not None and _is_far_better(alone, state.current, first):
                 break
@@ -226,6 +227,21 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     return None if chosen is None else judgements[chosen]
 
 
+def _enrich(state: _State, round_: int) -> None:
+    """Give effects the richer forms of their laws, as long as these pass."""
+    for found in state.current.fit.simulator.model.terms:
+        term = found.richer
+        while term is not None and not state.trials.over:
+            richer = state.trials.enriched(state.current, term)
+            gates = richer.gates(state.current, state.trials.tried)
+            state.searched.append(
+                Searched(term.name, round_, gates.gain, gates, gates.passed, term.variant)
+            )
+            if not gates.passed:
+                break
+            state.current, term = richer, term.richer
+
+
 def _backward(state: _State) -> None:
     """Take effects away that do not pass any more beside the others."""
     for term in state.current.fit.simulator.model.terms:
@@ -265,10 +281,10 @@ def _is_left(state: _State) -> list[Score]:
     return [s for s in state.trials.curves(state.current) if s.gain > needed]
 
 
-def _leaves_more(state: _State, declared: Judged) -> bool:
-    """Whether curves promise more beside the kind that was taken than it has gained itself."""
+def _leaves_more(state: _State) -> bool:
+    """Whether curves promise more beside the kind that was taken than it promised itself."""
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
-    return left > declared.fit.cost - state.current.fit.cost
+    return left > max(one.promised for one in state.searched if one.chosen)
 
 
 def _curve_alone(state: _State, declared: Judged) -> Judged | None:

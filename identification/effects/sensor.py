@@ -203,8 +203,9 @@ class _Filter(AbstractSensor):
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
         """What is logged, and for second order its rate times the time constant."""
-        filtered = State("filtered", self.unit, self.channel)  # type: ignore[arg-type]
-        return (filtered, State("rise", self.unit)) if self.order == 2 else (filtered,)
+        filtered = State("filtered", self.unit, self.channel, fades=True)  # type: ignore[arg-type]
+        rise = State("rise", self.unit, fades=True)
+        return (filtered, rise) if self.order == 2 else (filtered,)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rates of the states [unit of the channel / s]."""

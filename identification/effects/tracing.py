@@ -14,11 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, MissingVoltage, curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
+from identification.effects.loose import LoosePart
 from identification.effects.ripple import ripples
-from identification.effects.screen import Score, screened
+from identification.effects.screen import Score, gathered, screened
 from identification.fit.solve import Fit
 
 __all__ = ["Trace", "missing_curves", "traced"]
@@ -61,11 +63,9 @@ def missing_curves(fit: Fit) -> list[Score]:
     """
     survey = survey_of(fit)
     candidates = [*curves(survey), *ripples(survey, _peaks(fit))]
-    scores = screened(fit, candidates + LaggingFriction.candidates(survey))
-    best: dict[object, Score] = {}
-    for score in scores:
-        best.setdefault(score.candidate.final, score)
-    return list(best.values())
+    for kind in (AngularFriction, LaggingFriction, LoosePart):
+        candidates += kind.candidates(survey)
+    return gathered(screened(fit, candidates))
 
 
 def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:

@@ -17,8 +17,8 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
-from identification.effects.refit import refined, refitted_with, refitted_without
-from identification.effects.screen import Score, screened
+from identification.effects.refit import refined, refitted_as, refitted_with, refitted_without
+from identification.effects.screen import Score, gathered, screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
@@ -59,6 +59,7 @@ class Trials:
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
+    _led: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
     def over(self) -> bool:
@@ -89,14 +90,28 @@ class Trials:
         return known
 
     def without(self, current: Judged, term: AbstractTerm) -> Judged:
-        """The model without one of its terms."""
+        """The model without one of its terms.
+
+        One that is known but had not come to its optimum is fitted again from here: what was added
+        to it may have done nothing but lead it on.
+        """
         key = _key(current.fit) - {_name(term)}
         known = self._judged.get(key)
-        if known is None:
+        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
+            self._led.add((key, _key(current.fit)))
             fit = refined(
                 refitted_without(current.fit, term.name, self.patience()), self.patience()
             )
             known = self.judge(fit)
+        return known
+
+    def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
+        """The model with one of its terms in this richer form."""
+        kept = {name for name in _key(current.fit) if name[0] != term.name}
+        known = self._judged.get(frozenset(kept | {_name(term)}))
+        if known is None:
+            fit = refitted_as(current.fit, term, self.patience())
+            known = self.judge(self._finished(fit), current.share)
         return known
 
     def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:
@@ -146,9 +161,7 @@ class Trials:
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
                 patience = self.patience(min(best + slack, hopeless), self.longest)
-                fit = refitted_with(
-                    current.fit, score.candidate.final, score.start, patience, score.own
-                )
+                fit = refitted_with(current.fit, score.candidate.final, score.starts, patience)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
             found.append((score, fit))
@@ -217,12 +230,9 @@ def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> lis
         count: Most that are taken.
         least: Gain that has to be promised.
     """
-    best: dict[tuple[str, str], Score] = {}
-    for score in scores:
-        best.setdefault((score.candidate.term.name, score.candidate.final.variant), score)
     kinds: dict[str, int] = {}
     kept = []
-    for score in best.values():
+    for score in gathered(scores):
         name = score.candidate.term.name
         kinds[name] = kinds.get(name, 0) + 1
         if kinds[name] <= 2 and score.gain > least:

@@ -40,7 +40,8 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
         InputError: Nothing moves in any run.
     """
     records = records_of(training)
-    held_out = records_of(validation, first=len(training))
+    hottest = max(float(record.column("peak_temperature")[-1]) for record in records)
+    held_out = records_of(validation, len(training), hottest)
     warnings = []
     stacked = np.concatenate([record.measured for record in records])
     dead = np.ptp(stacked, axis=0) == 0.0

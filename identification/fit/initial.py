@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 _LEAST_HEAD: Final = 50
 _HEAD_SHARE: Final = 0.1
 _STEPS: Final = 4
+_ROUGH: Final = 0.1
+"""Share of the noise by which one interval of a head may be wrong."""
+_SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 
 
 def fitted_initial_states(
@@ -47,13 +50,27 @@ def fitted_initial_states(
     states = [initial_states(simulator.model, record) for record in heads]
     centres = list(states)
     nothing = np.zeros((values.size, 0))
+    if simulator.model.terms:
+        short = short.divided_for(values, states, _ROUGH * deviation)
     for _ in range(_STEPS):
         logged, tangents = short.tangent(values, states, nothing)
+        moves = []
         for k, record in enumerate(heads):
             full, right = products(record.measured - logged[k], tangents[k], weighting, k)
             precision = state_precision(short, k)
             right = right + precision * (centres[k] - states[k])
-            states[k] = states[k] + np.linalg.solve(full + np.diag(precision), right)
+            moves.append(np.linalg.solve(full + np.diag(precision), right))
+        if not simulator.model.terms:
+            # The motor is linear: the step leads to the optimum.
+            states = [state + move for state, move in zip(states, moves, strict=True)]
+            continue
+        trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
+        for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
+            record = heads[k]
+            residual = (record.measured[:, :, None] - y) / deviation[:, None]
+            cost = np.einsum("nc,ncl->l", record.weight, residual**2)
+            cost += state_precision(short, k) @ (trials[k] - centres[k][:, None]) ** 2
+            states[k] = trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
     return tuple(states)
 
 

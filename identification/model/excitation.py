@@ -78,15 +78,16 @@ class Record:
         return self.inputs[:, INPUTS.index(name)]
 
 
-def records_of(runs: Sequence[Run], first: int = 0) -> list[Record]:
+def records_of(runs: Sequence[Run], first: int = 0, hottest: float = -np.inf) -> list[Record]:
     """Records of runs in the order in which they were recorded.
 
     Args:
         runs: The runs.
         first: Number of the first run, where others were recorded before.
+        hottest: Highest temperature logged in those before [degC].
     """
     records: list[Record] = []
-    peak = -np.inf
+    peak = hottest
     for k, run in enumerate(runs):
         temperature = smooth_temperature(run)
         highest = np.maximum.accumulate(np.maximum(temperature, peak))

@@ -62,6 +62,8 @@ class State:
             ``current``, ``speed``) or ``zero``; the start of the free initial value.
         scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
         is_own: Whether it is an amplitude that each record has for itself and that does not move.
+        fades: Whether its value at the start is forgotten long before the record ends, as a
+            filter's is; samples after that tell nothing of it.
     """
 
     name: str
@@ -69,6 +71,7 @@ class State:
     follows: Literal["temperature", "current", "speed", "zero"] = "zero"
     scale: float = 30.0
     is_own: bool = False
+    fades: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,11 @@ class AbstractTerm(ABC):
     def variant(self) -> str:
         """Which of several terms of this name it is: its channel, run or signals; empty for one."""
         return ""
+
+    @property
+    def richer(self) -> AbstractTerm | None:
+        """The same law with more freedom, tried once this one has been found; None for most."""
+        return None
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term [unit of the state / s]."""

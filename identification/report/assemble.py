@@ -195,6 +195,10 @@ def _options(findings: Findings) -> dict[str, object]:
 
 
 def _runs(campaign: Campaign) -> list[dict[str, object]]:
+    hottest: dict[int, float] = {}
+    for record in (*campaign.training, *campaign.validation):
+        peak = float(record.column("temperature").max())
+        hottest[record.run] = max(peak, hottest.get(record.run, peak))
     return [
         {
             "file": run.name,
@@ -202,12 +206,12 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             "role": role,
             "rows": run.rows,
             "sample_rate_hz": run.sample_rate_hz,
+            "hottest_degC": None if run.temperature is None else hottest.get(number),
         }
-        for role, runs in (
-            ("training", campaign.training_runs),
-            ("validation", campaign.validation_runs),
+        for number, (role, run) in enumerate(
+            [("training", run) for run in campaign.training_runs]
+            + [("validation", run) for run in campaign.validation_runs]
         )
-        for run in runs
     ]
 
 

@@ -12,6 +12,7 @@ from identification.effects.friction import CoulombFriction
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refined, refitted_with
 from identification.effects.sensor import VoltageOffset
+from identification.effects.start import Start
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
@@ -84,7 +85,7 @@ def test_the_response_follows_a_motor_with_divided_intervals() -> None:
         np.sqrt(np.mean([np.mean(r.measured[:, 1] ** 2) for r in declared.simulator.records]))
     )
     term = CoulombFriction(0.05, 3e-3 * speed)
-    fit = refined(refitted_with(declared, term, np.array([0.01, 0.0])))
+    fit = refined(refitted_with(declared, term, [Start(np.array([0.01, 0.0]))]))
     assert fit.simulator.divisions is not None
     expected = pushed(fit, LoadTorque(1.0), 1e-6)
     rows = [record.rows for record in fit.simulator.records]

@@ -10,6 +10,7 @@ import pytest
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
+from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, curves
 from identification.effects.effect import survey_of
 from identification.effects.search import Outcome, search
@@ -18,6 +19,7 @@ from identification.effects.unlisted import unlisted_term
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.model.composite import INPUTS, MotorModel
+from identification.model.term import Signals, Values
 
 
 def _campaign(motor: str | int, effects: list[tuple[str, float]], seed: int) -> Campaign:
@@ -40,6 +42,7 @@ def _outcome(motor: str | int, effect: str, size: float, seed: int) -> Outcome:
         ("time_ripple", "mechanical", "time"),
         ("bristle_friction", "mechanical", "speed"),
         ("load_dependent_friction", "mechanical", "current"),
+        ("angle_rub", "mechanical", "position"),
     ],
 )
 def test_an_effect_in_no_catalogue_is_called_unlisted(
@@ -88,13 +91,35 @@ def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
     campaign = _campaign("servo_150w", [], seed=24)
     survey = survey_of(fit_declared(campaign.training, "zoh"))
 
-    for candidate in curves(survey):
-        settings = json.loads(json.dumps(dict(vars(candidate.term))))
-        again = unlisted_term(candidate.term.equation, settings)
+    for candidate in [*curves(survey), *AngularFriction.candidates(survey)]:
+        settings = json.loads(json.dumps(dict(vars(candidate.final))))
+        again = unlisted_term(candidate.final.equation, settings)
 
-        assert again == candidate.term
+        assert again == candidate.final
         model = MotorModel((again,))
-        x, u = ca.SX.sym("x", 2), ca.SX.sym("u", len(INPUTS))
+        x, u = ca.SX.sym("x", len(model.state_names)), ca.SX.sym("u", len(INPUTS))
         p = ca.SX.sym("p", len(model.parameters))
         rates = ca.Function("rates", [x, u, p], [model.rates(x, u, p)])
-        assert np.isfinite(np.asarray(rates([1.0, 10.0], np.ones(len(INPUTS)), 1.0))).all()
+        assert np.isfinite(np.asarray(rates(1.0, np.ones(len(INPUTS)), 1.0))).all()
+
+
+def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
+    """What is scored along a trajectory is what the model with the term in it has as torque."""
+    campaign = _campaign("servo_150w", [], seed=24)
+    (candidate,) = AngularFriction.candidates(survey_of(fit_declared(campaign.training, "zoh")))
+    term = candidate.term
+    assert isinstance(term, AngularFriction)
+    record = campaign.training[0]
+    current, speed = record.measured.T
+
+    forces = term.forces(record, current, speed, candidate.starts)
+
+    names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
+    signals = Signals(**{n: ca.SX.sym(n) for n in names}, peak_temperature=ca.SX(0))
+    amplitudes = ca.SX.sym("p", len(term.parameters))
+    values = Values(**{q.name: amplitudes[k] for k, q in enumerate(term.parameters)})
+    inputs = [signals.speed, signals.angle, amplitudes]
+    torque = ca.Function("torque", inputs, [term.torque(signals, Values(), values)])
+    for k, start in enumerate(candidate.starts.T):
+        expected = np.asarray(torque(speed[None, :], record.column("angle")[None, :], start))
+        np.testing.assert_allclose(forces[:, k], expected[0], atol=1e-12)

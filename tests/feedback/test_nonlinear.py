@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from scipy import integrate
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.cogging import CoggingTorque
 from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
-from identification.effects.load import CoggingTorque, InertiaChange, LoadStep, LoadTorque
+from identification.effects.load import InertiaChange, LoadStep, LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.sensor import CurrentOffset, VoltageOffset
+from identification.effects.start import Start
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.feedback import METRIC_UNITS, feedback_metrics
 from identification.feedback.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
@@ -135,11 +137,11 @@ def test_loop_with_friction_drop_and_cogging_is_that_of_an_independent_integrati
 
 
 def test_a_derivative_kicks_the_flux_and_not_the_current() -> None:
-    """Flux kd r = integral of L / (1 + c (i / i_0)^2) di, which is an arc tangent."""
+    """Without leakage flux kd r = integral of L / (1 + c (i / i_0)^2) di is an arc tangent."""
     reference, fall, derivative, step = 10.0, 2.0, 0.3, 5.0
     term = InductanceSaturation(reference)
 
-    run = response((term,), (fall, 2.0), f"PID:1,0,{derivative:g}", step, 0.1)
+    run = response((term,), (fall, 2.0, 0.0), f"PID:1,0,{derivative:g}", step, 0.1)
 
     root = np.sqrt(fall)
     expected = reference / root * np.tan(root * derivative * step / (INDUCTANCE * reference))
@@ -169,7 +171,7 @@ def fits() -> tuple[Fit, Fit]:
     drop = BrushDrop(24.0, 10.0)
     sizes = {"voltage": 1e-9, "knee": 1.0, "sharpness": 2.0}
     start = np.array([sizes.get(p.name, 0.0) for p in drop.parameters])
-    return declared, refitted_with(declared, drop, start)
+    return declared, refitted_with(declared, drop, [Start(start)])
 
 
 def spread(fit: Fit, count: int = 200) -> dict[str, Array]:

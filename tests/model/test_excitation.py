@@ -123,10 +123,11 @@ def test_runs_are_numbered_on_from_those_recorded_before() -> None:
     """Validation runs come after the training runs."""
     runs = [run_at(np.full(2000, 40.0)) for _ in range(2)]
 
-    records = records_of(runs, first=5)
+    records = records_of(runs, first=5, hottest=90.0)
 
     assert [record.run for record in records] == [5, 6]
     assert records[1].column("run")[0] == 6.0
+    assert records[0].column("peak_temperature")[0] == 90.0
 
 
 def test_clipped_samples_have_no_weight() -> None:

@@ -10,6 +10,7 @@ from benchmarks.coverage import run_of
 from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop
 from identification.effects.refit import refined, refitted_with
+from identification.effects.start import Start
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
@@ -26,7 +27,7 @@ def fit() -> Fit:
     runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
     declared = fit_declared(campaign_of(runs, []).training, "zoh")
     (candidate,) = BrushDrop.candidates(survey_of(declared))
-    return refined(refitted_with(declared, candidate.term, candidate.starts[:, 1]))
+    return refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 1])]))
 
 
 def rows(simulator: object) -> int:

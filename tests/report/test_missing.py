@@ -14,6 +14,7 @@ from identification.effects.friction import CoulombFriction, ViscousTemperature
 from identification.effects.load import LoadStep
 from identification.effects.refit import refitted_with
 from identification.effects.sensor import CurrentOffset
+from identification.effects.start import Start
 from identification.effects.thermal import SelfHeating
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, Patience
@@ -39,7 +40,7 @@ def declared() -> Fit:
 
 def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:
     """The motor with an effect of given size, as if fitted, all draws alike."""
-    final = refitted_with(declared, term, np.array(sizes), STAYS)
+    final = refitted_with(declared, term, [Start(np.array(sizes))], STAYS)
     draws = {
         name: np.full(20, value)
         for name, value in zip(final.coordinates.names, final.values, strict=True)

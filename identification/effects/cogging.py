@@ -1,0 +1,126 @@
+"""Torque that is periodic in the angle of the shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
+
+import casadi as ca
+import numpy as np
+
+from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.orders import HIGHEST_ORDER
+from identification.model.parameter import Parameter
+from identification.model.term import AbstractTorque, Expression, Signals, State, Values
+
+__all__ = ["CoggingTorque"]
+
+_USUAL: Final = 2
+_MOST: Final = 5
+"""Harmonics that are tried at first, and at most."""
+
+
+@dataclass(frozen=True)
+class CoggingTorque(AbstractTorque):
+    """A torque periodic in the shaft angle, from slots and poles or from a bent shaft.
+
+        tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
+
+    Where the angle is logged from a mark on the shaft, the four amplitudes are those of the motor.
+    Where it is counted from wherever a run began, or is only the integral of the speed, the
+    amplitudes are free in each record: they are states that do not move.
+
+    Args:
+        torque_size: Natural torque [N m].
+        logged: Whether the angle is logged, from the same zero in all runs.
+        harmonics: How many multiples h of the order there are.
+    """
+
+    torque_size: float
+    logged: bool = True
+    harmonics: int = 2
+
+    name: ClassVar[str] = "cogging_torque"
+    equation: ClassVar[str] = "mechanical"
+    drivers: ClassVar[tuple[str, ...]] = ("position",)
+    source: ClassVar[str] = (
+        "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
+    )
+
+    @property
+    def variant(self) -> str:
+        """Whose zero the angle has, and how many harmonics where they are not the usual two."""
+        zero = "one angle" if self.logged else "an angle of each run"
+        return zero if self.harmonics == _USUAL else f"{zero}, {self.harmonics} harmonics"
+
+    @property
+    def richer(self) -> CoggingTorque | None:
+        """One harmonic more."""
+        return replace(self, harmonics=self.harmonics + 1) if self.harmonics < _MOST else None
+
+    @property
+    def _amplitudes(self) -> dict[str, str]:
+        """Names of the amplitudes and what they mean."""
+        named = {"sine": "sine of the order", "cosine": "cosine of the order"}
+        for h in range(2, self.harmonics + 1):
+            named[f"sine_{h}"] = f"sine of {h} times the order"
+            named[f"cosine_{h}"] = f"cosine of {h} times the order"
+        return named
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """Order, and, where the angle is logged, the amplitudes."""
+        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * HIGHEST_ORDER)
+        amplitudes = tuple(
+            amplitude(name, "N m", meaning, self.torque_size, signed=True)
+            for name, meaning in self._amplitudes.items()
+        )
+        return (order, *amplitudes) if self.logged else (order,)
+
+    @property
+    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+        """Amplitudes that each record has for itself, where the angle is not logged."""
+        return (
+            ()
+            if self.logged
+            else tuple(
+                State(name, "N m", scale=self.torque_size, is_own=True) for name in self._amplitudes
+            )
+        )
+
+    def expecting(self, size: float) -> CoggingTorque:
+        """The term with amplitudes of records expected to be of this size [N m]."""
+        return replace(self, torque_size=size)
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Amplitudes do not move."""
+        return [ca.SX(0)] * len(self.states)
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque by the angle [N m]."""
+        angle = values.order * signals.angle
+        once, along = ca.sin(angle), ca.cos(angle)
+        own = values if self.logged else states
+        sine, cosine, torque = once, along, own.sine * once + own.cosine * along
+        for h in range(2, self.harmonics + 1):
+            sine, cosine = sine * along + cosine * once, cosine * along - sine * once
+            torque += getattr(own, f"sine_{h}") * sine + getattr(own, f"cosine_{h}") * cosine
+        return torque
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, two where the angle may have a zero; sine and cosine belong together."""
+        revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
+        if revolutions < 0.5:
+            return []
+        size = 0.05 * survey.torque
+        starts = [
+            (float(order), *phase, *[0.0] * (2 * (_USUAL - 1)))
+            for order in (*range(1, HIGHEST_ORDER + 1), *survey.orders)
+            for phase in ((size, 0.0), (0.0, size))
+        ]
+        scanned = cls(survey.torque, logged=True)
+        return [
+            Candidate(scanned, columns(*starts), joint=2, fitted=cls(survey.torque, logged=logged))
+            for logged in {survey.angle_logged, False}
+        ]

@@ -1,0 +1,101 @@
+"""Where refits start: along the direction the score predicts, at the best of several prototypes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench import EffectRequest, make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.effect import survey_of
+from identification.effects.load import LoadTorque
+from identification.effects.refit import refitted_with
+from identification.effects.screen import screened
+from identification.effects.sensor import ChannelDelay
+from identification.effects.start import Start, begun
+from identification.effects.thermal import Demagnetization
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from identification.model.parameter import Coordinates
+from identification.model.weighting import Weighting
+
+
+def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Campaign:
+    """Three training runs and one left out of a servo motor with a hidden effect."""
+    measured = make_campaign(
+        "servo_150w",
+        [EffectRequest(effect, size=size, law=law)],
+        seed=seed,
+        rows=1200,
+        training=3,
+        validation=1,
+    )
+    return campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+
+
+def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
+    """A small load is nearly linear; expected is where a whole refit ends."""
+    declared = fit_declared(campaign("load_torque", 0.002, seed=31).training, "zoh")
+    (score,) = screened(declared, LoadTorque.candidates(survey_of(declared)))
+
+    refit = refitted_with(declared, score.candidate.final, score.starts)
+
+    assert score.along is not None
+    moved = refit.position[: declared.position.size] - declared.position
+    share = float(refit.values[-1] / score.start[0])
+    spread = np.sqrt(np.diag(np.linalg.inv(declared.equations.matrix)))
+    assert share == pytest.approx(1.0, abs=0.05)
+    assert np.abs(moved - share * score.along.position).max() < 0.5 * spread.max()
+    assert np.abs((moved - share * score.along.position) / spread).max() < 0.5
+
+
+def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
+    """A delay of 1.2 samples: of three starts the nearest is taken, whatever comes first."""
+    hidden = campaign("channel_delay", 0.12, seed=32, law="speed")
+    declared = fit_declared(hidden.training, "zoh")
+    interval = survey_of(declared).interval
+    term = ChannelDelay("speed", 8, interval)
+    starts = [Start(np.array([n * interval])) for n in (6.5, 3.5, 1.3)]
+    model = declared.simulator.model.adding(term)
+    coordinates = Coordinates([*declared.coordinates.parameters, model.parameters[-1]])
+    noise = replace(
+        Weighting.white(declared.simulator.records), deviation=declared.weighting.deviation
+    )
+
+    _, position, _ = begun(declared, model, coordinates, starts, noise)
+
+    assert coordinates.values(position)[-1] / interval == pytest.approx(1.3, abs=0.05)
+
+
+def test_a_lost_magnetisation_is_foretold_by_the_start_alone() -> None:
+    """With Kt moved along it gains most of what is promised, and with Kt held hardly any."""
+    declared = fit_declared(campaign("demagnetization", 0.06, seed=36).training, "zoh")
+    score = screened(declared, Demagnetization.candidates(survey_of(declared)))[0]
+    model = declared.simulator.model.adding(score.candidate.final)
+    coordinates = Coordinates([*declared.coordinates.parameters, *model.parameters[-3:]])
+
+    def cost(start: Start) -> float:
+        simulator, position, states = begun(declared, model, coordinates, [start], noise)
+        sums = simulator.misfit(coordinates.values(position)[:, None], states, noise)
+        return float(noise.sized(sums)[1][0])
+
+    noise = replace(
+        Weighting.white(declared.simulator.records), deviation=declared.weighting.deviation
+    )
+    (along,) = score.starts
+
+    assert cost(along) < cost(replace(along, along=None)) - 0.5 * score.gain
+
+
+def test_runs_left_out_remember_the_hottest_training_run() -> None:
+    """They are recorded after the training runs; what was lost there stays lost."""
+    hidden = campaign("demagnetization", 0.06, seed=33)
+    hottest = max(float(record.column("temperature").max()) for record in hidden.training)
+
+    for record in hidden.validation:
+        assert float(record.column("peak_temperature")[0]) >= hottest
