@@ -245,12 +245,13 @@ def batch(
     """
     from app import commands
     from app.batch.command import run_batch
+    from identification.threads import cores
 
     run_batch(
         manifest,
         out,
         commands.fit_options(seed, no_posterior, no_effects, "auto", None, None),
-        at_once=jobs or commands.cores(),
+        at_once=jobs or cores(),
         server=server,
         key=key,
         show=commands.Show(as_json=json, quiet=quiet),

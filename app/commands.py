@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +27,6 @@ from identification.options import FitOptions
 __all__ = [
     "Show",
     "campaign_runs",
-    "cores",
     "feedback",
     "fit",
     "fit_options",
@@ -255,13 +253,6 @@ def read_result(path: Path) -> dict[str, Any]:
             file=str(path),
         )
     return cast(dict[str, Any], content)
-
-
-def cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:

@@ -142,4 +142,4 @@ def _engine(settings: Settings, storage: Storage) -> AbstractEngine:
         return DaskEngine(settings, storage)
     pipeline = settings.pipeline.partition(":")[0]
     nursery = Nursery("app.fits.worker", pipeline, temporary=storage.incoming)
-    return LocalEngine(nursery, settings.workers)
+    return LocalEngine(nursery, settings.workers, settings.fit_threads)

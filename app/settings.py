@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from identification.errors import OptionError
+from identification.threads import cores
 
 __all__ = ["Settings", "is_loopback", "load_settings"]
 
@@ -34,10 +35,6 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Settings(BaseSettings):
@@ -85,14 +82,21 @@ class Settings(BaseSettings):
         default=None, description="Private key of that certificate."
     )
     workers: int = Field(
-        default_factory=_cores,
+        default_factory=cores,
         ge=1,
         le=1024,
         description="Fits that are computed at once; on a cluster, where it is not given, as many "
         "as it has threads.",
     )
+    fit_threads: int | None = Field(
+        default=None,
+        ge=1,
+        le=1024,
+        description="Threads of one fit; where it is not given, a fit that begins has its share of "
+        "the cores among those that run or wait, and on a cluster one.",
+    )
     readers: int = Field(
-        default_factory=_cores, ge=1, le=256, description="Uploads that are read at once."
+        default_factory=cores, ge=1, le=256, description="Uploads that are read at once."
     )
     max_upload_bytes: int = Field(
         default=512_000_000, ge=1, description="Largest run file that is taken [bytes]."

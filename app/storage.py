@@ -5,7 +5,7 @@
     DATA/runs/RUN_ID                  the bytes of a run that was accepted
     DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
     DATA/fits/FIT_ID/checkpoints/     what attempts had so far, until the fit has ended
-    DATA/nodes/NODE.lock              held by the server of this machine
+    DATA/nodes/NODE.lock              held by the server of this machine; holds an id of its own
 
 The database says what there is.  A file without a row is the rest of something that was interrupted
 between the two; `sweep` removes it once it is too old to belong to a request that still runs.
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import functools
 import os
 import re
 import secrets
@@ -78,7 +79,7 @@ class Storage:
         """
         if self._lock is not None:
             return
-        file = (self.directory / "nodes" / f"{self.node}.lock").open("ab")
+        file = self._lock_file.open("ab")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -87,6 +88,28 @@ class Storage:
                 f"data_dir: another server already uses {self.directory}; stop it or name another"
             ) from error
         self._lock = file
+
+    @functools.cached_property
+    def place(self) -> str:
+        """Name of this machine's part of this data directory, the same at each start.
+
+        Whoever holds the lock may take it that all who were called so before are gone.  The name of
+        the machine alone would not do: two servers of a machine, each with a directory of its own,
+        may share a database, and machines may share a name.
+        """
+        with self._lock_file.open("a+", encoding="ascii") as file:
+            file.seek(0)
+            known = file.read().strip()
+            if not known:
+                known = secrets.token_hex(8)
+                file.write(known)
+                file.flush()
+                os.fsync(file.fileno())
+        return f"{self.node}-{known}"
+
+    @property
+    def _lock_file(self) -> Path:
+        return self.directory / "nodes" / f"{self.node}.lock"
 
     def unlock(self) -> None:
         """Give the data directory back."""

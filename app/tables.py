@@ -114,6 +114,7 @@ class FitRow(Tables):
         Index("ix_fits_workspace_created", "workspace", "created_at"),
         Index("ix_fits_queue", "status", "created_at", "position"),
         Index("ix_fits_batch", "batch_id", "position"),
+        Index("ix_fits_motor", "workspace", "motor", "created_at"),
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)

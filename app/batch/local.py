@@ -11,6 +11,7 @@ from typing import Any
 
 from app.batch.manifest import Motor
 from app.nursery.client import Nursery, Task
+from identification.threads import cores
 
 __all__ = ["Job", "fit_all"]
 
@@ -46,6 +47,8 @@ def fit_all(
     if not jobs:
         return
     pipeline = os.environ.get("MOTORID_PIPELINE", _PIPELINE)
+    at_once = min(at_once, len(jobs))
+    threads = max(1, cores() // at_once)
     nursery = Nursery(
         "app.batch.worker", pipeline.partition(":")[0], temporary=Path(tempfile.gettempdir())
     )
@@ -55,7 +58,7 @@ def fit_all(
         while waiting or running:
             while waiting and len(running) < at_once:
                 job = waiting.pop()
-                running.append(_Running(job, nursery.fork(_task(job, pipeline))))
+                running.append(_Running(job, nursery.fork(_task(job, pipeline, threads))))
             for one in list(running):
                 if one.look(_WAIT_S / len(running), tell):
                     running.remove(one)
@@ -98,7 +101,7 @@ def _end_in_words(status: object) -> str:
     )
 
 
-def _task(job: Job, pipeline: str) -> dict[str, Any]:
+def _task(job: Job, pipeline: str, threads: int) -> dict[str, Any]:
     motor = job.motor
     return {
         "out": str(job.out.absolute()),
@@ -108,4 +111,5 @@ def _task(job: Job, pipeline: str) -> dict[str, Any]:
         "options": asdict(motor.options),
         "record": job.record,
         "pipeline": pipeline,
+        "threads": threads,
     }

@@ -20,6 +20,7 @@ from app.batch.record import finish, make_way, now_text
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
 from identification.options import FitOptions
+from identification.threads import use_threads
 
 __all__ = ["handle"]
 
@@ -30,7 +31,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """Fit a motor and report on the pipe.
 
     Args:
-        task: `out`, `training`, `validation`, `mapping`, `options`, `record` and `pipeline`.
+        task: `out`, `training`, `validation`, `mapping`, `options`, `record`, `pipeline` and
+            `threads`.
         answer: Pipe to the command.
     """
     try:
@@ -50,6 +52,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
 def _fit(task: dict[str, Any], progress: _Progress) -> None:
     out = Path(task["out"])
+    use_threads(task["threads"])
     module, _, function = task["pipeline"].partition(":")
     identify = getattr(importlib.import_module(module), function)
     mapping = task["mapping"]

@@ -43,7 +43,8 @@ class DaskEngine(AbstractEngine):
     """Tasks of a cluster.
 
     Args:
-        settings: Address of the scheduler, its certificates, and how many fits may run at once.
+        settings: Address of the scheduler, its certificates, how many fits may run at once, and
+            with how many threads.
         storage: The data directory, which the workers share.
     """
 
@@ -54,6 +55,7 @@ class DaskEngine(AbstractEngine):
         self._data_dir = str(storage.directory)
         is_bounded = "workers" in settings.model_fields_set
         self._most = settings.workers if is_bounded else 2**31
+        self._threads_of_one = settings.fit_threads or 1
         self._client: Client | None = None
         self._threads = 0
         self._running: dict[str, _DaskRunning] = {}
@@ -79,6 +81,10 @@ class DaskEngine(AbstractEngine):
         if _line(self._client) is None or time.monotonic() < self._paused_until:
             return 0
         return min(self._threads, self._most)
+
+    def threads(self, jobs: int) -> int:
+        """One, for which the cluster counts it, unless the settings say otherwise."""
+        return self._threads_of_one
 
     def start(self, job: Job) -> AbstractRunning:
         """Give an attempt to the cluster."""

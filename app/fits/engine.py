@@ -21,6 +21,7 @@ from typing import Any
 
 from app.fits.job import LOG, Job
 from app.nursery.client import Nursery, Task
+from identification.threads import cores
 
 __all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words", "log_tail"]
 
@@ -68,6 +69,14 @@ class AbstractEngine(abc.ABC):
         """How many jobs may run at once now; 0 while none can be started."""
 
     @abc.abstractmethod
+    def threads(self, jobs: int) -> int:
+        """Threads that a job may use.
+
+        Args:
+            jobs: How many run or wait, with this one.
+        """
+
+    @abc.abstractmethod
     def start(self, job: Job) -> AbstractRunning:
         """Start a job.
 
@@ -85,11 +94,13 @@ class LocalEngine(AbstractEngine):
     Args:
         nursery: Where they are forked, with `app.fits.worker` as its module.
         most: How many may run at once.
+        threads: Threads of each, or None where they share the cores.
     """
 
-    def __init__(self, nursery: Nursery, most: int) -> None:
+    def __init__(self, nursery: Nursery, most: int, threads: int | None = None) -> None:
         self._nursery = nursery
         self._most = most
+        self._threads = threads
 
     def open(self) -> None:
         """Start the process that forks the others."""
@@ -102,6 +113,10 @@ class LocalEngine(AbstractEngine):
     def capacity(self) -> int:
         """As many as were asked for."""
         return self._most
+
+    def threads(self, jobs: int) -> int:
+        """A job's share of the cores: all of them where it is alone, one where many wait."""
+        return self._threads or max(1, cores() // min(jobs, self._most))
 
     def start(self, job: Job) -> AbstractRunning:
         """Start a process for a job."""

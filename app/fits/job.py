@@ -50,6 +50,7 @@ class Job:
         options: Fields of `identification.options.FitOptions`.
         pipeline: Function that computes, as module:function.
         checkpoint_s: Least time between two savings of what it has so far [s].
+        threads: Threads that it may use.
     """
 
     fit_id: str
@@ -60,6 +61,7 @@ class Job:
     options: dict[str, Any]
     pipeline: str
     checkpoint_s: float = 10.0
+    threads: int = 1
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:

@@ -4,12 +4,14 @@
     queue.put_back(...)       it waits again
     queue.take_over()         so do those of a server that is gone
 
-A server holds a fit by a lease that it renews.  Its name begins with that of its machine: a machine
-has one server on a data directory, so whatever a former one held is free when the next one starts.
+A server holds a fit by a lease that it renews.  Its name begins with that of its place, a machine
+and a data directory, which has one server at a time: whatever a former one held there is free when
+the next one starts, and what others hold is not before their lease has ended.
 """
 
 from __future__ import annotations
 
+import functools
 import logging
 import secrets
 import time
@@ -34,7 +36,7 @@ class FitQueue:
 
     Args:
         database: Where the fits are.
-        storage: Where their files are, and the name of this machine.
+        storage: Where their files are, and the name of this place.
         lease_s: How long a fit is held without a heartbeat [s].
         pipeline: Function that computes, as module:function.
         checkpoint_s: Least time between two checkpoints of a fit [s].
@@ -54,7 +56,10 @@ class FitQueue:
         self._lease_s = lease_s
         self._pipeline = pipeline
         self._checkpoint_s = checkpoint_s
-        self._owner = f"{storage.node}/{secrets.token_hex(8)}"
+
+    @functools.cached_property
+    def _owner(self) -> str:
+        return f"{self._storage.place}/{secrets.token_hex(8)}"
 
     def lease(self) -> float:
         """Until when a fit is held that is heard of now [s since 1970]."""
@@ -69,6 +74,11 @@ class FitQueue:
         """Whether a fit is in a state that it does not leave, or was removed."""
         with self._database.reading() as session:
             return repository.has_ended(session, fit_id)
+
+    def waiting(self, most: int) -> int:
+        """How many fits wait, counted up to a number."""
+        with self._database.reading() as session:
+            return repository.waiting(session, most)
 
     def claim(self) -> tuple[Job, int] | None:
         """Take the fit that waits longest.
@@ -126,7 +136,7 @@ class FitQueue:
         """Let fits wait again whose server is gone."""
         with self._database.reading() as session:
             rows = repository.expired(
-                session, node=self._storage.node, owner=self._owner, now=time.time()
+                session, place=self._storage.place, owner=self._owner, now=time.time()
             )
         for row in rows:
             self.put_back(row.id, row.attempt, row.failures)

@@ -38,6 +38,7 @@ __all__ = [
     "run_ids",
     "runs_of",
     "unclaim",
+    "waiting",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -269,21 +270,27 @@ def put_back(session: Session, fit_id: str, attempt: int, *, failures: int) -> b
     )
 
 
-def expired(session: Session, *, node: str, owner: str, now: float) -> Sequence[FitRow]:
+def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence[FitRow]:
     """Fits that run under an owner who is gone.
 
     Args:
         session: Session of the database.
-        node: Name of this machine: it has one server, so that every other owner of it is gone.
+        place: Name of this place: it has one server, so that every other owner of it is gone.
         owner: This server.
         now: The time, past which a lease must reach [s since 1970].
     """
     query = select(FitRow).where(
         FitRow.status == "running",
         FitRow.owner != owner,
-        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{node}/", autoescape=True)),
+        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{place}/", autoescape=True)),
     )
     return session.scalars(query).all()
+
+
+def waiting(session: Session, most: int) -> int:
+    """How many fits wait, of all workspaces, counted up to a number."""
+    query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
+    return len(session.scalars(query).all())
 
 
 def counts(session: Session) -> dict[str, int]:

@@ -15,6 +15,7 @@ happens so often that the fit itself must be suspected.
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import threading
 import time
@@ -270,13 +271,16 @@ class Supervisor:
 
     def _begin(self) -> bool:
         """Begin the fit that waits longest; False where none waits or none can be begun."""
-        claimed = self._queue.claim()
+        # Not all of a long queue is counted: what matters is how many will run at once.
+        waiting = self._queue.waiting(self._engine.capacity())
+        claimed = self._queue.claim() if waiting else None
         if claimed is None:
             return False
         job, failures = claimed
+        share = self._engine.threads(len(self._attempts) + waiting)
         try:
             Path(job.directory).mkdir(parents=True, exist_ok=True)
-            running = self._engine.start(job)
+            running = self._engine.start(dataclasses.replace(job, threads=share))
         except OSError:
             # No space, no process to be had: the fit waits, and so does this thread.
             _log.exception("a fit could not be started", extra={"fit": job.fit_id})

@@ -27,6 +27,7 @@ from identification.errors import ComputationError, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
+from identification.threads import use_threads
 
 __all__ = ["checkpoint_of", "compute", "handle"]
 
@@ -43,6 +44,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """
     job = Job.of(task)
     _move_to(Path(job.directory))
+    use_threads(job.threads)
     messages = _Messages(answer)
     try:
         compute(job, messages.progress)

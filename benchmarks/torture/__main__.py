@@ -3,7 +3,9 @@
     python -m benchmarks.torture [--short] [--only kills,files] [--out FILE.md]
 
 Each module of `MODULES` has one function, `run(short, directory)`, that starts the servers which
-it needs on loopback, ends them, and gives a list of outcomes.
+it needs on loopback, ends them, and gives outcomes, at once or one by one.  Each has a section of
+its own in the table, which is written when the module is done; the other sections stay as they are,
+so that the whole can be made in parts.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.torture.document import section, with_section
 from benchmarks.torture.outcome import Outcome
 
 MODULES = ("kills", "throughput", "files", "fuzz", "api", "access", "load", "limits", "batches")
@@ -28,35 +31,29 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", default=",".join(MODULES), help="modules, separated by commas")
     parser.add_argument("--out", type=Path, default=_TABLE, help="Markdown file of the table")
     chosen = parser.parse_args(arguments)
-    outcomes: list[Outcome] = []
+    has_passed = True
     for name in chosen.only.split(","):
-        module = importlib.import_module(f"benchmarks.torture.{name}")
         began = time.monotonic()
-        with tempfile.TemporaryDirectory(prefix=f"motorid-{name}-") as directory:
-            for outcome in module.run(short=chosen.short, directory=Path(directory)):
-                outcomes.append(outcome)
-                print(f"{'pass' if outcome.passed else 'FAIL'}  {outcome.test}: {outcome.measured}")
-        print(f"      {name}: {time.monotonic() - began:.0f} s")
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen.out.write_text(table(outcomes, short=chosen.short), encoding="utf-8")
-    return 0 if all(outcome.passed for outcome in outcomes) else 1
+        outcomes = _run(name, short=chosen.short)
+        seconds = time.monotonic() - began
+        print(f"      {name}: {seconds:.0f} s", flush=True)
+        has_passed &= all(outcome.passed for outcome in outcomes)
+        text = chosen.out.read_text(encoding="utf-8") if chosen.out.exists() else ""
+        words = section(name, outcomes, short=chosen.short, seconds=seconds)
+        chosen.out.parent.mkdir(parents=True, exist_ok=True)
+        chosen.out.write_text(with_section(text, name, words, MODULES), encoding="utf-8")
+    return 0 if has_passed else 1
 
 
-def table(outcomes: list[Outcome], *, short: bool) -> str:
-    """The outcomes as Markdown."""
-    command = f"make torture{' ARGS=--short' if short else ''}"
-    lines = [
-        "# Torture",
-        "",
-        f"Made by `{command}`.",
-        "",
-        "| test | asked | measured | |",
-        "|---|---|---|---|",
-    ]
-    for outcome in outcomes:
-        verdict = "pass" if outcome.passed else "**fail**"
-        lines.append(f"| {outcome.test} | {outcome.asked} | {outcome.measured} | {verdict} |")
-    return "\n".join(lines) + "\n"
+def _run(name: str, *, short: bool) -> list[Outcome]:
+    module = importlib.import_module(f"benchmarks.torture.{name}")
+    outcomes: list[Outcome] = []
+    with tempfile.TemporaryDirectory(prefix=f"motorid-{name}-") as directory:
+        for outcome in module.run(short=short, directory=Path(directory)):
+            outcomes.append(outcome)
+            verdict = "pass" if outcome.passed else "FAIL"
+            print(f"{verdict}  {outcome.test}: {outcome.measured}", flush=True)
+    return outcomes
 
 
 if __name__ == "__main__":

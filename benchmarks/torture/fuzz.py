@@ -36,21 +36,20 @@ _MAPPINGS = (
 )
 
 
-def run(*, short: bool, directory: Path) -> list[Outcome]:
+def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     """Read mutated files of each kind, and send some."""
     number = 15 if short else 10_000
     nursery = Nursery("app.runs.parser", temporary=directory)
     reader = RunReader(nursery, _LIMITS, 1_000_000)
-    outcomes = []
     try:
         for name, content in SAMPLES.items():
             files = _files(content, name, number)
-            outcomes.append(_outcome(name, _ends(reader, directory, files)))
+            yield _outcome(name, _ends(reader, directory, files))
         mapped = ((SAMPLES["canonical CSV"], mapping) for mapping in _mappings(number))
-        outcomes.append(_outcome("mappings", _ends(reader, directory, mapped)))
+        yield _outcome("mappings", _ends(reader, directory, mapped))
     finally:
         nursery.stop()
-    return [*outcomes, _over_http(directory, 30 if short else 2000)]
+    yield _over_http(directory, 30 if short else 2000)
 
 
 def _files(content: bytes, name: str, number: int) -> Iterator[tuple[bytes, None]]:

@@ -14,6 +14,7 @@ import re
 import sqlite3
 import statistics
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import psycopg
@@ -41,7 +42,7 @@ _UNOWNED = "SELECT count(*) FROM fit_runs WHERE fit_id NOT IN (SELECT id FROM fi
 _FITS = "SELECT count(*), count(DISTINCT idempotency_key) FROM fits"
 
 
-def run(*, short: bool, directory: Path) -> list[Outcome]:
+def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     """Kill 200 times over both databases and both engines, or a few times over two.
 
     Args:
@@ -52,16 +53,14 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     if short:
         chosen = [chosen[0], chosen[-1]]
     kills = 6 if short else -(-200 // len(chosen))
-    outcomes = []
     for number, (database, engine) in enumerate(chosen):
         part = directory / f"{database}-{engine}"
         part.mkdir()
-        outcomes.append(torture(part, database, engine, kills, random.Random(number)))
+        yield torture(part, database, engine, kills, random.Random(number))
     for engine in ("local", "dask"):
-        outcomes.append(cancelled(directory / f"cancel-{engine}", engine, 3 if short else 30))
+        yield cancelled(directory / f"cancel-{engine}", engine, 3 if short else 30)
     if not short:
-        outcomes.append(resumed(directory / "resumed"))
-    return outcomes
+        yield resumed(directory / "resumed")
 
 
 def cancelled(directory: Path, engine: str, count: int) -> Outcome:

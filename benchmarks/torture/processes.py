@@ -7,7 +7,17 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["children", "is_running", "kill", "marked", "nurseries"]
+__all__ = [
+    "children",
+    "is_running",
+    "kill",
+    "machine_seconds",
+    "marked",
+    "nurseries",
+    "tree_seconds",
+]
+
+_TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def _all() -> Iterator[int]:
@@ -52,6 +62,20 @@ def marked(mark: str) -> list[int]:
         if process != os.getpid() and mark.encode() in _read(process, "environ")
     ]
     return [process for process in found if _state(process)[0] != "Z"]
+
+
+def machine_seconds() -> float:
+    """Processor time that the whole machine has spent since it started, idling left out [s]."""
+    words = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+    user, nice, system, _, _, interrupts, soft_interrupts, stolen = map(int, words[:8])
+    return (user + nice + system + interrupts + soft_interrupts + stolen) / _TICKS
+
+
+def tree_seconds(process: int) -> float:
+    """Processor time of a process, of those it waited for, and of all below it [s]."""
+    words = _read(process, "stat").rsplit(b")", 1)[-1].split()
+    own = sum(map(int, words[11:15])) / _TICKS if words else 0.0
+    return own + sum(map(tree_seconds, children(process)))
 
 
 def kill(process: int) -> bool:

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 
 from identification.model.loop import lower
 from identification.model.lowering import LANES
+from identification.threads import threads
 
 __all__ = ["LANES", "Effort", "Scan", "scan_of"]
 
@@ -134,10 +135,11 @@ class Scan:
                 )
             finals.append(carry[:, :n_lane])
             outputs.append(output[:, :, :n_lane])
-        if len(tasks) == 1:
-            self._kernel(*tasks[0])
+        if len(tasks) == 1 or threads() == 1:
+            for task in tasks:
+                self._kernel(*task)
         else:
-            for _ in _workers().map(lambda task: self._kernel(*task), tasks):
+            for _ in _workers(threads()).map(lambda task: self._kernel(*task), tasks):
                 pass
         return finals, outputs
 
@@ -177,14 +179,10 @@ def _padded(rows: Array) -> Array:
     return copy
 
 
-@functools.cache
-def _workers() -> ThreadPoolExecutor:
+@functools.lru_cache(maxsize=1)
+def _workers(number: int) -> ThreadPoolExecutor:
     """Threads that call the kernels; ctypes lets go of the interpreter's lock meanwhile."""
-    try:
-        cores = len(os.sched_getaffinity(0))
-    except AttributeError:
-        cores = os.cpu_count() or 1
-    return ThreadPoolExecutor(cores, thread_name_prefix="scan")
+    return ThreadPoolExecutor(number, thread_name_prefix="scan")
 
 
 os.register_at_fork(after_in_child=_workers.cache_clear)

@@ -119,6 +119,20 @@ def test_name_of_the_machine_cannot_leave_the_directory(tmp_path: Path, node: st
     assert storage.incoming.resolve().parent == (tmp_path / "incoming").resolve()
 
 
+def test_place_is_the_same_at_each_start_and_another_in_another_directory(tmp_path: Path) -> None:
+    """By it a server knows fits that a former one held, and leaves those of others alone."""
+    places = []
+    for directory in ("a", "a", "b"):
+        storage = Storage(tmp_path / directory, "bench")
+        storage.prepare()
+        storage.lock()
+        places.append(storage.place)
+        storage.unlock()
+
+    assert places[0] == places[1] != places[2]
+    assert all(place.startswith("bench-") and "/" not in place for place in places)
+
+
 @pytest.mark.parametrize("kind", ["run", "fit", "batch", "key"])
 def test_ids_are_known_by_their_form_and_never_repeat(kind: Kind) -> None:
     """130 random bits: a thousand of them are different."""

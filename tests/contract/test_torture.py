@@ -16,7 +16,7 @@ def test_service_stands_a_little_torture(tmp_path: Path, name: str) -> None:
     """Each outcome says itself what was asked and what was measured."""
     module = importlib.import_module(f"benchmarks.torture.{name}")
 
-    outcomes = module.run(short=True, directory=tmp_path)
+    outcomes = list(module.run(short=True, directory=tmp_path))
 
     assert outcomes
     failed = [f"{o.test}: asked {o.asked}, measured {o.measured}" for o in outcomes if not o.passed]

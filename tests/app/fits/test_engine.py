@@ -186,6 +186,26 @@ def test_job_comes_out_as_it_was_sent(tmp_path: Path) -> None:
     assert Job.of(sent) == saved
 
 
+@pytest.mark.parametrize(
+    ("workers", "told", "jobs", "threads"),
+    [(4, None, 1, 4), (4, None, 2, 2), (4, None, 3, 1), (4, None, 90, 1), (1, None, 90, 4)]
+    + [(9, None, 9, 1), (4, 3, 1, 3), (4, 3, 90, 3)],
+)
+def test_a_fit_has_its_share_of_four_cores_unless_told_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    workers: int,
+    told: int | None,
+    jobs: int,
+    threads: int,
+) -> None:
+    """Cores over jobs at once, rounded down, and at least one: threads beyond cores only wait."""
+    monkeypatch.setattr("app.fits.engine.cores", lambda: 4)
+    nursery = Nursery("app.fits.worker", temporary=tmp_path)
+
+    assert LocalEngine(nursery, workers, told).threads(jobs) == threads
+
+
 def test_secrets_of_the_server_do_not_reach_the_computing_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

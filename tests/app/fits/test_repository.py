@@ -148,12 +148,12 @@ def test_fits_are_taken_in_the_order_in_which_they_came(database: Database) -> N
 def test_fit_is_taken_over_when_its_server_is_gone(
     database: Database, owner: str, now: float, *, is_expired: bool
 ) -> None:
-    """Another machine's after its lease of ten seconds, this machine's former server's at once."""
+    """Another place's after its lease of ten seconds, this place's former server's at once."""
     queue(database)
     take(database, owner)
 
     with database.reading() as session:
-        rows = repository.expired(session, node="bench", owner="bench/me", now=now)
+        rows = repository.expired(session, place="bench", owner="bench/me", now=now)
 
     assert bool(rows) == is_expired
 

@@ -74,6 +74,10 @@ class Engine(AbstractEngine):
         """What the test said."""
         return self.most
 
+    def threads(self, jobs: int) -> int:
+        """A share of eight."""
+        return 8 // min(jobs, self.most)
+
     def start(self, job: Job) -> AbstractRunning:
         """Start nothing."""
         if self.refusals:
@@ -102,6 +106,11 @@ class Bench:
     def owner(self) -> str:
         """Name under which the server holds fits."""
         return self.supervisor._queue._owner
+
+    @property
+    def former(self) -> str:
+        """Name of a server that was here before."""
+        return f"{self.storage.place}/former"
 
     def queue(self, **changes: object) -> str:
         """Let a fit wait."""
@@ -266,6 +275,19 @@ def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
     bench.started(3)
 
 
+def test_fits_share_the_cores_among_those_that_run_or_wait(bench: Bench) -> None:
+    """Of eight: all for one that is alone, half for the second, and half when a third waits too."""
+    bench.queue()
+    assert bench.started(1).job.threads == 8
+
+    bench.queue()
+    bench.queue()
+    assert bench.started(2).job.threads == 4
+    bench.started(1).succeed()
+
+    assert bench.started(3).job.threads == 4
+
+
 def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> None:
     """Queued, no failure counted, the process killed."""
     fit = bench.queue()
@@ -279,10 +301,25 @@ def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> No
     assert not bench.supervisor.is_alive
 
 
+def test_fit_of_another_server_of_this_machine_is_left_alone(
+    bench: Bench, database: Database, tmp_path: Path
+) -> None:
+    """Two on one database, each with its directory: one fit, begun once, as its first attempt."""
+    fit = bench.queue()
+    running = bench.started(1)
+    other = Bench(database, tmp_path / "other")
+    time.sleep(1.2)  # two looks around
+    other.supervisor.stop()
+
+    assert other.engine.started == []
+    assert not running.is_killed
+    assert (bench.state(fit).attempt, bench.state(fit).owner) == (1, bench.owner)
+
+
 def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> None:
     """Its lease would run for an hour; it is begun at once, as its second attempt."""
     fit = bench.queue(
-        status="running", attempt=1, owner="bench/former", lease_until=time.time() + 3600
+        status="running", attempt=1, owner=bench.former, lease_until=time.time() + 3600
     )
 
     running = bench.started(1)
@@ -293,9 +330,7 @@ def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> Non
 
 def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench) -> None:
     """Fifty ends of the server during one fit are no coincidence."""
-    fit = bench.queue(
-        status="running", attempt=60, failures=2, owner="bench/former", lease_until=0.0
-    )
+    fit = bench.queue(status="running", attempt=60, failures=2, owner=bench.former, lease_until=0.0)
 
     row = bench.ended(fit)
 

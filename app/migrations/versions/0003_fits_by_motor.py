@@ -1,0 +1,24 @@
+"""Fits of one motor are found without reading those of all others."""
+
+from __future__ import annotations
+
+from alembic import op
+
+__all__ = ["branch_labels", "depends_on", "down_revision", "downgrade", "revision", "upgrade"]
+
+revision = "0003"
+down_revision = "access_0001"
+branch_labels = None
+depends_on = None
+
+_INDEX = "ix_fits_motor"
+
+
+def upgrade() -> None:
+    """Add the index."""
+    op.create_index(_INDEX, "fits", ["workspace", "motor", "created_at"])
+
+
+def downgrade() -> None:
+    """Drop the index."""
+    op.drop_index(_INDEX, "fits")
