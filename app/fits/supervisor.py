@@ -182,7 +182,7 @@ class Supervisor:
         elif end == LOST:
             self._interrupt(attempt)
         else:
-            self._crash(attempt, end)
+            self._crash(attempt, told.get("crashed", end))
 
     def _succeed(self, attempt: _Attempt) -> None:
         job = attempt.job

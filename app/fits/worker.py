@@ -4,8 +4,8 @@
     {"done": true}                            all outputs are on the disk
     {"failed": {"code", "detail", ...}}       the input or the calculation; another try is no use
 
-If it ends without one of the last two it has crashed, and the fit is tried again.  This is the only
-place where the service runs the pipeline.
+If it ends without one of the last two it has crashed, and the fit is tried again; where it could
+tell why, `{"crashed": "..."}` says it.  This is the only place where the service runs the pipeline.
 """
 
 from __future__ import annotations
@@ -58,6 +58,10 @@ def handle(task: dict[str, Any], answer: int) -> None:
         # Trying again at once would meet the same disk.
         detail = "no space was left for the results; have some made, then fit again"
         messages.send({"failed": {"code": "storage_full", "detail": detail}})
+    except MemoryError:
+        # Beside fewer others there may be enough, so another try is of use.
+        messages.send({"crashed": "no memory left"})
+        raise
     else:
         messages.send({"done": True})
 

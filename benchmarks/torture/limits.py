@@ -163,7 +163,7 @@ def _memory(server: Server, caller: Caller) -> Outcome:
     faults = []
     if once["status"] != "succeeded":
         faults.append(f"once: {once['status']} {once['error']}")
-    if always["status"] != "failed" or not error.get("detail") or not is_alive:
+    if always["status"] != "failed" or "memory" not in error.get("detail", "") or not is_alive:
         faults.append(f"always: {always['status']} {error}, alive {is_alive}")
     told = f"succeeded at attempt {once['attempt']}; failed as {error.get('code')}: "
     told += f"{error.get('detail')}"

@@ -262,6 +262,23 @@ def test_job_that_takes_too_long_is_ended(database: Database, tmp_path: Path) ->
     assert bench.engine.started[0].is_killed
 
 
+def test_crash_that_told_its_reason_is_known_by_it(database: Database, tmp_path: Path) -> None:
+    """An exit status says nothing to a user; that there was no memory does."""
+    bench = Bench(database, tmp_path / "data", max_attempts=1)
+    fit = bench.queue()
+    running = bench.started(1)
+    running.told.append({"crashed": "no memory left"})
+    running.end = "exit status 1"
+
+    error = bench.ended(fit).error
+    bench.supervisor.stop()
+
+    assert error == {
+        "code": "crashed",
+        "detail": "the computation ended without a result once, at last with no memory left",
+    }
+
+
 def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
     """Two of three; the third begins when one has ended."""
     for _ in range(3):
