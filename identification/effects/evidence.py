@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
+from identification.model.term import State
 
 __all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities", "scores_of"]
 
@@ -44,6 +45,8 @@ LEAST_SIZE: Final = 0.02
 _LEAST_SHARE: Final = 0.25
 _SCATTER: Final = 0.002
 """Relative change of an error that is none."""
+_BY_CHANCE: Final = 0.5
+"""Log likelihood that a number which is fitted gains where there is nothing to gain."""
 LOCAL: Final = frozenset({"load_step", "inertia_change"})
 
 
@@ -150,7 +153,8 @@ class Judged:
         """
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
-        return share * self.fit.cost + 0.5 * size * float(np.log(samples))
+        chance = _BY_CHANCE * _fading(self.fit)
+        return share * self.fit.cost + 0.5 * size * float(np.log(samples)) + chance
 
 
 def _lasting(fit: Fit) -> int:
@@ -159,8 +163,16 @@ def _lasting(fit: Fit) -> int:
     Those of current and speed do not, nor any that fades: what a sample tells of them ends early in
     the record, so that they do not cost the logarithm of its length.
     """
-    states = [state for term in fit.simulator.model.terms for state in term.states]
-    return len(fit.states) * sum(not state.fades for state in states)
+    return len(fit.states) * sum(not state.fades for state in _states(fit))
+
+
+def _fading(fit: Fit) -> int:
+    """Number of initial values, over all records, that fade."""
+    return len(fit.states) * sum(state.fades for state in _states(fit))
+
+
+def _states(fit: Fit) -> list[State]:
+    return [state for term in fit.simulator.model.terms for state in term.states]
 
 
 def _determined(fit: Fit) -> float:

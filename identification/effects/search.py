@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import Gates, Judged, probabilities, scores_of
+from identification.effects.evidence import LEAST_SIZE, Gates, Judged, probabilities, scores_of
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.screen import Score
 from identification.effects.tracing import Trace, traced
@@ -165,7 +165,7 @@ def search(
             if alone is not None and _is_far_better(alone, state.current, first):
                 break
             continue
-        if alone is not None and _is_better(alone, state.current):
+        if alone is not None and _replaces(alone, state.current):
             break
         _backward(state)
         _exchange(state)
@@ -317,6 +317,17 @@ def _is_better(one: Judged, other: Judged) -> bool:
     return scores[0] < scores[1]
 
 
+def _replaces(alone: Judged, listed: Judged) -> bool:
+    """Whether a curve stands in the place of the effects of the catalogue.
+
+    Of a single one only where the error is smaller by what counts as a size: a free form that does
+    as well as a kind is that kind.
+    """
+    fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
+    is_single = len(listed.fit.simulator.model.terms) == 1
+    return _is_better(alone, listed) and not (is_single and float(np.sum(fall)) < LEAST_SIZE)
+
+
 def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
     """Whether a curve gains several times what the best kind does.
 
@@ -337,7 +348,7 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
     left = [] if trials.over else _is_left(state)
     if left and alone is None and listed is not declared:
         alone = _curve_alone(state, declared)
-    if alone is not None and _is_better(alone, listed):
+    if alone is not None and _replaces(alone, listed):
         state.current = alone
         return
     if left and is_exhausted:
