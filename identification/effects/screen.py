@@ -13,7 +13,7 @@ without the effect have soaked part of it up.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.effects.forcing import responses
-from identification.effects.start import Along, Start
+from identification.effects.score import Score
+from identification.effects.start import Along
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
 
-__all__ = ["Score", "gathered", "screened"]
+__all__ = ["screened"]
 
 _MANY = 1_000_000
 """Samples times prototypes above which better code pays for itself in one run."""
@@ -37,58 +38,10 @@ _ENOUGH = 20_000
 """Samples at which deviations are compared with the residual; an effect that changes the error by
 two per cent gains hundreds in log likelihood on so many."""
 
-_OTHERS = 5
-"""Starts beside the most promising one from which a refit may go on."""
-
 _PARTS = 2
 """Parts of a sample interval at most; which effect it is shows without its sharpest moments."""
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Score:
-    """A prototype and what it promises.
-
-    Args:
-        candidate: The structure.
-        start: (n_parameter,) its parameters, scaled to the size that explains most [unit].
-        gain: Promised gain of the log likelihood.
-        covariance: (n_joint, n_joint) of the amplitudes that were scored together, as multiples of
-            their prototypes, everything else fitted along [-]; None where they are a record's own.
-        own: For each record the amplitudes that are its own, in the order of the term's states;
-            empty where there are none.
-        along: How what was fitted so far moves along; None where it is held.
-        others: Starts of the same structure that promised less.
-    """
-
-    candidate: Candidate
-    start: Array
-    gain: float
-    covariance: Array | None = None
-    own: tuple[Array, ...] = ()
-    along: Along | None = None
-    others: tuple[Start, ...] = ()
-
-    @property
-    def starts(self) -> tuple[Start, ...]:
-        """Where a refit may start, the most promising first."""
-        return (Start(self.start, self.own, self.along), *self.others)
-
-
-def gathered(scores: Sequence[Score]) -> list[Score]:
-    """One score of each structure, its other starts with it.
-
-    Args:
-        scores: Best first.
-    """
-    best: dict[tuple[str, str], Score] = {}
-    for score in scores:
-        key = (score.candidate.term.name, score.candidate.final.variant)
-        known = best.setdefault(key, score)
-        if known is not score and len(known.others) < _OTHERS:
-            best[key] = replace(known, others=(*known.others, *score.starts))
-    return list(best.values())
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:

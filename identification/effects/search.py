@@ -25,7 +25,7 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.evidence import LEAST_SIZE, Gates, Judged, probabilities, scores_of
 from identification.effects.refit import with_known_amplitudes
-from identification.effects.screen import Score
+from identification.effects.score import Score
 from identification.effects.tracing import Trace, traced
 from identification.effects.trials import UNDERSTATED, Trials, promising
 from identification.fit.campaign import Campaign

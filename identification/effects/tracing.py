@@ -20,7 +20,8 @@ from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart
 from identification.effects.ripple import ripples
-from identification.effects.screen import Score, gathered, screened
+from identification.effects.score import Score, gathered
+from identification.effects.screen import screened
 from identification.fit.solve import Fit
 
 __all__ = ["Trace", "missing_curves", "traced"]

@@ -18,7 +18,8 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
 from identification.effects.refit import refined, refitted_as, refitted_with, refitted_without
-from identification.effects.screen import Score, gathered, screened
+from identification.effects.score import Score, gathered
+from identification.effects.screen import screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 from urllib.parse import urlsplit
 
@@ -41,15 +42,12 @@ def raw(server: Server, request: bytes, *, then: bytes = b"") -> bytes:
     """What the server answers to bytes that no client library would send."""
     address = urlsplit(server.url)
     with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
-        connection.sendall(request)
-        if then:
-            connection.sendall(then)
-        connection.shutdown(socket.SHUT_WR)
         answer = b""
-        try:
+        # The server may close while there is still something to say.
+        with contextlib.suppress(OSError):
+            connection.sendall(request + then)
+            connection.shutdown(socket.SHUT_WR)
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
             while block := connection.recv(65536):
                 answer += block
-        except ConnectionResetError:
-            # Closed while we still had something to say.
-            pass
     return answer

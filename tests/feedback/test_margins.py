@@ -105,6 +105,8 @@ def test_no_crossing_is_missed(loop: Loop) -> None:
     """A grid of 20,001 frequencies may miss a crossing, but may find none that the roots do not."""
     margins = stability_margins(loop)
     gain = open_gain(loop, np.geomspace(1e-5, 1e7, 20_001))
+    # A gain that is one at rest and falls from there touches one, which rounding makes a crossing.
+    gain = gain[np.abs(np.abs(gain) - 1) > 1e-9]
 
     crosses_one = np.flatnonzero(np.diff(np.sign(np.abs(gain) - 1)))
     crosses_axis = np.flatnonzero((np.diff(np.sign(gain.imag)) != 0) & (gain.real[1:] < 0))
