@@ -59,7 +59,8 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
     """
     model, values = model_of(result, declared)
     before = _before(result, run)
-    hottest = max((r.get("hottest_degC") or -np.inf for r in before), default=-np.inf)
+    logged = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
+    hottest = max(logged, default=-np.inf)
     records = records_of([run], len(before), hottest)
     simulator = Simulator.fitting(model, records, values)
     noise = result.get("noise") or {}

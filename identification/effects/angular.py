@@ -75,10 +75,6 @@ class AngularFriction(AbstractForced, AbstractTorque):
         """The term with amplitudes of records expected to be of this size [N m]."""
         return replace(self, torque_size=size)
 
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Amplitudes do not move."""
-        return [ca.SX(0)] * len(self.states)
-
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The torque [N m]."""
         own = states if self.free else values

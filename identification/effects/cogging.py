@@ -26,7 +26,7 @@ class CoggingTorque(AbstractTorque):
 
         tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
 
-    Where the angle is logged from a mark on the shaft, the four amplitudes are those of the motor.
+    Where the angle is logged from a mark on the shaft, the amplitudes are those of the motor.
     Where it is counted from wherever a run began, or is only the integral of the speed, the
     amplitudes are free in each record: they are states that do not move.
 
@@ -91,10 +91,6 @@ class CoggingTorque(AbstractTorque):
     def expecting(self, size: float) -> CoggingTorque:
         """The term with amplitudes of records expected to be of this size [N m]."""
         return replace(self, torque_size=size)
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Amplitudes do not move."""
-        return [ca.SX(0)] * len(self.states)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque by the angle [N m]."""

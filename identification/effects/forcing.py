@@ -52,10 +52,6 @@ class _Push(AbstractTorque, AbstractVoltage):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     states: ClassVar[tuple[State, ...]] = (State("voltage", "V"), State("torque", "N m"))
 
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """They do not move."""
-        return [ca.SX(0), ca.SX(0)]
-
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage [V]."""
         return states.voltage

@@ -10,13 +10,17 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.second_inertia import (
+    AbstractSecondInertia,
+    resonances,
+    share_of_inertia,
+)
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
     AbstractTorque,
     Expression,
     Signals,
-    State,
     Values,
 )
 
@@ -193,12 +197,12 @@ class InertiaChange(AbstractCoefficient):
 
 
 @dataclass(frozen=True)
-class ShaftCompliance(AbstractTorque, AbstractCoefficient):
+class ShaftCompliance(AbstractSecondInertia):
     """A second inertia behind a springy shaft: part of J turns with the rotor, part behind it.
 
-        J -> J (1 - s) + J_2 behind the shaft,   J_2 = s J
-        tau = -k g theta - c (w - w_2),   J_2 dw_2/dt = k g theta + c (w - w_2),
-        dtheta/dt = w - w_2,              g = 1 + h (k theta / T)^2
+        J -> J (1 - s),   J_2 = s J,   tau = -J_2 a
+        J_2 a = k g theta + c (w - w_2),   g = 1 + h (k theta / T)^2
+        dtheta/dt = w - w_2,               dw_2/dt = a
 
     with k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load against a held
     rotor; `h` says by how much the coupling stiffens at the natural torque T.  J stays what slow
@@ -215,20 +219,14 @@ class ShaftCompliance(AbstractTorque, AbstractCoefficient):
     fastest: float
 
     name: ClassVar[str] = "shaft_compliance"
-    equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
-    coefficient: ClassVar[str] = "J"
-    states: ClassVar[tuple[State, ...]] = (
-        State("twist", "rad", fades=True),
-        State("speed", "rad/s", "speed", fades=True),
-    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Share of the inertia behind the shaft, resonance and damping."""
         return (
-            shape("share", "-", "share of the inertia that sits behind the shaft", 0.003, 0.99),
+            share_of_inertia("share of the inertia that sits behind the shaft"),
             shape(
                 "resonance", "rad/s", "resonance of the second inertia", self.slowest, self.fastest
             ),
@@ -244,36 +242,20 @@ class ShaftCompliance(AbstractTorque, AbstractCoefficient):
             ),
         )
 
-    def _pull(self, states: Values, values: Values) -> Expression:
-        """Torque of the spring over the second inertia [rad/s^2]."""
+    def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
+        """Acceleration of the second inertia by the shaft [rad/s^2]."""
         stiffness = values.resonance**2
-        torque = values.share * values.J * stiffness * states.twist / self.torque_size
-        return stiffness * states.twist * (1 + values.hardening * torque * torque)
-
-    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Share of J that turns with the rotor [-]."""
-        return 1 - values.share
-
-    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque of the shaft on the rotor [N m]."""
-        inertia = values.share * values.J
-        damping = 2 * values.damping * inertia * values.resonance
-        return -inertia * self._pull(states, values) - damping * (signals.speed - states.speed)
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of twist and of the second speed."""
-        slip = signals.speed - states.speed
-        return [
-            slip,
-            self._pull(states, values) + 2 * values.damping * values.resonance * slip,
-        ]
+        torque = values.share * values.J * stiffness * twist / self.torque_size
+        spring = stiffness * twist * (1 + values.hardening * torque * torque)
+        return spring + 2 * values.damping * values.resonance * slip
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure, its resonance scanned with heavy damping."""
-        slowest, fastest = 20.0 / survey.duration, 2.5 / survey.interval
-        if fastest < 2 * slowest:
+        reach = resonances(survey)
+        if reach is None:
             return []
+        slowest, fastest = reach
         term = cls(survey.torque, slowest, fastest)
         scanned = np.geomspace(1.5 * slowest, 0.7 * fastest, 16)
         starts = [(share, w, 0.3, 0.0) for share in (0.2, 0.5) for w in scanned]

@@ -118,10 +118,6 @@ class _Ripple(AbstractForced):
         """The term with amplitudes of records expected to be of this size [N m] or [V]."""
         return replace(self, size=size)
 
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Amplitudes do not move."""
-        return [ca.SX(0)] * len(self.states)
-
     def _missing(self, signals: Signals, states: Values, values: Values) -> Expression:
         time = signals.time
         turns = values.frequency * time + values.drift * time * time / (2 * self.duration)

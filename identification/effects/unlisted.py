@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, Final
 
 from identification.effects.angular import AngularFriction
@@ -13,12 +14,15 @@ from identification.model.term import AbstractTerm
 
 __all__ = ["unlisted_term"]
 
-_KINDS: Final[dict[tuple[str, bool], Any]] = {
-    ("mechanical", False): MissingTorque,
-    ("electrical", False): MissingVoltage,
-    ("mechanical", True): MissingTorqueRipple,
-    ("electrical", True): MissingVoltageRipple,
-}
+_FORMS: Final[tuple[Any, ...]] = (
+    MissingTorque,
+    MissingVoltage,
+    MissingTorqueRipple,
+    MissingVoltageRipple,
+    AngularFriction,
+    LaggingFriction,
+    LoosePart,
+)
 
 
 def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
@@ -32,11 +36,10 @@ def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
     if "starts" in fields:
         fields["starts"] = tuple(fields["starts"])
         fields["imitated"] = tuple((float(a), float(b)) for a, b in fields["imitated"])
-    if "farthest" in fields:
-        return LaggingFriction(**fields)
-    if "narrowest" in fields:
-        return LoosePart(**fields)
-    if "turning" in fields:
-        return AngularFriction(**fields)
-    term: AbstractTerm = _KINDS[equation, "duration" in fields](**fields)
+    (form,) = [
+        form
+        for form in _FORMS
+        if form.equation == equation and {f.name for f in dataclasses.fields(form)} == set(fields)
+    ]
+    term: AbstractTerm = form(**fields)
     return term

@@ -26,6 +26,8 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
 
+import casadi as ca
+
 from identification.model.parameter import Parameter
 
 __all__ = [
@@ -124,8 +126,8 @@ class AbstractTerm(ABC):
         return None
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Time derivative of each state of this term [unit of the state / s]."""
-        return []
+        """Time derivative of each state of this term; none moves [unit of the state / s]."""
+        return [ca.SX(0)] * len(self.states)
 
 
 class AbstractTorque(AbstractTerm):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 from urllib.parse import urlsplit
 
@@ -43,11 +44,17 @@ def raw(server: Server, request: bytes, *, then: bytes = b"") -> bytes:
     address = urlsplit(server.url)
     with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
         answer = b""
-        # The server may close while there is still something to say.
-        with contextlib.suppress(OSError):
-            connection.sendall(request + then)
+        connection.sendall(request)
+        if then:
+            connection.sendall(then)
+        try:
             connection.shutdown(socket.SHUT_WR)
-        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+        except OSError as error:
+            # The server has closed already.
+            if error.errno != errno.ENOTCONN:
+                raise
+        # Or it closes while there is still something to say.
+        with contextlib.suppress(ConnectionResetError):
             while block := connection.recv(65536):
                 answer += block
     return answer

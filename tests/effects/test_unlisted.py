@@ -13,6 +13,9 @@ from benchmarks.coverage import run_of
 from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, curves
 from identification.effects.effect import survey_of
+from identification.effects.hysteresis import LaggingFriction
+from identification.effects.loose import LoosePart
+from identification.effects.ripple import ripples
 from identification.effects.search import Outcome, search
 from identification.effects.tracing import missing_curves, traced
 from identification.effects.unlisted import unlisted_term
@@ -91,7 +94,11 @@ def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
     campaign = _campaign("servo_150w", [], seed=24)
     survey = survey_of(fit_declared(campaign.training, "zoh"))
 
-    for candidate in [*curves(survey), *AngularFriction.candidates(survey)]:
+    forms = (AngularFriction, LaggingFriction, LoosePart)
+    others = [candidate for form in forms for candidate in form.candidates(survey)]
+    assert len(others) == len(forms)
+
+    for candidate in [*curves(survey), *ripples(survey, np.array([20.0])), *others]:
         settings = json.loads(json.dumps(dict(vars(candidate.final))))
         again = unlisted_term(candidate.final.equation, settings)
 
@@ -100,7 +107,7 @@ def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
         x, u = ca.SX.sym("x", len(model.state_names)), ca.SX.sym("u", len(INPUTS))
         p = ca.SX.sym("p", len(model.parameters))
         rates = ca.Function("rates", [x, u, p], [model.rates(x, u, p)])
-        assert np.isfinite(np.asarray(rates(1.0, np.ones(len(INPUTS)), 1.0))).all()
+        assert np.isfinite(np.asarray(rates(1.0, np.ones(len(INPUTS)), 0.5))).all()
 
 
 def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
