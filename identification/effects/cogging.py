@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Literal
 
 import casadi as ca
 import numpy as np
@@ -11,13 +11,26 @@ import numpy as np
 from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
 from identification.effects.orders import HIGHEST_ORDER
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractTorque, Expression, Signals, State, Values
+from identification.model.term import (
+    AbstractTerm,
+    AbstractTorque,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
 
 __all__ = ["CoggingTorque"]
 
 _USUAL: Final = 2
 _MOST: Final = 5
 """Harmonics that are tried at first, and at most."""
+
+_RETURNS: Final = (30.0, 10.0, 3.0, 1.0)
+"""How often within a record a simulated angle returns to the integrated one while it is led on."""
+
+_PINNED: Final = 1e-6
+"""Width of the prior of an angle that starts at zero [rad]."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +43,25 @@ class CoggingTorque(AbstractTorque):
     Where it is counted from wherever a run began, or is only the integral of the speed, the
     amplitudes are free in each record: they are states that do not move.
 
+    The integral of a noisy speed walks away from the angle at random, by more the longer the record
+    is; once the order is known the angle that the model itself turns by is the better one.
+
     Args:
         torque_size: Natural torque [N m].
         logged: Whether the angle is logged, from the same zero in all runs.
         harmonics: How many multiples h of the order there are.
+        angle: Where phi is from: as the record has it, ``read`` by an encoder or ``integrated``
+            from the logged speed, or ``simulated`` with the rest of the model.
+        duration: Of the longest record, where the angle is not read [s].
+        recall: Rate at which a simulated angle returns to the integrated one [1/s].
     """
 
     torque_size: float
     logged: bool = True
     harmonics: int = 2
+    angle: Literal["read", "integrated", "simulated"] = "read"
+    duration: float = 0.0
+    recall: float = 0.0
 
     name: ClassVar[str] = "cogging_torque"
     equation: ClassVar[str] = "mechanical"
@@ -49,14 +72,30 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def variant(self) -> str:
-        """Whose zero the angle has, and how many harmonics where they are not the usual two."""
+        """Whose angle it is, and how many harmonics where they are not the usual two."""
         zero = "one angle" if self.logged else "an angle of each run"
+        if self.angle == "simulated":
+            zero = "the simulated angle of each run"
         return zero if self.harmonics == _USUAL else f"{zero}, {self.harmonics} harmonics"
 
     @property
-    def richer(self) -> CoggingTorque | None:
-        """One harmonic more."""
-        return replace(self, harmonics=self.harmonics + 1) if self.harmonics < _MOST else None
+    def richer(self) -> tuple[CoggingTorque, ...]:
+        """The angle simulated, where it is only integrated, and one harmonic more."""
+        forms = []
+        if self.angle == "integrated":
+            forms.append(replace(self, angle="simulated"))
+        if self.harmonics < _MOST:
+            forms.append(replace(self, harmonics=self.harmonics + 1))
+        return tuple(forms)
+
+    def leads(self, before: AbstractTerm) -> tuple[CoggingTorque, ...]:
+        """To a simulated angle by ones that return to the integrated angle, ever more slowly.
+
+        A fit that starts with a speed a little off would lose count of the turns at once.
+        """
+        is_new = isinstance(before, CoggingTorque) and before.angle != self.angle
+        rates = [turns / self.duration for turns in _RETURNS] if is_new else []
+        return tuple(replace(self, recall=rate) for rate in rates)
 
     @property
     def _amplitudes(self) -> dict[str, str]:
@@ -79,22 +118,31 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Amplitudes that each record has for itself, where the angle is not logged."""
-        return (
-            ()
-            if self.logged
-            else tuple(
-                State(name, "N m", scale=self.torque_size, is_own=True) for name in self._amplitudes
-            )
-        )
+        """Amplitudes that each record has for itself, where no zero is logged, and the angle.
+
+        The angle starts at zero, since the amplitudes have a phase of their own in each record.
+        """
+        size = self.torque_size
+        names = () if self.logged else self._amplitudes
+        amplitudes = tuple(State(name, "N m", scale=size, is_own=True) for name in names)
+        turned = State("angle", "rad", scale=_PINNED)
+        return (*amplitudes, turned) if self.angle == "simulated" else amplitudes
 
     def expecting(self, size: float) -> CoggingTorque:
         """The term with amplitudes of records expected to be of this size [N m]."""
         return replace(self, torque_size=size)
 
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """The angle turns with the shaft; amplitudes do not move."""
+        still = super().rates(signals, states, values)
+        if self.angle != "simulated":
+            return still
+        return [*still[:-1], signals.speed + self.recall * (signals.angle - states.angle)]
+
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque by the angle [N m]."""
-        angle = values.order * signals.angle
+        turned = states.angle if self.angle == "simulated" else signals.angle
+        angle = values.order * turned
         once, along = ca.sin(angle), ca.cos(angle)
         own = values if self.logged else states
         sine, cosine, torque = once, along, own.sine * once + own.cosine * along
@@ -116,7 +164,7 @@ class CoggingTorque(AbstractTorque):
             for phase in ((size, 0.0), (0.0, size))
         ]
         scanned = cls(survey.torque, logged=True)
-        return [
-            Candidate(scanned, columns(*starts), joint=2, fitted=cls(survey.torque, logged=logged))
-            for logged in {survey.angle_logged, False}
-        ]
+        fitted = [cls(survey.torque, False, angle="integrated", duration=survey.duration)]
+        if survey.angle_logged:
+            fitted = [scanned, cls(survey.torque, False)]
+        return [Candidate(scanned, columns(*starts), joint=2, fitted=form) for form in fitted]

@@ -47,13 +47,17 @@ def refitted_with(
 
 
 def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) -> Fit:
-    """The fit with a term in a richer form, from where `fit` ended; what is new starts neutral."""
+    """The fit with a term in a richer form, from where `fit` ended; what is new starts neutral.
+
+    Sample intervals are divided beforehand until the whole simulation is accurate: an angle that
+    adds up their errors would be a turn away once they are divided later.
+    """
     before = fit.simulator.model
     terms = tuple(term if own.name == term.name else own for own in before.terms)
     model = replace(before, terms=terms)
     known = set(fit.coordinates.names)
     new = np.array([p.prior_mean for p in model.parameters if p.name not in known])
-    return _refitted(fit, model, [Start(new)], patience or Patience(_STEPS))
+    return _refitted(fit, model, [Start(new)], patience or Patience(_STEPS), finely=True)
 
 
 def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
@@ -82,7 +86,14 @@ def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:
     return _refitted(fit, replace(model, terms=tuple(terms)), (), patience or Patience(_STEPS))
 
 
-def _refitted(fit: Fit, model: MotorModel, starts: Sequence[Start], patience: Patience) -> Fit:
+def _refitted(
+    fit: Fit,
+    model: MotorModel,
+    starts: Sequence[Start],
+    patience: Patience,
+    *,
+    finely: bool = False,
+) -> Fit:
     known = {p.name: p for p in fit.coordinates.parameters}
     coordinates = Coordinates([known.get(p.name, p) for p in model.parameters])
     weighting = replace(
@@ -93,6 +104,9 @@ def _refitted(fit: Fit, model: MotorModel, starts: Sequence[Start], patience: Pa
     simulator, position, states = begun(
         fit, model, coordinates, starts, weighting, chosen=patience.steps > 0
     )
+    if finely:
+        values = coordinates.values(position)
+        simulator = accurate(simulator, values, states, weighting.deviation, simulator.divisions)
     return replanned(solve(simulator, coordinates, position, states, weighting, patience), patience)
 
 

@@ -230,16 +230,16 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
 def _enrich(state: _State, round_: int) -> None:
     """Give effects the richer forms of their laws, as long as these pass."""
     for found in state.current.fit.simulator.model.terms:
-        term = found.richer
-        while term is not None and not state.trials.over:
+        left = list(found.richer)
+        while left and not state.trials.over:
+            term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
             gates = richer.gates(state.current, state.trials.tried)
             state.searched.append(
                 Searched(term.name, round_, gates.gain, gates, gates.passed, term.variant)
             )
-            if not gates.passed:
-                break
-            state.current, term = richer, term.richer
+            if gates.passed:
+                state.current, left = richer, list(term.richer)
 
 
 def _backward(state: _State) -> None:

@@ -111,7 +111,13 @@ class Trials:
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit = refitted_as(current.fit, term, self.patience())
+            fit = current.fit
+            (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
+            for form in (*term.leads(before), term):
+                led = refitted_as(fit, form, self.patience())
+                if led.cost > fit.cost and fit is not current.fit:
+                    break
+                fit = led
             known = self.judge(self._finished(fit), current.share)
         return known
 

@@ -23,7 +23,8 @@ __all__ = ["fitted_initial_states"]
 Array = NDArray[np.float64]
 
 _LEAST_HEAD: Final = 50
-_HEAD_SHARE: Final = 0.1
+_GROWING: Final = (0.1, 0.3, 1.0)
+"""Shares of a record that are looked at, one after the other where all of it may be."""
 _STEPS: Final = 4
 _ROUGH: Final = 0.1
 """Share of the noise by which one interval of a head may be wrong."""
@@ -40,15 +41,26 @@ def fitted_initial_states(
         values: (n_parameter,) physical.
         deviation: (2,) noise of current and speed [A, rad/s].
         whole: Whether to look at whole records, where a phase is asked for that no head shows.
+            What turns further and further is lost at once where it begins with another phase, so
+            that the heads grow until they are whole.
 
     Returns:
         For each record (n_state,).
     """
-    heads = simulator.records if whole else tuple(_head(record) for record in simulator.records)
+    states = tuple(initial_states(simulator.model, record) for record in simulator.records)
+    for share in _GROWING if whole else _GROWING[:1]:
+        states = _fitted_to_heads(simulator, values, deviation, share, states)
+    return states
+
+
+def _fitted_to_heads(
+    simulator: Simulator, values: Array, deviation: Array, share: float, states: tuple[Array, ...]
+) -> tuple[Array, ...]:
+    """States fitted to the first part of every record, from `states`."""
+    heads = tuple(_head(record, share) for record in simulator.records)
     short = Simulator(simulator.model, heads, simulator.plan)
     weighting = replace(Weighting.white(heads), deviation=deviation)
-    states = [initial_states(simulator.model, record) for record in heads]
-    centres = list(states)
+    centres = [initial_states(simulator.model, record) for record in heads]
     nothing = np.zeros((values.size, 0))
     if simulator.model.terms:
         short = short.divided_for(values, states, _ROUGH * deviation)
@@ -62,20 +74,22 @@ def fitted_initial_states(
             moves.append(np.linalg.solve(full + np.diag(precision), right))
         if not simulator.model.terms:
             # The motor is linear: the step leads to the optimum.
-            states = [state + move for state, move in zip(states, moves, strict=True)]
+            states = tuple(state + move for state, move in zip(states, moves, strict=True))
             continue
         trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
+        best = []
         for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
             record = heads[k]
             residual = (record.measured[:, :, None] - y) / deviation[:, None]
             cost = np.einsum("nc,ncl->l", record.weight, residual**2)
             cost += state_precision(short, k) @ (trials[k] - centres[k][:, None]) ** 2
-            states[k] = trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
-    return tuple(states)
+            best.append(trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))])
+        states = tuple(best)
+    return states
 
 
-def _head(record: Record) -> Record:
-    rows = min(record.rows, max(_LEAST_HEAD, int(_HEAD_SHARE * record.rows)))
+def _head(record: Record, share: float) -> Record:
+    rows = min(record.rows, max(_LEAST_HEAD, int(share * record.rows)))
     inputs = record.inputs[:rows].copy()
     inputs[-1, 0] = 0.0
     return replace(

@@ -121,9 +121,17 @@ class AbstractTerm(ABC):
         return ""
 
     @property
-    def richer(self) -> AbstractTerm | None:
-        """The same law with more freedom, tried once this one has been found; None for most."""
-        return None
+    def richer(self) -> tuple[AbstractTerm, ...]:
+        """Better forms of the same law, tried in turn once this one has been found; often none."""
+        return ()
+
+    def leads(self, before: AbstractTerm) -> tuple[AbstractTerm, ...]:
+        """Forms through which a fit is led from a poorer form to this one; none for most.
+
+        Args:
+            before: The poorer form.
+        """
+        return ()
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term; none moves [unit of the state / s]."""

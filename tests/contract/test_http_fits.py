@@ -6,6 +6,7 @@ import json
 import time
 import uuid
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
@@ -147,19 +148,9 @@ def test_cancelling_ends_the_process_and_its_family_within_a_second(
 ) -> None:
     """The pretended fit wrote down its own process and the one it started.
 
-    The second is the service's own; on a machine that gives it no processor for so long, what it
-    would have done is not seen, so that one of three times decides.
+    The second is a hundred waits of ten milliseconds, counted beside the call: where the machine
+    gives the test no processor, it gives the service none either.
     """
-    fits = [cancelled_family(alice, stored, server)]
-    while fits[-1][1] >= 1.0 and len(fits) < 3:
-        fits.append(cancelled_family(alice, stored, server))
-
-    assert min(seconds for _, seconds in fits) < 1.0
-    assert {alice.fit(fit)["status"] for fit, _ in fits} == {"cancelled"}
-
-
-def cancelled_family(alice: Caller, stored: str, server: Server) -> tuple[str, float]:
-    """A fit with two processes that was cancelled, and the time until both were gone [s]."""
     fit = alice.begin(stored, seed=FAMILY)["id"]
     pids = server.data_dir / "fits" / fit / "1" / "pids"
     deadline = time.monotonic() + 20
@@ -169,16 +160,23 @@ def cancelled_family(alice: Caller, stored: str, server: Server) -> tuple[str, f
     processes = [int(pid) for pid in pids.read_text().split()]
     assert all(alive(pid) for pid in processes)
 
-    began = time.monotonic()
-    answer = alice.http.delete(f"/fits/{fit}")
-    while any(alive(pid) for pid in processes):
-        assert time.monotonic() - began < 30.0
-        time.sleep(0.01)
-    seconds = time.monotonic() - began
+    with ThreadPoolExecutor(1) as beside:
+        waited = beside.submit(waits_for_the_end_of, processes)
+        answer = alice.http.delete(f"/fits/{fit}")
 
+    assert waited.result() < 100
     assert answer.status_code == 200
     assert answer.json()["status"] == "cancelled"
-    return fit, seconds
+    assert alice.fit(fit)["status"] == "cancelled"
+
+
+def waits_for_the_end_of(processes: list[int]) -> int:
+    """How often ten milliseconds passed until all had ended."""
+    for waits in range(1000):
+        if not any(alive(pid) for pid in processes):
+            return waits
+        time.sleep(0.01)
+    return 1000
 
 
 def test_deleting_twice_cancels_and_then_removes(

@@ -6,6 +6,7 @@ import pytest
 
 from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
+from identification.effects.cogging import CoggingTorque
 from identification.effects.search import Outcome, search
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
@@ -37,6 +38,34 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
     assert outcome.effects[0].gates.passed
     assert outcome.effects[0].gates.validation is not None
     assert outcome.effects[0].gates.validation > 0.05
+
+
+def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
+    """Orders 1, 2 and 3 of the slots are one kind; without the third nothing would fit.
+
+    The angle is not logged, and the integral of the noisy speed alone leaves 1.4 times the noise.
+    """
+    measured = make_campaign(
+        "servo_150w",
+        [EffectRequest("cogging_torque", law="three", size=0.15)],
+        seed=17,
+        rows=1500,
+        training=3,
+        validation=1,
+    )
+    campaign = campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["cogging_torque"]
+    (term,) = outcome.fit.simulator.model.terms
+    assert isinstance(term, CoggingTorque)
+    assert (term.harmonics, term.angle) == (3, "simulated")
+    noise = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
+    assert outcome.fit.weighting.deviation == pytest.approx(noise, rel=0.02)
 
 
 def test_two_hidden_effects_are_both_named_and_nothing_else() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
+from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import survey_of
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refitted_with
@@ -18,6 +19,7 @@ from identification.effects.start import Start, begun
 from identification.effects.thermal import Demagnetization
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.solve import Patience, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
 
@@ -52,6 +54,27 @@ def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
     assert share == pytest.approx(1.0, abs=0.05)
     assert np.abs(moved - share * score.along.position).max() < 0.5 * spread.max()
     assert np.abs((moved - share * score.along.position) / spread).max() < 0.5
+
+
+def test_nothing_promises_more_than_all_that_is_left() -> None:
+    """No effect removes more than the weighted residual itself, even where the fit is far off."""
+    declared = fit_declared(campaign("coulomb_friction", 0.05, seed=34).training, "zoh")
+    white = Weighting.white(declared.simulator.records)
+    white = replace(white, deviation=declared.weighting.deviation)
+    away = declared.position.copy()
+    away[declared.coordinates.names.index("Kt25")] += 0.05
+    astray = solve(
+        declared.simulator, declared.coordinates, away, declared.states, white, Patience(0)
+    )
+    left = sum(
+        0.5 * float(np.sum((residual / white.deviation) ** 2)) for residual in astray.residuals()
+    )
+
+    survey = survey_of(astray)
+    scores = screened(astray, [c for kind in CATALOGUE.values() for c in kind.candidates(survey)])
+
+    assert scores
+    assert max(score.gain for score in scores) < left
 
 
 def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:

@@ -1,159 +1,17 @@
-"""The supervisor with an engine that does what the test says, in place of processes."""
+"""What the supervisor makes of jobs that succeed, fail, crash, hang or cannot be started."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from app.access.service import Caller
 from app.database import Database
 from app.fits import repository
-from app.fits.engine import LOST, AbstractEngine, AbstractRunning
-from app.fits.job import Job
-from app.fits.request import FitRequest, new_row
-from app.fits.supervisor import Supervisor
-from app.metrics import Metrics
-from app.settings import load_settings
-from app.storage import Storage
-from app.tables import FitRow
-
-
-@dataclass
-class Running(AbstractRunning):
-    """A job of which the test says what it tells and how it ends."""
-
-    job: Job
-    told: list[dict[str, Any]] = field(default_factory=list)
-    end: str | None = None
-    is_killed: bool = False
-
-    def messages(self) -> list[dict[str, Any]]:
-        """What the test put in."""
-        told, self.told = self.told, []
-        return told
-
-    def exit(self) -> str | None:
-        """What the test said."""
-        return self.end
-
-    def log_tail(self) -> str:
-        """Nothing was printed."""
-        return ""
-
-    def kill(self) -> None:
-        """Remember it."""
-        self.is_killed = True
-
-    def succeed(self) -> None:
-        """Leave a result and end."""
-        (Path(self.job.directory) / "result.json").write_text("{}")
-        self.told.append({"done": True})
-        self.end = "exit status 0"
-
-
-class Engine(AbstractEngine):
-    """Remembers what was started; may refuse to start."""
-
-    def __init__(self) -> None:
-        self.started: list[Running] = []
-        self.refusals = 0
-        self.most = 2
-
-    def open(self) -> None:
-        """There is nothing to begin."""
-
-    def close(self) -> None:
-        """There is nothing to end."""
-
-    def capacity(self) -> int:
-        """What the test said."""
-        return self.most
-
-    def threads(self, jobs: int) -> int:
-        """A share of eight."""
-        return 8 // min(jobs, self.most)
-
-    def start(self, job: Job) -> AbstractRunning:
-        """Start nothing."""
-        if self.refusals:
-            self.refusals -= 1
-            raise OSError(11, "no process to be had")
-        self.started.append(Running(job))
-        return self.started[-1]
-
-
-class Bench:
-    """A supervisor with what it needs."""
-
-    def __init__(self, database: Database, directory: Path, **settings: object) -> None:
-        self.database = database
-        self.storage = Storage(directory, "bench")
-        self.storage.prepare()
-        self.engine = Engine()
-        self.metrics = Metrics()
-        chosen = {"heartbeat_s": 0.05, "lease_s": 1.0} | settings
-        self.supervisor = Supervisor(
-            database, self.storage, self.engine, load_settings(**chosen), self.metrics
-        )
-        self.supervisor.start()
-
-    @property
-    def owner(self) -> str:
-        """Name under which the server holds fits."""
-        return self.supervisor._queue._owner
-
-    @property
-    def former(self) -> str:
-        """Name of a server that was here before."""
-        return f"{self.storage.place}/former"
-
-    def queue(self, **changes: object) -> str:
-        """Let a fit wait."""
-        row = new_row(Caller("default"), FitRequest(["run"], [], {"controllers": ["P:1"]}))
-        for name, value in changes.items():
-            setattr(row, name, value)
-        with self.database.writing() as session:
-            repository.add(session, row, ["run"], [])
-        self.supervisor.wake()
-        return row.id
-
-    def state(self, fit_id: str) -> FitRow:
-        """A fit as it is now."""
-        with self.database.reading() as session:
-            row = repository.get(session, "default", fit_id)
-        assert row is not None
-        return row
-
-    def started(self, number: int) -> Running:
-        """The job that was started last, once there are so many."""
-        until(lambda: len(self.engine.started) >= number)
-        return self.engine.started[number - 1]
-
-    def ended(self, fit_id: str) -> FitRow:
-        """A fit once it has ended."""
-        until(lambda: self.state(fit_id).status in repository.ENDED)
-        return self.state(fit_id)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for something that the supervisor's thread does."""
-    deadline = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen"
-        time.sleep(0.005)
-
-
-@pytest.fixture
-def bench(database: Database, tmp_path: Path) -> Iterator[Bench]:
-    """A bench that is stopped afterwards."""
-    made = Bench(database, tmp_path / "data")
-    yield made
-    made.supervisor.stop()
+from app.fits.engine import LOST
+from tests.app.fits.supervised import Bench, until
 
 
 def test_fit_succeeds_when_its_job_is_done(bench: Bench) -> None:
@@ -316,52 +174,6 @@ def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> No
     assert (row.status, row.failures, row.owner) == ("queued", 0, None)
     assert running.is_killed
     assert not bench.supervisor.is_alive
-
-
-def test_fit_of_another_server_of_this_machine_is_left_alone(
-    bench: Bench, database: Database, tmp_path: Path
-) -> None:
-    """Two on one database, each with its directory: one fit, begun once, as its first attempt."""
-    fit = bench.queue()
-    running = bench.started(1)
-    other = Bench(database, tmp_path / "other")
-    time.sleep(1.2)  # two looks around
-    other.supervisor.stop()
-
-    assert other.engine.started == []
-    assert not running.is_killed
-    assert (bench.state(fit).attempt, bench.state(fit).owner) == (1, bench.owner)
-
-
-def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> None:
-    """Its lease would run for an hour; it is begun at once, as its second attempt."""
-    fit = bench.queue(
-        status="running", attempt=1, owner=bench.former, lease_until=time.time() + 3600
-    )
-
-    running = bench.started(1)
-
-    assert (running.job.fit_id, running.job.attempt) == (fit, 2)
-    assert bench.state(fit).failures == 0
-
-
-def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench) -> None:
-    """Fifty ends of the server during one fit are no coincidence."""
-    fit = bench.queue(status="running", attempt=60, failures=2, owner=bench.former, lease_until=0.0)
-
-    row = bench.ended(fit)
-
-    assert (row.status, row.error and row.error["code"]) == ("failed", "interrupted")
-
-
-def test_fit_that_was_claimed_and_never_started_is_found(bench: Bench) -> None:
-    """As after an error between the two: this server holds it and no process computes it."""
-    fit = bench.queue(status="running", attempt=1, failures=1, owner=bench.owner, lease_until=1e12)
-
-    running = bench.started(1)
-
-    assert (running.job.fit_id, running.job.attempt) == (fit, 2)
-    assert bench.state(fit).failures == 1
 
 
 def test_job_that_cannot_be_started_waits(bench: Bench) -> None:

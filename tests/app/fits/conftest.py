@@ -1,0 +1,19 @@
+"""What tests of the supervisor share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.database import Database
+from tests.app.fits.supervised import Bench
+
+
+@pytest.fixture
+def bench(database: Database, tmp_path: Path) -> Iterator[Bench]:
+    """A bench that is stopped afterwards."""
+    made = Bench(database, tmp_path / "data")
+    yield made
+    made.supervisor.stop()

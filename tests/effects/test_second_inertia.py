@@ -1,0 +1,73 @@
+"""A second inertia behind a shaft or a play: what pulls it is what holds the rotor back."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from bench import make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.load import ShaftCompliance
+from identification.effects.loose import LoosePart
+from identification.effects.search import search
+from identification.effects.second_inertia import AbstractSecondInertia
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.model.term import Signals, Values
+
+SHAFT = ShaftCompliance(1.0, 10.0, 1e4)
+LOOSE = LoosePart(10.0, 1e4, 1e-6, 1.0)
+VALUES = Values(J=2e-5, share=0.3, resonance=400.0, damping=0.2, hardening=0.0, play=1e-7)
+"""Physical values; the play is a ten-thousandth of the twists below."""
+SIGNALS = [field.name for field in fields(Signals)]
+
+
+@pytest.mark.parametrize("term", [SHAFT, LOOSE], ids=["shaft", "play"])
+def test_the_joint_neither_makes_nor_takes_momentum(term: AbstractSecondInertia) -> None:
+    """What the rotor loses is what the second inertia gains: tau = -J_2 dw_2/dt."""
+    for twist, slip in ((1e-3, 0.0), (0.0, 0.5), (-2e-3, 0.3)):
+        signals = Signals(**(dict.fromkeys(SIGNALS, 0.0) | {"speed": 100.0 + slip}))
+        states = Values(twist=twist, speed=100.0)
+
+        sliding, pulled = (float(rate) for rate in term.rates(signals, states, VALUES))
+        torque = float(term.torque(signals, states, VALUES))
+
+        assert sliding == pytest.approx(slip)
+        assert torque == pytest.approx(-VALUES.share * VALUES.J * pulled)
+        assert float(term.factor(signals, states, VALUES)) + VALUES.share == 1.0
+
+
+def test_a_part_with_hardly_any_play_moves_as_one_behind_a_springy_shaft() -> None:
+    """Play, rounding and all, is a ten-thousandth of the twist; so is the difference."""
+    twists, slips = np.meshgrid([-3e-3, -1e-3, 1e-3, 5e-3], [-0.5, 0.0, 0.5])
+
+    for twist, slip in zip(twists.flat, slips.flat, strict=True):
+        stiff, loose = (float(term.pull(twist, slip, VALUES)) for term in (SHAFT, LOOSE))
+        assert loose == pytest.approx(stiff, abs=2e-4 * 400.0**2 * 1e-3)
+
+
+def test_within_the_play_nothing_is_pulled() -> None:
+    """A tenth of the play from the middle, the rounded corners leave a few thousandths of it."""
+    wide = Values(**(vars(VALUES) | {"play": 0.1}))
+
+    free, met = (float(LOOSE.pull(twist, 0.0, wide)) for twist in (0.01, 0.06))
+
+    assert abs(free) < 0.005 * 0.1 * 400.0**2
+    assert met == pytest.approx(400.0**2 * 0.01, rel=0.2)
+
+
+def test_a_springy_shaft_is_named_as_the_kind_it_is() -> None:
+    """And not as the loose part without a name, which can do all that it does."""
+    measured = make_campaign(
+        "servo_150w", ["shaft_compliance"], seed=16, rows=1500, training=3, validation=1
+    )
+    campaign = campaign_of(
+        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
+        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
+    )
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["shaft_compliance"]
