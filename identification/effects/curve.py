@@ -145,7 +145,7 @@ class _Curve(AbstractForced):
 
     def columns(self, record: Record, current: Array, speed: Array) -> Array:
         """Basis functions along a trajectory, (n_sample, n_height) [-]."""
-        along, carrier, fine = _functions(self)
+        along, carrier = _functions(self)
         rows = np.array(
             [
                 current,
@@ -153,12 +153,11 @@ class _Curve(AbstractForced):
                 *[record.column(n) for n in ("voltage", "temperature", "angle", "time", "run")],
             ]
         )
-        drawn, carried = np.asarray(along(rows))[0], np.asarray(carrier(rows))[0]
+        (drawn,), (carried,) = _evaluated(along, rows), _evaluated(carrier, rows)
         if self.along == "position":
-            hats = np.asarray(fine(drawn[None, :])).T
+            hats = _evaluated(_basis(self), drawn[None, :]).T
         else:
-            grid = np.linspace(self.lower, self.upper, _FINE)
-            table = np.asarray(fine(grid[None, :]))
+            grid, table = _table(self)
             hats = np.column_stack([np.interp(drawn, grid, hat) for hat in table])
         imitated = np.array(self.imitated) @ np.array([current / self.current, speed / self.speed])
         return np.asarray(hats * carried[:, None] - imitated.T)
@@ -254,17 +253,43 @@ class MissingVoltage(_Curve, AbstractVoltage):
 
 
 @lru_cache(64)
-def _functions(term: _Curve) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """The signal, the carrier, and the basis over the signal."""
+def _functions(term: _Curve) -> tuple[ca.Function, ca.Function]:
+    """The signal and the carrier, from what moves in a run."""
     names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
     symbols = {name: ca.SX.sym(name) for name in names}
     signals = Signals(**symbols, peak_temperature=ca.SX(0))
-    rows, x = ca.vertcat(*symbols.values()), ca.SX.sym("x")
+    rows = ca.vertcat(*symbols.values())
     return (
         ca.Function("along", [rows], [term.along_of(signals)]),
         ca.Function("carrier", [rows], [term.carrier_of(signals)]),
-        ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))]),
     )
+
+
+def _basis(term: _Curve) -> ca.Function:
+    """The basis over the signal."""
+    x = ca.SX.sym("x")
+    return ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))])
+
+
+@lru_cache(64)
+def _table(term: _Curve) -> tuple[Array, Array]:
+    """(n_point,) places along the signal, and (n_height, n_point) the basis there."""
+    grid = np.linspace(term.lower, term.upper, _FINE)
+    return grid, _evaluated(_basis(term), grid[None, :])
+
+
+def _evaluated(function: ca.Function, points: Array) -> Array:
+    """A function at every point, (n_out, n_point), from (n_in, n_point).
+
+    Through buffers: to make a CasADi matrix of an array takes longer than all else here.
+    """
+    given: Any = np.ascontiguousarray(points.T)
+    found: Any = np.empty((points.shape[1], function.size1_out(0)))
+    buffer, evaluate = function.map(points.shape[1]).buffer()
+    buffer.set_arg(0, memoryview(given))  # type: ignore[call-arg]
+    buffer.set_res(0, memoryview(found))  # type: ignore[call-arg]
+    evaluate()
+    return np.asarray(found.T)
 
 
 _KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}

@@ -287,11 +287,13 @@ def _normal(
     """(n_start,) d_perp'Wr and (n_start, n_start) d_perp'Wd_perp.
 
     Each sample stands for `stride`.  Where the fit is at a bound or not quite at its optimum d'Wr
-    holds some of what the parameters could still do; that is taken away.  And how what is fitted
-    already moves along with each start.
+    holds some of what the parameters could still do; that is taken away.  So does it where the
+    samples that are looked at are not at the optimum of all: they ask for parameters of their own.
+    And how what is fitted already moves along with each start.
     """
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size
+    gradient = equations.gradient.copy()
     right = np.zeros(count)
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))
@@ -300,17 +302,23 @@ def _normal(
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
         both = np.zeros((n + fit.simulator.n_state, count))
+        asked = np.zeros(n + fit.simulator.n_state)
         for channel in range(2):
             weight = stride * weighting.sample_weights(k)[::stride, channel, None]
             white = weighting.whitened(safe[:, channel, :], channel)
             scaled = white * (weight / weighting.deviation[channel] ** 2)
             square += white.T @ scaled
-            right += scaled.T @ weighting.whitened(residual[::stride, channel], channel)
+            white_residual = weighting.whitened(residual[::stride, channel], channel)
+            right += scaled.T @ white_residual
             tangent = weighting.whitened(equations.tangents[k][::stride, channel, :], channel)
             both += tangent.T @ scaled
+            asked += tangent.T @ (white_residual * weight[:, 0] / weighting.deviation[channel] ** 2)
+        asked -= gradient_of(residual, equations.tangents[k], weighting, k)
         solved = np.linalg.solve(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
-        right -= solved.T @ equations.state_gradients[k]
+        right -= solved.T @ (equations.state_gradients[k] + asked[n:])
+        own = np.linalg.solve(equations.state_matrices[k], asked[n:])
+        gradient += asked[:n] - equations.couplings[k].T @ own
         moved.append(solved)
         crossed += both[:n] - equations.couplings[k].T @ solved
         right[bad] = np.nan
@@ -319,7 +327,7 @@ def _normal(
     scaled_matrix = free / np.outer(size, size)
     solved = np.linalg.lstsq(scaled_matrix, crossed / size[:, None], rcond=1e-12)[0]
     moves = -solved / size[:, None]
-    right += moves.T @ equations.gradient
+    right += moves.T @ gradient
     states = [
         np.asarray(-own - np.linalg.solve(matrix, coupling @ moves), dtype=np.float64)
         for own, matrix, coupling in zip(
