@@ -19,12 +19,14 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench import EFFECTS, EffectRequest, Noise, make_campaign
+from bench.campaign import Campaign as Recorded
 from bench.visibility import size_for_rise
 from benchmarks.coverage import run_of
 from benchmarks.tables import tables
@@ -43,15 +45,17 @@ KINDS = ("white", "coloured", "spiky")
 POSITIONS = ("none", "absolute", "none", "incremental")
 SECONDS = 60.0
 """Time that a search may take; what it found until then counts."""
+_APART = 1_000_000
 
 
-def plan(count: int) -> Iterator[dict[str, Any]]:
+def plan(count: int, seed: int = 0) -> Iterator[dict[str, Any]]:
     """What to measure, in such an order that any beginning of it is a fair mixture.
 
     Args:
         count: Number of campaigns.
+        seed: Another one gives other motors, sizes, excitations and noise.
     """
-    rng = np.random.default_rng(2026)
+    rng = np.random.default_rng(2026 + seed)
     listed = [name for name in EFFECTS if name in CATALOGUE]
     unlisted = [name for name in EFFECTS if name not in CATALOGUE]
     other = [(name, law) for name in listed for law in list(EFFECTS[name].laws)[1:]]
@@ -76,7 +80,8 @@ def plan(count: int) -> Iterator[dict[str, Any]]:
         yield {
             "number": number,
             "group": group,
-            "motor": 10_000 + number,
+            "seed": number + _APART * seed,
+            "motor": 10_000 + number + _APART * seed,
             "effects": effects,
             "share": float(rng.uniform(0.4, 1.0)),
             "rise": float(rng.uniform(0.08, 0.3)),
@@ -93,7 +98,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
         rows: Samples a run.
     """
     noise = Noise(kind=item["noise"])
-    settings = {"seed": item["number"], "rows": rows, "noise": noise, "position": item["position"]}
+    settings = {"seed": item["seed"], "rows": rows, "noise": noise, "position": item["position"]}
     requests = []
     for name, law in item["effects"]:
         low, high = EFFECTS[name].typical
@@ -105,6 +110,8 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
             size = found
         requests.append(EffectRequest(name=name, size=size, law=law))
     measured = make_campaign(item["motor"], requests, **settings)
+    silent = replace(noise, current=0.0, speed=0.0)
+    exact = make_campaign(item["motor"], requests, **(settings | {"noise": silent}))
     campaign = campaign_of(
         [run_of(r, f"training_{k}.csv") for k, r in enumerate(measured.training, 1)],
         [run_of(r, f"validation_{k}.csv") for k, r in enumerate(measured.validation, 1)],
@@ -122,6 +129,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
         "named": [found.name for found in outcome.effects],
         "alternatives": sorted({a.name for f in outcome.effects for a in f.alternatives}),
         "where": [equations[found.name] for found in outcome.effects],
+        "noise_there": _noise_there(measured, exact, noise_sd),
         "before": _ratios(declared, campaign, noise_sd),
         "after": _ratios(outcome.fit, campaign, noise_sd),
         "deviations": _deviations(outcome.fit, measured.truth["parameters"]),
@@ -138,6 +146,14 @@ def _ratios(fit: Fit, campaign: Campaign, noise: Sequence[float]) -> list[float]
         squares += np.sum(s.record.weight * s.residual**2, axis=0)
         counts += s.record.weight.sum(axis=0)
     return [round(float(r), 4) for r in np.sqrt(squares / counts) / np.array(noise)]
+
+
+def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) -> list[float]:
+    """Noise that is in the runs left out over what it is on average, current and speed."""
+    names = ["current_A", "speed_rad_s"]
+    pairs = zip(measured.validation, exact.validation, strict=True)
+    apart = np.concatenate([(one.frame[names] - other.frame[names]) for one, other in pairs])
+    return [round(float(r), 4) for r in np.sqrt(np.mean(apart**2, axis=0)) / np.array(noise)]
 
 
 def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
@@ -170,6 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--campaigns", type=int, default=400)
     parser.add_argument("--rows", type=int, default=1500)
+    parser.add_argument("--seed", type=int, default=0, help="of other campaigns")
     parser.add_argument("--log", type=Path, default=Path("out/attribution.jsonl"))
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/attribution.md"))
     chosen = parser.parse_args(arguments)
@@ -178,7 +195,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if chosen.log.exists():
         done = [json.loads(line) for line in chosen.log.read_text().splitlines() if line]
     known = {d["number"] for d in done}
-    tasks = [(item, chosen.rows) for item in plan(chosen.campaigns) if item["number"] not in known]
+    items = plan(chosen.campaigns, chosen.seed)
+    tasks = [(item, chosen.rows) for item in items if item["number"] not in known]
     context = multiprocessing.get_context("spawn")
     cores = context.Queue()
     available = sorted(os.sched_getaffinity(0))
@@ -190,7 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             with chosen.log.open("a", encoding="utf-8") as log:
                 log.write(json.dumps(outcome) + "\n")
             print(json.dumps(outcome), flush=True)  # noqa: T201
-    options = f"--campaigns {chosen.campaigns} --rows {chosen.rows}"
+    options = f"--campaigns {chosen.campaigns} --rows {chosen.rows} --seed {chosen.seed}"
     command = f"python -m benchmarks.attribution {options}"
     text = tables(done, command, list(CATALOGUE), chosen.campaigns)
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
