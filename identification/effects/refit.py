@@ -103,9 +103,7 @@ def _refitted(
         deviation=fit.weighting.deviation,
         robust=fit.weighting.robust,
     )
-    simulator, position, states = begun(
-        fit, model, coordinates, starts, weighting, chosen=patience.steps > 0
-    )
+    simulator, position, states = begun(fit, model, coordinates, starts, weighting)
     if finely:
         values = coordinates.values(position)
         simulator = accurate(simulator, values, states, weighting.deviation, simulator.divisions)

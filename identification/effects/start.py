@@ -73,8 +73,6 @@ def begun(
     coordinates: Coordinates,
     starts: Sequence[Start],
     weighting: Weighting,
-    *,
-    chosen: bool = True,
 ) -> tuple[Simulator, Array, list[Array]]:
     """The simulator of a changed model, and the place from which it is best fitted.
 
@@ -84,7 +82,6 @@ def begun(
         coordinates: Of the changed model.
         starts: Of what is new in it, the most promising first; empty where nothing is.
         weighting: Noise by which places are compared.
-        chosen: Whether to look for the best place and not to take the first start as it is.
 
     Returns:
         The simulator, (n_parameter,) search coordinates and for each record (n_state,).
@@ -94,7 +91,7 @@ def begun(
     position, states = whole[0]
     values = coordinates.values(position)
     simulator = Simulator.fitting(model, records, values, fit.simulator.divisions)
-    if not (starts and chosen):
+    if not starts:
         return simulator, position, states
     # What blows up on intervals that are too long cannot be compared with what does not.
     simulator = simulator.divided_for(

@@ -12,13 +12,13 @@ from identification.diagnosis.localise import Deficiency, Localisation, Missing
 from identification.effects.electrical import BrushDrop, FluxSaturation
 from identification.effects.friction import CoulombFriction, ViscousTemperature
 from identification.effects.load import LoadStep
-from identification.effects.refit import refitted_with
 from identification.effects.sensor import CurrentOffset
-from identification.effects.start import Start
 from identification.effects.thermal import SelfHeating
 from identification.fit.declared import fit_declared
-from identification.fit.solve import Fit, Patience
+from identification.fit.solve import Fit, Patience, solve
 from identification.model.excitation import records_of
+from identification.model.parameter import Coordinates
+from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.report.along import FinalPath, final_path
 from identification.report.missing import missing_terms
@@ -28,9 +28,6 @@ from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]
 
-STAYS = Patience(steps=0)
-"""The refit stops where it begins: the effect has the size that the test gives it."""
-
 
 @pytest.fixture(scope="module")
 def declared() -> Fit:
@@ -38,9 +35,24 @@ def declared() -> Fit:
     return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=8)), "zoh")
 
 
+def with_effect(declared: Fit, term: AbstractTerm, sizes: list[float]) -> Fit:
+    """The fit with an effect of given size, nothing else moved."""
+    model = declared.simulator.model.adding(term)
+    known = {p.name: p for p in declared.coordinates.parameters}
+    coordinates = Coordinates([known.get(p.name, p) for p in model.parameters])
+    values = np.append(declared.values, sizes)
+    simulator = Simulator.fitting(model, declared.simulator.records, values)
+    states = [
+        np.append(state, initial_states(model, record)[state.size :])
+        for state, record in zip(declared.states, simulator.records, strict=True)
+    ]
+    place = coordinates.of(values)
+    return solve(simulator, coordinates, place, states, declared.weighting, Patience(steps=0))
+
+
 def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:
     """The motor with an effect of given size, as if fitted, all draws alike."""
-    final = refitted_with(declared, term, [Start(np.array(sizes))], STAYS)
+    final = with_effect(declared, term, sizes)
     draws = {
         name: np.full(20, value)
         for name, value in zip(final.coordinates.names, final.values, strict=True)
