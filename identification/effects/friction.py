@@ -22,6 +22,9 @@ __all__ = ["CoulombFriction", "QuadraticDrag", "StribeckFriction", "ViscousTempe
 _WIDTH = 3e-3
 """Width of the smoothed sign over the size of the speed; see docs/adr on friction."""
 
+_LEAST_LEFT = 0.01
+"""Share of the friction, to the power of its form, that is always left."""
+
 
 def smooth_sign(x: Expression, width: float) -> Expression:
     """A sign that passes through zero over `width`; algebraic, so that it costs one root."""
@@ -174,9 +177,10 @@ class QuadraticDrag(AbstractTorque):
 class ViscousTemperature(AbstractCoefficient):
     """Grease that thins as it warms: viscous friction changes with temperature.
 
-        b(T) = b exp(-k (T - 25))                                           [N m s/rad]
+        b(T) = b (1 - f k (T - 25))^(1/f)                                   [N m s/rad]
 
-    Source: Barus' and Reynolds' exponential law of viscosity.
+    which is Reynolds' exponential law of viscosity for a form f near zero and a straight line for
+    a form of one.  What lies between is left open, so that b at 25 degC is as uncertain as the law.
     """
 
     name: ClassVar[str] = "viscous_temperature"
@@ -196,15 +200,26 @@ class ViscousTemperature(AbstractCoefficient):
             upper=0.1,
             prior_sd=3.0,
         ),
+        Parameter(
+            "form",
+            "-",
+            "form of the law, from exponential (0) to straight (1)",
+            scale=0.5,
+            lower=0.02,
+            upper=1.0,
+            prior_mean=0.5,
+            prior_sd=0.58,  # of an even spread between the two
+        ),
     )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on b [-]."""
-        return ca.exp(-values.rate * (signals.temperature - 25))
+        left = 1 - values.form * values.rate * (signals.temperature - 25)
+        return ca.exp(ca.log(ca.fmax(left, _LEAST_LEFT)) / values.form)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure, where the temperature moves at all."""
         if survey.heated < 3.0:
             return []
-        return [Candidate(cls(), columns((0.01,), (-0.005,)))]
+        return [Candidate(cls(), columns((0.01, 0.5), (-0.005, 0.5)))]

@@ -38,6 +38,7 @@ _RIVALS: Final = 4
 _CURVES: Final = 4
 _CURVE_UNDERSTATED: Final = 2.0
 _FAR_MORE: Final = 3.0
+_MOST_OF_IT: Final = 0.5
 _FAR_LESS: Final = 0.1
 """Share of the best promise below which nothing is refitted."""
 _LISTED_SHARE: Final = 0.75
@@ -163,7 +164,8 @@ def search(
             if _leaves_more(state):
                 alone = _curve_alone(state, first)
             if alone is not None and _is_far_better(alone, state.current, first):
-                break
+                if not _closes_the_gap(state, alone):
+                    break
             continue
         if alone is not None and _replaces(alone, state.current):
             break
@@ -335,6 +337,16 @@ def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
     """
     gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
     return _is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
+
+
+def _closes_the_gap(state: _State, alone: Judged) -> bool:
+    """Whether another kind beside the one found promises most of what a curve does better.
+
+    Two effects that are both in the catalogue may be imitated by one curve in two signals.
+    """
+    gap = state.current.fit.cost - alone.fit.cost
+    promised = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
+    return promised > _MOST_OF_IT * gap
 
 
 def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:

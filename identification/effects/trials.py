@@ -193,6 +193,10 @@ class Trials:
 
         A base that has not converged would make everything that is added to it look good.
         """
+        return self._converged(refined(self._converged(fit), self.patience()))
+
+    def _converged(self, fit: Fit) -> Fit:
+        """The fit taken on until it converges, or hardly gets better."""
         for _ in range(_LEGS):
             if fit.converged or self.over:
                 break
@@ -210,7 +214,7 @@ class Trials:
             )
             if before - fit.cost < 1.0:
                 break
-        return refined(fit, self.patience())
+        return fit
 
     def worth_a_refit(self, current: Judged, understated: float = UNDERSTATED) -> float:
         """Promised gain below which an effect would fail even if it were several times larger.

@@ -7,9 +7,11 @@ record only and are eliminated from the normal equations (Schur complement), so 
 runs cost no more than their simulation.
 
 Damping: the steps for a ladder of Levenberg-Marquardt parameters are simulated side by side, as
-lanes of one simulation, and the best is taken.  Where even the best gains far less than the
-quadratic model promised the valley is curved, and the steps are bent along it (geodesic
-acceleration), which turns hundreds of short steps into a few.
+lanes of one simulation, and the best is taken.  After a step that needed much damping the rungs
+are closer there: between a tenth and a hundred lies all that helps in a sharp corner.
+
+Where even the best gains far less than the quadratic model promised the valley is curved, and the
+steps are bent along it (geodesic acceleration), which turns hundreds of short steps into a few.
 """
 
 from __future__ import annotations
@@ -32,6 +34,9 @@ __all__ = ["Fit", "Patience", "solve"]
 Array = NDArray[np.float64]
 
 _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
+_STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
+"""Damping where a step before needed at least a tenth."""
+
 _ENOUGH: Final = 1e-3
 """Log likelihood that another step may promise at the optimum; it is 0.045 standard deviations."""
 
@@ -148,16 +153,19 @@ def solve(
     if not equations.is_finite:
         cost = np.inf
     patience = patience or Patience()
+    ladder = _LADDER
     for number in range(patience.steps):
         if patience.over or not equations.is_finite or equations.decrement < _ENOUGH:
             break
         if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
             break
-        trial = _ladder(equations, coordinates, at, x0)
+        trial = _ladder(equations, coordinates, at, x0, ladder)
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))
         if cost - costs[best] < _STRAIGHT * equations.decrement - _ENOUGH:
-            bent = _bent(simulator, equations, coordinates, (at, x0), trial, weighting)
+            bent = _bent(
+                simulator, equations, coordinates, (at, x0), trial, weighting, ladder=ladder
+            )
             bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
             if bent_costs.min() < costs[best]:
                 trial, costs, sized = bent, bent_costs, bent_sized
@@ -172,6 +180,7 @@ def solve(
             # Finite still, but on the way to infinity: no place to go on from.
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
+        ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
     converged |= equations.decrement < _ENOUGH
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 
@@ -183,6 +192,8 @@ def _bent(
     place: tuple[Array, Sequence[Array]],
     trial: tuple[Array, list[Array]],
     weighting: Weighting,
+    *,
+    ladder: Array,
 ) -> tuple[Array, list[Array]]:
     """The steps of a ladder, bent to follow a curved valley.
 
@@ -201,7 +212,7 @@ def _bent(
         change = logged - equations.logged[k][:, :, None]
         curves.append(2 * (change - _PROBE * slope) / _PROBE**2)
     finite = np.all([np.isfinite(curve).all(axis=(0, 1)) for curve in curves], axis=0)
-    bends = equations.bends(_LADDER, at, coordinates, curves, weighting)
+    bends = equations.bends(ladder, at, coordinates, curves, weighting)
     position, states = trial[0].copy(), [end.copy() for end in trial[1]]
     for lane in np.flatnonzero(finite):
         bend, state_bends = bends[lane]
@@ -212,10 +223,14 @@ def _bent(
 
 
 def _ladder(
-    equations: NormalEquations, coordinates: Coordinates, at: Array, x0: Sequence[Array]
+    equations: NormalEquations,
+    coordinates: Coordinates,
+    at: Array,
+    x0: Sequence[Array],
+    ladder: Array,
 ) -> tuple[Array, list[Array]]:
     """Steps for every damping: (n_parameter, n_damping), and (n_state, n_damping) a record."""
-    ends = [equations.step(damping, at, coordinates) for damping in _LADDER]
+    ends = [equations.step(damping, at, coordinates) for damping in ladder]
     position = np.column_stack([at + step for step, _ in ends])
     states = [
         np.column_stack([start + moved[k] for _, moved in ends]) for k, start in enumerate(x0)
