@@ -11,9 +11,12 @@ pass three gates, none of which was tuned on a simulator:
    less, a hundredth of each, is of no use to anybody and within the reach of what is left of other
    imperfections: an inexact law, a smoothed temperature.
 3. *Prediction.*  On runs that were left out, the error has to fall too, by at least a quarter of
-   what it fell by on the training runs, or of what it could fall by before it reached the noise,
-   where that is less; an effect of a single run only must not make it worse.  Amplitudes that every
-   record has for itself are fitted to the runs left out: a phase is no prediction.
+   what it fell by on the training runs, or of what it could surely fall by before it reached the
+   noise, where that is less, and by so much that these runs prefer the effect by twenty to one; an
+   effect of a single run only must not make it worse.  How loud the noise is there is known as well
+   as their residual is even: a few spikes make a run louder that nothing is missing from.
+   Amplitudes that every record has for itself are fitted to the runs left out: a phase is no
+   prediction.
 
 Models are compared by half the Bayesian information criterion.  Two that differ by less than one
 are alike; the one whose kinds come first in the catalogue, commoner things first, is then named,
@@ -26,7 +29,7 @@ Association 90 (1995), 773-795 (probabilities from differences of BIC).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -45,6 +48,11 @@ LEAST_SIZE: Final = 0.02
 _LEAST_SHARE: Final = 0.25
 _SCATTER: Final = 0.002
 """Relative change of an error that is none."""
+_LEAST_ODDS: Final = 3.0
+"""Logarithm of the odds by which runs left out have to prefer an effect, twenty to one: strong
+evidence on the scale of Kass and Raftery."""
+_SURELY: Final = 2.0
+"""Standard deviations by which the noise of the runs left out may be louder than is known."""
 _BY_CHANCE: Final = 0.5
 """Log likelihood that a number which is fitted gains where there is nothing to gain."""
 LOCAL: Final = frozenset({"load_step", "inertia_change"})
@@ -59,7 +67,8 @@ class Gates:
         needed: Gain that chance reaches.
         training: Relative fall of the error on training runs [-].
         validation: Relative fall on runs left out, None where there are none [-].
-        possible: Relative fall on runs left out that would leave nothing but noise [-].
+        possible: Relative fall on runs left out that would surely leave nothing but noise [-].
+        odds: Gain of the log likelihood of the runs left out, in effective samples.
         local: Whether the effect concerns single runs only.
     """
 
@@ -68,6 +77,7 @@ class Gates:
     training: float
     validation: float | None
     possible: float
+    odds: float
     local: bool
 
     @property
@@ -92,7 +102,8 @@ class Gates:
             return ""
         expected = _LEAST_SHARE * min(self.training, max(self.possible, 0.0))
         least = -_LEAST_SHARE * self.training if self.local else expected - _SCATTER
-        if not self.validation > least:
+        is_preferred = self.local or self.odds > _LEAST_ODDS
+        if not (self.validation > least and is_preferred):
             return (
                 f"not supported by the runs left out: their error changes by "
                 f"{-100 * self.validation:.2f} % against {-100 * self.training:.2f} % on training"
@@ -106,13 +117,17 @@ class Judged:
 
     Args:
         fit: The fit.
-        shares: (2,) effective share of the samples.
+        share: Effective share of the samples.
         unseen: (2,) mean square error on runs left out [A^2, rad^2/s^2], None without such runs.
+        unseen_count: (2,) number of samples of that.
+        unseen_scatter: (2,) standard deviation of its root's logarithm, by how even it is [-].
     """
 
     fit: Fit
     share: float
     unseen: Array | None
+    unseen_count: Array = field(default_factory=lambda: np.zeros(2))
+    unseen_scatter: Array = field(default_factory=lambda: np.zeros(2))
 
     def gates(self, simpler: Judged, tried: int) -> Gates:
         """The three gates between this model and a simpler one.
@@ -128,20 +143,23 @@ class Judged:
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
         fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
-        unseen, possible = None, 0.0
+        unseen, possible, odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
             floor = self.fit.weighting.deviation**2
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratio = 0.5 * np.log(simpler.unseen / self.unseen)
                 excess = 0.5 * np.log(simpler.unseen / floor)
             unseen = float(np.sum(ratio[counts > 0]))
-            possible = float(np.sum(excess[counts > 0]))
+            scatter = float(np.linalg.norm(self.unseen_scatter[counts > 0]))
+            possible = float(np.sum(excess[counts > 0])) - _SURELY * scatter
+            odds = self.share * float(np.sum((ratio * self.unseen_count)[counts > 0]))
         return Gates(
             gain=self.share * (simpler.fit.cost - self.fit.cost),
             needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
             training=float(np.sum(fall[counts > 0])),
             validation=unseen,
             possible=possible,
+            odds=odds,
             local=bool(names) and names <= LOCAL,
         )
 
@@ -206,11 +224,17 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
         return Judged(fit, share, None)
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
     simulated = simulate_unseen(fit, campaign.validation, whole=own)
-    total, count = np.zeros(2), np.zeros(2)
+    total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
     for s in simulated:
         total += np.sum(s.record.weight * s.residual**2, axis=0)
+        fourth += np.sum(s.record.weight * s.residual**4, axis=0)
         count += s.record.weight.sum(axis=0)
-    return Judged(fit, share, total / np.maximum(count, 1.0))
+    many = np.maximum(count, 1.0)
+    unseen = total / many
+    with np.errstate(divide="ignore", invalid="ignore"):
+        uneven = np.maximum(np.nan_to_num(fourth / many / unseen**2 - 1.0), 0.0)
+    scatter = 0.5 * np.sqrt(uneven / (many * share))
+    return Judged(fit, share, unseen, count, scatter)
 
 
 def probabilities(scores: Sequence[float]) -> Array:

@@ -13,8 +13,8 @@ from identification.effects.search import Alternative, Found, Outcome, Searched
 from identification.fit.solve import Fit
 from identification.report.story import searched_entries, story_of
 
-PASSED = Gates(900.0, 12.0, 0.7, 0.6, 0.6, False)
-CHANCE = Gates(3.0, 12.0, 0.001, 0.0, 0.0, False)
+PASSED = Gates(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
+CHANCE = Gates(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
 
 
 class Unlisted:
