@@ -37,6 +37,8 @@ _FIELDS: Final = ("motor", *_FILES, "mapping")
 _OPTIONS: Final = tuple(FitOptions.__dataclass_fields__)
 # The motor's name becomes the name of a directory.
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,99}")
+# Beside those directories lie the batch's own files.
+_RESERVED: Final = frozenset({"results.csv", "results.parquet", "fleet.html", "service.json"})
 _LARGEST_BYTES: Final = 20_000_000
 
 
@@ -140,8 +142,13 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
     import yaml
 
     try:
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise InputError("has an alias; expected each value written out", file=str(path))
         content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (AttributeError, OverflowError, RecursionError, ValueError, yaml.YAMLError) as error:
+        # A constructor of YAML gives what Python makes of a number or a date that is none.
+        if isinstance(error, InputError):
+            raise
         mark = getattr(error, "problem_mark", None)
         raise InputError(
             f"is not YAML ({getattr(error, 'problem', None) or 'no such text'}); expected a "
@@ -192,15 +199,29 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
         raise place.at("motor").wrong(
             f"{name[:60]!r} is no name of a motor; expected letters, digits and _ . + -"
         )
+    if name in _RESERVED:
+        raise place.at("motor").wrong(
+            f"{name!r} is the name of a file of the batch; expected another name"
+        )
     if place.entry:
         place = replace(place, entry=f"motor {name}")
     if not entry["training"]:
         raise place.at("training").wrong("has no training run; expected at least one")
+    named = entry.get("mapping")
+    for role, files in (*((role, entry[role]) for role in _FILES), ("mapping", [named or ""])):
+        for file in map(str, files):
+            if not _is_path(file):
+                raise place.at(role).wrong(f"{ascii(file)[:60]} is no path; expected a file")
     folder = place.path.parent
     training, validation = (tuple(folder / file for file in entry[role]) for role in _FILES)
     mapping = entry.get("mapping")
     options = options_with(defaults, entry["options"], place)
     return Motor(name, training, validation, options, folder / str(mapping) if mapping else None)
+
+
+def _is_path(file: str) -> bool:
+    """Whether the system can be asked for it: no NUL, and nothing that is no character."""
+    return "\0" not in file and not any("\ud800" <= letter <= "\udfff" for letter in file)
 
 
 def _files(value: object, role: str, place: _Place) -> list[str]:

@@ -9,6 +9,7 @@ controllers     P:1;PI:2,0.5      a list in YAML
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
@@ -84,7 +85,8 @@ def _checked(name: str, value: object, place: Place) -> object:
         case "seed", int() if not isinstance(value, bool):
             return value
         case "temperatures", list() | tuple() if value and all(map(_is_number, value)):
-            return tuple(float(one) for one in value)
+            with contextlib.suppress(OverflowError):  # a whole number beyond any temperature
+                return tuple(float(one) for one in value)
         case "controllers", list() | tuple() if value and all(isinstance(v, str) for v in value):
             return tuple(value)
     raise place.at(name).wrong(f"{str(value)[:60]!r} is no value; expected {expected}")

@@ -132,11 +132,15 @@ def scaled_unit(unit: str, power: int) -> str:
     return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
 
 
+_LEAST_EXPONENT = -300
+"""What is smaller is written as so little of this: its own power of ten has no inverse."""
+
+
 def _exponent(size: float) -> int:
     """Power of ten to take out: none for what is easily read, else one that leaves one digit."""
     if size == 0.0 or 1e-3 <= size < 1e5:
         return 0
-    return math.floor(math.log10(size))
+    return max(math.floor(math.log10(size)), _LEAST_EXPONENT)
 
 
 def _leading(size: float) -> int:

@@ -90,3 +90,9 @@ def test_shares_and_counts_are_written_for_the_eye() -> None:
     assert percent_text(0.998) == "99.8 %"
     assert count_text(120_000) == "120\u202f000"
     assert count_text(None) == "–"
+
+
+def test_a_number_whose_power_of_ten_has_no_inverse_is_written_too() -> None:
+    """Of 1e-320 nothing is left in four digits of 1e-300."""
+    assert number_text(1e-320).startswith("0.000")
+    assert interval_text(1e-320, 0.0, 2e-320).median.startswith("0.000")

@@ -215,6 +215,18 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.yaml", "- a\n", "has no list `motors`"),
         ("m.yaml", "motors: []\n", "lists no motor"),
         ("m.yaml", "motors: !!python/object/apply:os.system [true]\n", "is not YAML"),
+        ("m.yaml", "a: &a [x]\nmotors: [*a, *a]\n", "has an alias"),
+        ("m.yaml", "motors: " + "[" * 20_000, "is not YAML"),
+        ("m.yaml", "motors: [{motor: m, training: a, mapping: 2001-99-99}]\n", "is not YAML"),
+        ("m.yaml", "motors: [!!timestamp abc]\n", "is not YAML"),
+        ("m.yaml", 'motors: [{motor: m, training: "a\\0b"}]\n', "is no path"),
+        ("m.yaml", 'motors: [{motor: m, training: ["\\ud800.csv"]}]\n', "is no path"),
+        (
+            "m.yaml",
+            "motors: [{motor: m, training: a, options: {temperatures: [1" + "0" * 400 + "]}}]\n",
+            "is no value",
+        ),
+        ("m.csv", "motor,training\nresults.csv,a.csv\n", "is the name of a file of the batch"),
     ],
 )
 def test_fault_of_a_manifest_is_told_by_its_place(
