@@ -8,6 +8,7 @@ the state in which it begins.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ from identification.fit.initial import fitted_initial_states
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
+from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
 
@@ -110,21 +112,37 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
         for name, entry in effect.get("parameters", {}).items()
     }
     values = [
-        _value(parameter.name, {**own, **entries}.get(parameter.name))
-        for parameter in model.parameters
+        _value(parameter, {**own, **entries}.get(parameter.name)) for parameter in model.parameters
     ]
     return model, np.array(values)
 
 
-def _value(name: str, entry: Mapping[str, Any] | None) -> float:
+def _value(parameter: Parameter, entry: Mapping[str, Any] | None) -> float:
+    name = parameter.name
     for key in ("estimate", "median", "mean"):
         value = (entry or {}).get(key)
         if isinstance(value, int | float):
-            return float(value)
+            number = _number(value)
+            is_positive = parameter.search == "log" or name == "L"
+            if not math.isfinite(number) or (is_positive and number <= 0):
+                raise InputError(
+                    f"{name} of the result is {number:.6g}; expected a finite value"
+                    f"{' above zero' if is_positive else ''}",
+                    column=name,
+                )
+            return number
     raise InputError(
         f"the result has no value of {name}; expected a result.json as written by 'motorid fit'",
         column=name,
     )
+
+
+def _number(value: float) -> float:
+    """As a floating-point number; infinite where a whole number is beyond all of them."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _term(effect: Mapping[str, Any]) -> AbstractTerm:

@@ -184,7 +184,7 @@ def _files_of_folder(folder: Path) -> Iterator[tuple[str, BinaryIO]]:
 
 def _files_of_tar(tar: tarfile.TarFile, path: Path) -> Iterator[tuple[str, BinaryIO]]:
     for member in tar:
-        file = tar.extractfile(member) if member.isreg() else None
+        file = tar.extractfile(member) if member.isreg() and not member.issparse() else None
         if file is None:
             raise InputError(
                 f"{member.name[:200]!r} is no ordinary file; a backup has no others",

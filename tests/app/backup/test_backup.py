@@ -192,6 +192,19 @@ def test_tar_cannot_write_elsewhere(tmp_path: Path, name: str) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.tar"]
 
 
+def test_sparse_member_is_refused_before_it_is_written(tmp_path: Path) -> None:
+    """It would claim 400 MB in a file of 10 kB, and fill the disk for nothing."""
+    member = tarfile.TarInfo("motorid.sqlite3")
+    member.size = 0
+    member.pax_headers = {"GNU.sparse.size": "400000000", "GNU.sparse.map": "0,0"}
+    with tarfile.open(tmp_path / "sparse.tar", "w", format=tarfile.PAX_FORMAT) as tar:
+        tar.addfile(member)
+
+    with pytest.raises(InputError, match="no ordinary file"):
+        restore(load_settings(data_dir=tmp_path / "there"), tmp_path / "sparse.tar")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sparse.tar"]
+
+
 def test_run_whose_bytes_changed_is_not_saved_as_if_nothing_were(
     settings: Settings, tmp_path: Path
 ) -> None:

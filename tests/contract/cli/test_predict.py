@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -79,3 +80,25 @@ def test_prediction_replaces_an_older_one(
     assert [path.name for path in tmp_path.iterdir()] == ["p.csv"]
     assert out.read_text(encoding="utf-8").startswith("time_s,current_A,speed_rad_s\n")
     assert out.stat().st_mode & 0o444 == 0o444
+
+
+@pytest.mark.parametrize("spoilt", ["-5", "0", "1" + "0" * 400], ids=["negative", "zero", "huge"])
+def test_result_whose_parameters_are_impossible_is_refused(
+    fitted: Path,
+    run_files: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    spoilt: str,
+) -> None:
+    """No table of empty cells: status 2 and the parameter's name."""
+    result = json.loads((fitted / "result.json").read_text(encoding="utf-8"))
+    result["parameters"]["L"]["estimate"] = int(spoilt)
+    (tmp_path / "spoilt.json").write_text(json.dumps(result), encoding="utf-8")
+
+    status = main(
+        ["predict", str(tmp_path / "spoilt.json"), str(run_files[3]), "--out", str(tmp_path / "p")]
+    )
+
+    assert status == 2
+    assert "L of the result is" in capsys.readouterr().err
+    assert not (tmp_path / "p").exists()
