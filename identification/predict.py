@@ -61,8 +61,8 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
     """
     model, values = model_of(result, declared)
     before = _before(result, run)
-    logged = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
-    hottest = max(logged, default=-np.inf)
+    peaks = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
+    hottest = max(peaks, default=-np.inf)
     records = records_of([run], len(before), hottest)
     simulator = Simulator.fitting(model, records, values)
     noise = result.get("noise") or {}

@@ -141,14 +141,19 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
 def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
     import yaml
 
+    class Written(yaml.SafeLoader):
+        """Refuses aliases: a few lines of them stand for more than any memory holds."""
+
+        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+            if self.check_event(yaml.AliasEvent):
+                problem = "has an alias where each value is to be written out"
+                raise yaml.MarkedYAMLError(None, None, problem, self.peek_event().start_mark)  # type: ignore[no-untyped-call]
+            return super().compose_node(parent, index)
+
     try:
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-            raise InputError("has an alias; expected each value written out", file=str(path))
-        content = yaml.safe_load(text)
+        content = yaml.load(text, Written)  # noqa: S506  a safe loader that knows no alias
     except (AttributeError, OverflowError, RecursionError, ValueError, yaml.YAMLError) as error:
         # A constructor of YAML gives what Python makes of a number or a date that is none.
-        if isinstance(error, InputError):
-            raise
         mark = getattr(error, "problem_mark", None)
         raise InputError(
             f"is not YAML ({getattr(error, 'problem', None) or 'no such text'}); expected a "
@@ -207,21 +212,21 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
         place = replace(place, entry=f"motor {name}")
     if not entry["training"]:
         raise place.at("training").wrong("has no training run; expected at least one")
-    named = entry.get("mapping")
-    for role, files in (*((role, entry[role]) for role in _FILES), ("mapping", [named or ""])):
-        for file in map(str, files):
-            if not _is_path(file):
-                raise place.at(role).wrong(f"{ascii(file)[:60]} is no path; expected a file")
     folder = place.path.parent
-    training, validation = (tuple(folder / file for file in entry[role]) for role in _FILES)
+    training, validation = (
+        tuple(_path(folder, file, place.at(role)) for file in entry[role]) for role in _FILES
+    )
     mapping = entry.get("mapping")
+    mapped = _path(folder, str(mapping), place.at("mapping")) if mapping else None
     options = options_with(defaults, entry["options"], place)
-    return Motor(name, training, validation, options, folder / str(mapping) if mapping else None)
+    return Motor(name, training, validation, options, mapped)
 
 
-def _is_path(file: str) -> bool:
-    """Whether the system can be asked for it: no NUL, and nothing that is no character."""
-    return "\0" not in file and not any("\ud800" <= letter <= "\udfff" for letter in file)
+def _path(folder: Path, file: str, place: _Place) -> Path:
+    """A file that the system can be asked for: no NUL, and nothing that is no character."""
+    if "\0" in file or any("\ud800" <= letter <= "\udfff" for letter in file):
+        raise place.wrong(f"{ascii(file)[:60]} is no path; expected a file")
+    return folder / file
 
 
 def _files(value: object, role: str, place: _Place) -> list[str]:

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
 _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
-"""Damping where a step before needed at least a tenth."""
+"""Damping where the step before needed more than the least of these."""
 
 _ENOUGH: Final = 1e-3
 """Log likelihood that another step may promise at the optimum; it is 0.045 standard deviations."""

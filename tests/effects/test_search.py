@@ -5,19 +5,15 @@ from __future__ import annotations
 import pytest
 
 from bench import EffectRequest, make_campaign
-from benchmarks.coverage import run_of
 from identification.effects.cogging import CoggingTorque
 from identification.effects.search import Outcome, search
-from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
+from tests.effects.hidden import records_of_bench
 
 
 def _outcome(motor: str, effects: list[str], seed: int) -> Outcome:
     measured = make_campaign(motor, effects, seed=seed, rows=1500, training=3, validation=1)
-    campaign = campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    campaign = records_of_bench(measured)
     return search(fit_declared(campaign.training, "zoh"), campaign)
 
 
@@ -53,10 +49,7 @@ def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
         training=3,
         validation=1,
     )
-    campaign = campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    campaign = records_of_bench(measured)
 
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 
@@ -85,10 +78,7 @@ def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
         training=3,
         validation=1,
     )
-    campaign = campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    campaign = records_of_bench(measured)
 
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from benchmarks.coverage import run_of
 from identification.effects.load import ShaftCompliance
 from identification.effects.loose import LoosePart
 from identification.effects.search import search
 from identification.effects.second_inertia import AbstractSecondInertia
-from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.model.term import Signals, Values
+from tests.effects.hidden import records_of_bench
 
 SHAFT = ShaftCompliance(1.0, 10.0, 1e4)
 LOOSE = LoosePart(10.0, 1e4, 1e-6, 1.0)
@@ -63,10 +62,7 @@ def test_a_springy_shaft_is_named_as_the_kind_it_is() -> None:
     measured = make_campaign(
         "servo_150w", ["shaft_compliance"], seed=16, rows=1500, training=3, validation=1
     )
-    campaign = campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    campaign = records_of_bench(measured)
 
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 

@@ -8,20 +8,22 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, make_campaign
-from benchmarks.coverage import run_of
+from identification.effects import screen
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import survey_of
+from identification.effects.electrical import BrushDrop
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.screen import screened
-from identification.effects.sensor import ChannelDelay
+from identification.effects.sensor import ChannelDelay, VoltageOffset
 from identification.effects.start import Start, begun
 from identification.effects.thermal import Demagnetization
-from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Patience, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
+from tests.effects.hidden import records_of_bench
 
 
 def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Campaign:
@@ -34,10 +36,7 @@ def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Cam
         training=3,
         validation=1,
     )
-    return campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    return records_of_bench(measured)
 
 
 def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
@@ -66,15 +65,28 @@ def test_nothing_promises_more_than_all_that_is_left() -> None:
     astray = solve(
         declared.simulator, declared.coordinates, away, declared.states, white, Patience(0)
     )
-    left = sum(
-        0.5 * float(np.sum((residual / white.deviation) ** 2)) for residual in astray.residuals()
-    )
+    deviation = astray.weighting.deviation
+    left = sum(0.5 * float(np.sum((r / deviation) ** 2)) for r in astray.residuals())
 
     survey = survey_of(astray)
     scores = screened(astray, [c for kind in CATALOGUE.values() for c in kind.candidates(survey)])
 
     assert scores
     assert max(score.gain for score in scores) < left
+
+
+def test_every_fourth_sample_promises_no_more_than_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An offset beside a fitted brush drop hides in its parameters; there is none on this motor."""
+    declared = fit_declared(campaign("brush_drop", 0.03, seed=35).training, "zoh")
+    best = screened(declared, BrushDrop.candidates(survey_of(declared)))[0]
+    fit = refitted_with(declared, best.candidate.final, best.starts, Patience())
+    candidates = VoltageOffset.candidates(survey_of(fit))
+    whole = max(score.gain for score in screened(fit, candidates))
+
+    monkeypatch.setattr(screen, "_ENOUGH", 900)
+    few = max(score.gain for score in screened(fit, candidates))
+
+    assert few < 4 * (whole + 5)
 
 
 def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:

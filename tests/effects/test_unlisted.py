@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from benchmarks.coverage import run_of
 from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, curves
 from identification.effects.effect import survey_of
@@ -19,18 +18,16 @@ from identification.effects.ripple import ripples
 from identification.effects.search import Outcome, search
 from identification.effects.tracing import missing_curves, traced
 from identification.effects.unlisted import unlisted_term
-from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
+from tests.effects.hidden import records_of_bench
 
 
 def _campaign(motor: str | int, effects: list[tuple[str, float]], seed: int) -> Campaign:
     measured = make_campaign(motor, effects, seed=seed, rows=1200, training=4, validation=1)
-    return campaign_of(
-        [run_of(r, f"t{k}.csv") for k, r in enumerate(measured.training)],
-        [run_of(r, f"v{k}.csv") for k, r in enumerate(measured.validation)],
-    )
+    return records_of_bench(measured)
 
 
 def _outcome(motor: str | int, effect: str, size: float, seed: int) -> Outcome:
