@@ -35,7 +35,7 @@ from identification.effects.search import search
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
-from identification.fit.noise import effective_shares, with_noise_model
+from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
 
@@ -159,7 +159,7 @@ def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) ->
 def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
     """By how many posterior standard deviations each declared parameter is off."""
     final = with_noise_model(fit)
-    posterior = Posterior(final, effective_shares(final))
+    posterior = Posterior(final, effective_share(final))
     spread = np.sqrt(np.diag(posterior.covariance()))
     at = dict(zip(final.coordinates.names, range(final.position.size), strict=True))
     wanted = final.values.copy()

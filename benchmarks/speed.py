@@ -183,7 +183,7 @@ def _likelihoods(
     fit: Fit, recording: Recording, starts: Array, values: Array, substeps: int
 ) -> dict[str, Callable[[], object]]:
     """One likelihood of all rows, in each of the ways that are compared."""
-    posterior = Posterior(fit, np.ones(2))
+    posterior = Posterior(fit, 1.0)
     rng = np.random.default_rng(2)
     root = np.linalg.cholesky(posterior.covariance())
     points = posterior.centre + rng.standard_normal((WALKERS, root.shape[0])) @ root.T

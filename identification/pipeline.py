@@ -23,7 +23,7 @@ from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
-from identification.fit.noise import effective_shares, with_noise_model
+from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.options import FitOptions
@@ -105,9 +105,9 @@ def identify(
         )
     tell("fit", 0.5)
     final = with_noise_model(outcome.fit if outcome else declared)
-    shares = effective_shares(final)
+    share = effective_share(final)
     tell("posterior", 0.55)
-    posterior = Posterior(final, shares)
+    posterior = Posterior(final, share)
     chain: Sample | None = None
     if options.posterior:
         hashes = [run.sha256 for run in (*training, *validation)]
@@ -132,7 +132,7 @@ def identify(
         declared=declared,
         declared_draws=declared_draws,
         final=final,
-        shares=shares,
+        share=share,
         draws=draws,
         sample=chain,
         feedback=metrics,
@@ -184,4 +184,4 @@ def _declared_draws(
     """Draws of the declared model's posterior; those of the final model where it is the same."""
     if outcome is None or not outcome.effects:
         return draws
-    return normal_draws(Posterior(declared, effective_shares(declared)), options.seed)
+    return normal_draws(Posterior(declared, effective_share(declared)), options.seed)

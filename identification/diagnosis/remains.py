@@ -24,7 +24,7 @@ from identification.diagnosis.colour import spectrum
 from identification.diagnosis.residual import cross_correlation, lagged_products
 from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.initial import fitted_initial_states
-from identification.fit.noise import autoregression, effective_shares
+from identification.fit.noise import autoregression, effective_share
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
@@ -190,8 +190,7 @@ def _spread(fit: Fit, noise: Array) -> Array:
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(rms > 0, np.minimum(noise / rms, 1.0), 1.0)
-    share = float(np.min(effective_shares(fit)))
-    covariance = fit.equations.covariance() / share * float(shares.max()) ** 2
+    covariance = fit.equations.covariance(effective_share(fit)) * float(shares.max()) ** 2
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 

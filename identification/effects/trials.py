@@ -23,7 +23,7 @@ from identification.effects.screen import screened
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
-from identification.fit.noise import effective_shares
+from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
 
@@ -86,7 +86,7 @@ class Trials:
         key = _key(fit)
         known = self._judged.get(key)
         if known is None or fit.cost < known.fit.cost - 1e-3:
-            share = float(np.min(effective_shares(fit))) if share is None else share
+            share = effective_share(fit) if share is None else share
             known = self._judged[key] = judged(fit.light(), self.campaign, share)
         return known
 

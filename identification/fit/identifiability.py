@@ -27,14 +27,14 @@ _PRIOR_SHARE: Final = 0.5
 _ABSENT: Final = 1e-12
 
 
-def identified(fit: Fit, shares: Array) -> dict[str, bool]:
+def identified(fit: Fit, share: float) -> dict[str, bool]:
     """Whether each parameter of the fit is determined by the data.
 
     Args:
         fit: The fit.
-        shares: (2,) effective share of the samples, see `effective_shares`.
+        share: Effective share of the samples, see `effective_share`.
     """
-    deviations = _data_deviations(fit, float(np.min(shares)))
+    deviations = _data_deviations(fit, share)
     slopes = fit.coordinates.slopes(fit.position)
     answer = {}
     for k, parameter in enumerate(fit.coordinates.parameters):

@@ -30,7 +30,7 @@ from identification.model.weighting import Weighting
 
 __all__ = [
     "autoregression",
-    "effective_shares",
+    "effective_share",
     "noise_deviation",
     "student",
     "with_noise_model",
@@ -87,7 +87,7 @@ def _tolerated_rise(fit: Fit) -> float:
     this is more than a tenth, noise cannot be told from a missing effect and nothing is risked.
     """
     unknowns = fit.position.size + sum(state.size for state in fit.states)
-    samples = float(fit.weighting.counts.max()) * float(np.min(effective_shares(fit)))
+    samples = float(fit.weighting.counts.max()) * effective_share(fit)
     return 1.0 + min(3.0 * unknowns / max(samples, 1.0), _LARGEST_RISE)
 
 
@@ -210,8 +210,8 @@ def noise_deviation(fit: Fit) -> Array:
     return found
 
 
-def effective_shares(fit: Fit) -> Array:
-    """(2,) share of the samples that count as independent evidence, at most one.
+def effective_share(fit: Fit) -> float:
+    """Share of the samples that count as independent evidence, at most one.
 
     With residuals e, weights w and tangents a the fit solves sum a w e = 0.  Its covariance is the
     sandwich H^-1 M H^-1 with M the covariance of the gradient, in which w e may be correlated in
@@ -253,7 +253,7 @@ def effective_shares(fit: Fit) -> Array:
     turned = np.linalg.solve(curvature + prior, root)
     ratios = np.linalg.eigvalsh(turned.T @ (gradient + prior) @ turned)
     inflation = float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-12)))))
-    return np.full(2, 1.0 / max(inflation, 1.0))
+    return 1.0 / max(inflation, 1.0)
 
 
 def _mean_slope(weights: Sequence[Array]) -> float:

@@ -165,9 +165,13 @@ class NormalEquations:
         ]
         return np.asarray(step), moved
 
-    def covariance(self) -> Array:
-        """Covariance of the search coordinates, prior included."""
-        return _inverse(self.matrix)
+    def covariance(self, share: float = 1.0) -> Array:
+        """Covariance of the search coordinates, prior included.
+
+        Args:
+            share: Effective share of the samples; the prior keeps its weight.
+        """
+        return _inverse(self.matrix - (1.0 - share) * self.information)
 
     def state_response(self, k: int) -> Array:
         """(n_state, n_parameter): how the best initial state of record `k` follows parameters."""

@@ -40,12 +40,12 @@ class Posterior:
 
     Args:
         fit: The optimum around which the initial states are followed.
-        shares: (2,) effective share of the samples of each channel, below one where the
-            residuals keep a correlation that the noise model does not hold.
+        share: Effective share of the samples, below one where the residuals keep a
+            correlation that the noise model does not hold, or are heavy-tailed.
     """
 
     fit: Fit
-    shares: Array
+    share: float
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,8 +71,8 @@ class Posterior:
         """(n_dim, n_dim) of the normal approximation at the optimum."""
         n = self.fit.position.size
         covariance = np.zeros((n + 2, n + 2))
-        covariance[:n, :n] = self.fit.equations.covariance()
-        counts = np.maximum(self.fit.weighting.counts * self.shares, 2.0)
+        covariance[:n, :n] = self.fit.equations.covariance(self.share)
+        counts = np.maximum(self.fit.weighting.counts * self.share, 2.0)
         covariance[n:, n:] = np.diag(0.5 / counts)
         return covariance
 
@@ -127,5 +127,5 @@ class Posterior:
         counts = fit.weighting.counts[:, None]
         with np.errstate(over="ignore", invalid="ignore"):
             channels = counts * log_deviation + 0.5 * sums * np.exp(-2 * log_deviation)
-            density = prior - np.sum(self.shares[:, None] * channels, axis=0)
+            density = prior - self.share * np.sum(channels, axis=0)
         return np.where(inside & np.isfinite(density), density, -np.inf)

@@ -53,7 +53,7 @@ class Findings:
         declared: Fit of the declared model (before).
         declared_draws: Draws of its posterior, physical, by name.
         final: Fit of the final model (after).
-        shares: (2,) effective share of the samples in the final model.
+        share: Effective share of the samples in the final model.
         draws: Draws of the final model's posterior, physical, by name.
         sample: The chain, None where none was asked for.
         feedback: The feedback list of the result.
@@ -73,7 +73,7 @@ class Findings:
     declared: Fit
     declared_draws: dict[str, Array]
     final: Fit
-    shares: Array
+    share: float
     draws: dict[str, Array]
     sample: Sample | None
     feedback: list[dict[str, object]]
@@ -112,8 +112,8 @@ def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
     convergence = findings.sample.convergence if findings.sample else None
-    before = _parameters(declared, findings.declared_draws, findings.shares)
-    after = _parameters(final, findings.draws, findings.shares)
+    before = _parameters(declared, findings.declared_draws, findings.share)
+    after = _parameters(final, findings.draws, findings.share)
     return {
         "schema_version": 1,
         "software": _software(),
@@ -122,7 +122,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "declared": {"parameters": before},
         "parameters": after,
         "effects": effect_entries(
-            findings.outcome, final, findings.draws, identified(final, findings.shares)
+            findings.outcome, final, findings.draws, identified(final, findings.share)
         ),
         "diagnosis": {
             "residual": detection_entry(findings.before),
@@ -215,8 +215,8 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
     ]
 
 
-def _parameters(fit: Fit, draws: dict[str, Array], shares: Array) -> dict[str, dict[str, Any]]:
-    known = identified(fit, shares)
+def _parameters(fit: Fit, draws: dict[str, Array], share: float) -> dict[str, dict[str, Any]]:
+    known = identified(fit, share)
     return {
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
@@ -263,7 +263,7 @@ def _warnings(findings: Findings) -> list[str]:
     messages += campaign.warnings
     messages += findings.warnings
     messages += _missing(findings)
-    known = identified(findings.final, findings.shares)
+    known = identified(findings.final, findings.share)
     unknown = [name for name, found in known.items() if not found]
     if unknown:
         messages.append(

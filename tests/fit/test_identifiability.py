@@ -16,7 +16,7 @@ from identification.ingest.run import Run
 from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
-WHITE = np.ones(2)
+WHITE = 1.0
 
 
 def answered(runs: list[Run]) -> tuple[dict[str, bool], Fit]:

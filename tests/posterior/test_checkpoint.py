@@ -27,7 +27,7 @@ class Interrupted(Exception):
 def posterior(data: int = 1) -> Posterior:
     """The posterior of a short record of the servo motor."""
     runs = campaign(motor_named("servo 100 W"), seed=data, noise=0.01, rows=400)
-    return Posterior(fit_declared(records_of(runs), "zoh"), np.ones(2))
+    return Posterior(fit_declared(records_of(runs), "zoh"), 1.0)
 
 
 @functools.cache

@@ -52,7 +52,7 @@ def test_at_the_optimum_every_coarse_simulation_has_the_same_residual(fit: Fit) 
 
 def test_the_density_falls_as_that_of_the_fine_simulation_does(fit: Fit) -> None:
     """Draws other than those that it was chosen on; a fifth leaves room for their scatter."""
-    posterior = Posterior(fit, np.ones(2))
+    posterior = Posterior(fit, 1.0)
     root = np.linalg.cholesky(posterior.covariance())
     normal = np.random.default_rng(8).standard_normal((24, root.shape[0]))
     points = np.vstack([posterior.centre, posterior.centre + normal @ root.T])

@@ -24,7 +24,7 @@ from tests.motors import NAMES, Motor, campaign, motor_named
 Array = NDArray[np.float64]
 
 SERVO = motor_named("servo 100 W")
-WHITE = np.ones(2)
+WHITE = 1.0
 
 
 @functools.cache
@@ -72,10 +72,10 @@ def test_the_density_falls_from_the_optimum_as_the_covariance_says() -> None:
     np.testing.assert_allclose(fall, 2.0, atol=0.5)
 
 
-def test_effective_shares_widen_the_posterior() -> None:
+def test_a_smaller_effective_share_widens_the_posterior() -> None:
     """A quarter of the samples doubles every deviation, so a step costs a quarter."""
     fit = servo_fit()
-    all_of_it, quarter = Posterior(fit, WHITE), Posterior(fit, np.full(2, 0.25))
+    all_of_it, quarter = Posterior(fit, WHITE), Posterior(fit, 0.25)
     centre = all_of_it.centre
     away = centre + np.append(np.sqrt(np.diag(fit.equations.covariance())), [0.0, 0.0])
 
@@ -86,6 +86,17 @@ def test_effective_shares_widen_the_posterior() -> None:
         return float((ends[0] - prior[0]) - (ends[1] - prior[1]))
 
     assert fall(quarter) == pytest.approx(0.25 * fall(all_of_it), rel=1e-9)
+
+
+def test_the_normal_approximation_is_as_wide_as_the_density() -> None:
+    """Half a standard deviation of the least certain direction costs an eighth, for any share."""
+    for share in (WHITE, 0.7, 0.1):
+        posterior = Posterior(servo_fit(), share)
+        values, vectors = np.linalg.eigh(posterior.covariance())
+        step = 0.5 * np.sqrt(values[-1]) * vectors[:, -1]
+        ends = posterior(posterior.centre + np.array([0.0, 1.0, -1.0])[:, None] * step)
+
+        assert np.mean(ends[0] - ends[1:]) == pytest.approx(0.125, rel=0.05)
 
 
 def test_out_of_bounds_the_density_is_nothing() -> None:
