@@ -97,6 +97,7 @@ class StribeckFriction(AbstractTorque):
     name: ClassVar[str] = "stribeck_friction"
     equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
+    defining: ClassVar[tuple[str, ...]] = ("exponent",)
     source: ClassVar[str] = (
         "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138; Hess and "
         "Soom, J. Tribology 112 (1990), 147-152"
@@ -149,6 +150,7 @@ class QuadraticDrag(AbstractTorque):
     name: ClassVar[str] = "quadratic_drag"
     equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
+    defining: ClassVar[tuple[str, ...]] = ("exponent",)
     source: ClassVar[str] = (
         "Vrancik, NASA TN D-4849 (1968) (windage); affinity laws of fans, torque with speed squared"
     )

@@ -50,6 +50,8 @@ _ALIKE: Final = 1.0
 _PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
 _NEAR: Final = 0.02
 _SLACK: Final = 30.0
+_AT: Final = 1e-3
+"""Share of a range within which a shape is at its bound."""
 
 
 @dataclass(frozen=True)
@@ -295,7 +297,7 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
     Stand-ins pile up where nothing in the catalogue is what is missing; one curve that does better
     than two of them ends that.
     """
-    if state.trials.over or not _is_left(state):
+    if state.trials.over or not (_is_left(state) or _is_strained(state.current.fit)):
         return None
     beside = _State(state.trials, declared)
     return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
@@ -323,11 +325,30 @@ def _replaces(alone: Judged, listed: Judged) -> bool:
     """Whether a curve stands in the place of the effects of the catalogue.
 
     Of a single one only where the error is smaller by what counts as a size: a free form that does
-    as well as a kind is that kind.
+    as well as a kind is that kind, unless the kind is strained.
     """
     fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
-    is_single = len(listed.fit.simulator.model.terms) == 1
-    return _is_better(alone, listed) and not (is_single and float(np.sum(fall)) < LEAST_SIZE)
+    must_be_smaller = len(listed.fit.simulator.model.terms) == 1 and not _is_strained(listed.fit)
+    return _is_better(alone, listed) and not (must_be_smaller and float(np.sum(fall)) < LEAST_SIZE)
+
+
+def _is_strained(fit: Fit) -> bool:
+    """Whether a shape that makes a kind what it is ended at a bound of its range.
+
+    A drag with the highest power that is one bends more than drags do: the data ask for another
+    law, which happens to be imitated.
+    """
+    at = {name: k for k, name in enumerate(fit.coordinates.names)}
+    shapes = [
+        at[f"{term.name}.{name}"]
+        for term in fit.simulator.model.terms
+        for name in term.defining
+        if f"{term.name}.{name}" in at
+    ]
+    lower, position, upper = (
+        side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)
+    )
+    return bool(np.any(np.minimum(position - lower, upper - position) < _AT * (upper - lower)))
 
 
 def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
@@ -352,13 +373,15 @@ def _closes_the_gap(state: _State, alone: Judged) -> bool:
 def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
     """Put a curve in the place of the effects of the catalogue, or beside them, where one passes.
 
-    Where something is left beside the effects that were found, they may all be stand-ins: a curve
-    by itself is tried first.  One beside them is tried only where the catalogue is exhausted; after
-    it they have to pass again, and so has the curve against the kinds that were not taken.
+    Where something is left beside the effects that were found, or one of them is strained, they
+    may all be stand-ins: a curve by itself is tried first.  One beside them is tried only where the
+    catalogue is exhausted; after it they have to pass again, and so has the curve against the kinds
+    that were not taken.
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
-    if left and alone is None and listed is not declared:
+    strained = not trials.over and _is_strained(listed.fit)
+    if (left or strained) and alone is None and listed is not declared:
         alone = _curve_alone(state, declared)
     if alone is not None and _replaces(alone, listed):
         state.current = alone

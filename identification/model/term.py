@@ -114,6 +114,7 @@ class AbstractTerm(ABC):
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     states: ClassVar[tuple[State, ...]] = ()
+    defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range makes the kind what it is
 
     @property
     def variant(self) -> str:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bench import make_campaign
+from bench import EffectRequest, make_campaign
 from identification.effects.angular import AngularFriction
 from identification.effects.curve import MissingTorque, curves
 from identification.effects.effect import survey_of
@@ -25,7 +25,9 @@ from identification.model.term import Signals, Values
 from tests.effects.hidden import records_of_bench
 
 
-def _campaign(motor: str | int, effects: list[tuple[str, float]], seed: int) -> Campaign:
+def _campaign(
+    motor: str | int, effects: list[tuple[str, float] | EffectRequest], seed: int
+) -> Campaign:
     measured = make_campaign(motor, effects, seed=seed, rows=1200, training=4, validation=1)
     return records_of_bench(measured)
 
@@ -58,6 +60,27 @@ def test_an_effect_in_no_catalogue_is_called_unlisted(
     gates = next(found.gates for found in outcome.effects if found.name == "unlisted")
     assert gates.validation is not None
     assert gates.validation > 0.5 * gates.possible
+
+
+def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
+    """A rub above a speed with a square law: its best power is beyond that of a fan."""
+    rub = EffectRequest("rub_above_speed", 0.065, law="square")
+    campaign = _campaign("servo_150w", [rub], seed=25)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["unlisted"]
+    assert outcome.fit.simulator.model.terms[0].drivers == ("speed",)
+
+
+@pytest.mark.parametrize("law", ["power_1.7", "power_2.3"])
+def test_a_drag_of_another_power_is_still_a_drag(law: str) -> None:
+    """The powers that fans and windage have, with no curve in their place."""
+    campaign = _campaign("servo_150w", [EffectRequest("quadratic_drag", 0.1, law=law)], seed=26)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["quadratic_drag"]
 
 
 def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance() -> None:
