@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
-from identification.effects.search import Outcome, search
+from identification.effects.outcome import Outcome
+from identification.effects.search import search
 from identification.errors import InputError
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.simulation_error import pooled_errors
-from identification.effects.search import Outcome
+from identification.effects.outcome import Outcome
 from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen

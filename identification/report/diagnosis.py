@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation, Missing
-from identification.effects.search import Outcome
+from identification.effects.outcome import Outcome
 from identification.model.excitation import Record
 from identification.report.result import quantity_entry
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.evidence import Gates
-from identification.effects.search import Found, Outcome, Searched
+from identification.effects.outcome import Found, Outcome, Searched
 from identification.fit.solve import Fit
 from identification.model.term import AbstractTerm
 from identification.report.data import Candidate, MissingTerm, MissingTrace, Story

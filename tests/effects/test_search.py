@@ -6,7 +6,8 @@ import pytest
 
 from bench import EffectRequest, make_campaign
 from identification.effects.cogging import CoggingTorque
-from identification.effects.search import Outcome, search
+from identification.effects.outcome import Outcome
+from identification.effects.search import search
 from identification.fit.declared import fit_declared
 from tests.effects.hidden import records_of_bench
 

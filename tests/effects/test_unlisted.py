@@ -14,8 +14,9 @@ from identification.effects.curve import MissingTorque, curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart
+from identification.effects.outcome import Outcome
 from identification.effects.ripple import ripples
-from identification.effects.search import Outcome, search
+from identification.effects.search import search
 from identification.effects.tracing import missing_curves, traced
 from identification.effects.unlisted import unlisted_term
 from identification.fit.campaign import Campaign

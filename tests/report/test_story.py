@@ -9,7 +9,7 @@ import pytest
 
 from identification.effects.evidence import Gates
 from identification.effects.friction import CoulombFriction
-from identification.effects.search import Alternative, Found, Outcome, Searched
+from identification.effects.outcome import Alternative, Found, Outcome, Searched
 from identification.fit.solve import Fit
 from identification.report.story import searched_entries, story_of
 
