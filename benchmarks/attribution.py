@@ -8,7 +8,8 @@ is known, so a run that was cut off goes on where it ended; the tables are made 
 Campaigns are dealt out in turn to as many processes as there are cores, one thread each.
 
 An effect that raises the error of the best declared model on the runs left out by less than a
-twentieth of the noise counts as one that does not show, and is listed apart.
+twentieth of the noise counts as one that does not show, and is listed apart; so are two effects of
+which one, alone in that motor, would not show.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 
 from bench import EFFECTS, EffectRequest, Noise, make_campaign
 from bench.campaign import Campaign as Recorded
-from bench.visibility import size_for_rise
+from bench.visibility import held_out_rise, size_for_rise
 from benchmarks.coverage import run_of
 from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
@@ -126,6 +127,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
     }
     return item | {
         "sizes": [request.size for request in requests],
+        "rises": [held_out_rise(item["motor"], [one], **settings) for one in requests],
         "named": [found.name for found in outcome.effects],
         "alternatives": sorted({a.name for f in outcome.effects for a in f.alternatives}),
         "where": [equations[found.name] for found in outcome.effects],
