@@ -15,6 +15,7 @@
     │   ├── KeyReused          an Idempotency-Key came with another request than before
     │   └── RunRefused         an upload could not be read as a run: file, row, column
     ├── TooManyRequests        a key calls more often than it may
+    │   └── TooManyStreams     or has as many event streams open as it may
     ├── QuotaExceeded          the workspace has as much as it may have
     │   ├── BytesQuota         of bytes of run files
     │   ├── RunsQuota          of runs
@@ -50,6 +51,7 @@ __all__ = [
     "ServiceError",
     "StorageFull",
     "TooManyRequests",
+    "TooManyStreams",
     "Unavailable",
     "WaitingQuota",
     "WrongMediaType",
@@ -193,6 +195,15 @@ class TooManyRequests(ServiceError):
     def __init__(self, message: str, retry_after_s: float) -> None:
         self.retry_after_s = retry_after_s
         super().__init__(message)
+
+
+class TooManyStreams(TooManyRequests):
+    """A key has as many event streams open as it may."""
+
+    code: ClassVar[str] = "too_many_streams"
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, retry_after_s=10.0)
 
 
 class QuotaExceeded(ServiceError):

@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
+import anyio
 from anyio import to_thread
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
@@ -101,7 +102,10 @@ async def _lifespan(application: FastAPI) -> AsyncIterator[None]:
     services: Services = application.state.services
     await to_thread.run_sync(services.start)
     try:
-        yield
+        async with anyio.create_task_group() as group:
+            group.start_soon(services.watcher.run)
+            yield
+            group.cancel_scope.cancel()
     finally:
         await to_thread.run_sync(services.stop)
 

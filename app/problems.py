@@ -183,7 +183,7 @@ def _response(
 
 async def _service(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, errors.ServiceError | InputError)
-    if isinstance(error, errors.QuotaExceeded):
+    if isinstance(error, errors.QuotaExceeded | errors.TooManyStreams):
         request.app.state.services.metrics.refused.labels(error.code).inc()
     return problem_of(error)
 

@@ -16,6 +16,7 @@ from app.database import Database
 from app.fits.engine import AbstractEngine, LocalEngine
 from app.fits.service import FitService
 from app.fits.supervisor import Supervisor
+from app.fits.watcher import Watcher
 from app.health.service import HealthService
 from app.housekeeping import Housekeeper
 from app.metrics import Metrics
@@ -47,6 +48,7 @@ class Services:
         nursery: Process that forks those that read uploads.
         engine: What computes fits; the supervisor closes it.
         supervisor: The thread that has fits computed.
+        watcher: Tells those who listen to a fit when it changes; runs in the event loop.
         retention: Removes what is old.
         housekeeper: The thread that asks it to.
         reading: Bounds how many uploads are read at once.
@@ -65,6 +67,7 @@ class Services:
     nursery: Nursery
     engine: AbstractEngine
     supervisor: Supervisor
+    watcher: Watcher
     retention: Retention
     housekeeper: Housekeeper
     reading: CapacityLimiter
@@ -97,6 +100,7 @@ class Services:
             nursery=readers,
             engine=engine,
             supervisor=supervisor,
+            watcher=Watcher(database, access, settings.streams_per_key),
             retention=retention,
             housekeeper=Housekeeper(access, retention, settings.sweep_s),
             reading=CapacityLimiter(settings.readers),

@@ -159,6 +159,9 @@ class Settings(BaseSettings):
     rate_burst: int = Field(
         default=500, ge=1, description="Calls that a key may make at once before it has to wait."
     )
+    streams_per_key: int = Field(
+        default=64, ge=0, description="Event streams that a key may have open at once; 0: any."
+    )
     quota_bytes: int = Field(
         default=0, ge=0, description="Bytes of run files that a workspace may keep [bytes]; 0: any."
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from sqlalchemy import ColumnElement, and_, delete, or_, select, update
 from sqlalchemy.orm import Session
@@ -16,6 +16,7 @@ __all__ = [
     "key_by_digest",
     "key_by_session",
     "note_use",
+    "open_keys",
     "remove_expired_sessions",
     "remove_session",
     "revoke",
@@ -36,6 +37,12 @@ def key_by_digest(session: Session, digest: str, now: float) -> KeyRow | None:
     """The key with this hash, unless it was revoked or has expired."""
     query = select(KeyRow).where(KeyRow.digest == digest, _is_open(now))
     return session.scalars(query).one_or_none()
+
+
+def open_keys(session: Session, key_ids: Collection[str], now: float) -> set[str]:
+    """Those of some keys that were neither revoked nor have expired."""
+    query = select(KeyRow.id).where(KeyRow.id.in_(key_ids), _is_open(now))
+    return set(session.scalars(query))
 
 
 def revoke(session: Session, key_id: str, now: float) -> bool:

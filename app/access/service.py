@@ -14,7 +14,7 @@ import hashlib
 import re
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from app.access import repository
@@ -129,6 +129,11 @@ class AccessService:
             if key is not None:
                 return self._caller(key)
         raise BadKey("the key is not valid; make one with `motorid keys create`")
+
+    def open_keys(self, key_ids: Collection[str]) -> set[str]:
+        """Those of some keys that open something still: neither revoked nor expired."""
+        with self._database.reading() as session:
+            return repository.open_keys(session, key_ids, time.time())
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
         """Let a browser in that shows a key.

@@ -9,12 +9,10 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
 from app.dependencies import CallerDep, JsonBody, ServicesDep
-from app.errors import NotFound
-from app.fits.events import has_heard_the_end, last_version, stream
+from app.fits.events import EventStream, has_heard_the_end, last_version
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
 from app.headers import REPORT_POLICY
 from app.problems import responses
-from app.tables import FitRow
 
 __all__ = ["router"]
 
@@ -107,20 +105,13 @@ async def follow_fit(
     if version and has_heard_the_end(row, version):
         return Response(status_code=204)
 
-    def read() -> FitRow | None:
-        try:
-            return services.fits.row(caller, fit_id)
-        except NotFound:
-            return None
-
-    events = stream(
-        read,
+    return EventStream(
+        services.watcher,
+        row,
+        caller.key_id,
         version,
         keep_alive_s=services.settings.keep_alive_s,
         is_stopping=services.stopping.is_set,
-    )
-    return StreamingResponse(
-        events, media_type="text/event-stream", headers={"X-Accel-Buffering": "no"}
     )
 
 

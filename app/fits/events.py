@@ -9,25 +9,28 @@ an event is the version of that state: a browser that lost its connection sends 
 only what changed since.  After the event of a state that is not left comes one named `end`, and the
 stream closes; a browser that comes back after it is told, by 204, to stay away.
 
-The state is read from the database and not passed on within the process, so that it is the same
-whichever server computes.
+The state is read from the database, by `app.fits.watcher` for all who listen, and not passed on
+within the process, so that it is the same whichever server computes.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 
-import anyio
-from anyio import to_thread
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from app.fits.repository import ENDED
 from app.fits.schemas import FitEvent
+from app.fits.watcher import Listener, Watcher
 from app.tables import FitRow
 
-__all__ = ["has_heard_the_end", "last_version", "stream"]
+__all__ = ["EventStream", "has_heard_the_end", "last_version", "stream"]
 
-_LOOK_S = 0.3
+_LONGEST_WAIT_S = 1.0
+"""A stream that hears nothing looks this often whether the service stops [s]."""
 _RETRY_MS = 2000
 
 
@@ -42,17 +45,55 @@ def has_heard_the_end(row: FitRow, version: int) -> bool:
     return row.status in ENDED and version >= row.version
 
 
+class EventStream(StreamingResponse):
+    """The answer to who listens to a fit; it counts as open for as long as it is sent.
+
+    Args:
+        watcher: Tells when the fit changes.
+        row: The fit as it was just read.
+        key_id: The key that was shown, or None where no key is asked for.
+        version: Last version that the listener has.
+        keep_alive_s: Longest silence [s].
+        is_stopping: Whether the service wants to stop.
+
+    Raises:
+        TooManyStreams: The key has as many streams open as it may; raised before anything is sent.
+    """
+
+    def __init__(
+        self,
+        watcher: Watcher,
+        row: FitRow,
+        key_id: str | None,
+        version: int,
+        *,
+        keep_alive_s: float,
+        is_stopping: Callable[[], bool],
+    ) -> None:
+        super().__init__((), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
+        self._listening = watcher.listen(row, key_id)
+        self._events = partial(
+            stream, version=version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send events until there are no more, or the listener leaves."""
+        with self._listening as listener:
+            self.body_iterator = self._events(listener)
+            await super().__call__(scope, receive, send)
+
+
 async def stream(
-    read: Callable[[], FitRow | None],
-    version: int,
+    listener: Listener,
     *,
+    version: int,
     keep_alive_s: float,
     is_stopping: Callable[[], bool],
 ) -> AsyncIterator[str]:
     """Events of a fit until it ends, is removed, or the service stops.
 
     Args:
-        read: Reads the fit; None where it is gone.
+        listener: Sees the fit, or None where there is nothing more to hear.
         version: Last version that the listener has.
         keep_alive_s: Longest silence [s].
         is_stopping: Whether the service wants to stop.
@@ -60,7 +101,7 @@ async def stream(
     yield f"retry: {_RETRY_MS}\n\n"
     spoke = time.monotonic()
     while not is_stopping():
-        row = await to_thread.run_sync(read)
+        row = listener.look()
         if row is None:
             return
         if row.version > version:
@@ -72,7 +113,7 @@ async def stream(
         if time.monotonic() - spoke >= keep_alive_s:
             spoke = time.monotonic()
             yield ": keep-alive\n\n"
-        await anyio.sleep(_LOOK_S)
+        await listener.wait(min(_LONGEST_WAIT_S, keep_alive_s))
 
 
 def _event(name: str, row: FitRow) -> str:

@@ -7,7 +7,7 @@ one: a process that was only slow, and not dead, cannot overwrite what came afte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from sqlalchemy import and_, delete, func, or_, select, tuple_, update
@@ -21,6 +21,7 @@ __all__ = [
     "all_ids",
     "by_key",
     "cancel",
+    "changes",
     "claim",
     "counts",
     "expired",
@@ -46,6 +47,9 @@ ENDED = ("succeeded", "failed", "cancelled")
 
 Role = Literal["training", "validation"]
 
+_AT_ONCE = 500
+"""Ids of one query: databases take thousands of values, though not any number."""
+
 
 def add(session: Session, row: FitRow, training: Sequence[str], validation: Sequence[str]) -> None:
     """Keep a fit and which runs it takes."""
@@ -62,6 +66,27 @@ def get(session: Session, workspace: str, fit_id: str) -> FitRow | None:
     """A fit, or None."""
     query = select(FitRow).where(FitRow.workspace == workspace, FitRow.id == fit_id)
     return session.scalars(query).one_or_none()
+
+
+def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:
+    """Those of some fits that are no longer in a version, by id; None for one that is gone.
+
+    Args:
+        session: Session of the database.
+        versions: The version of each fit that is known already.
+    """
+    found: dict[str, FitRow | None] = {}
+    ids = list(versions)
+    for start in range(0, len(ids), _AT_ONCE):
+        asked = ids[start : start + _AT_ONCE]
+        query = select(FitRow.id, FitRow.version).where(FitRow.id.in_(asked))
+        now = {fit_id: version for fit_id, version in session.execute(query)}
+        changed = [fit_id for fit_id in now if now[fit_id] != versions[fit_id]]
+        if changed:
+            rows = session.scalars(select(FitRow).where(FitRow.id.in_(changed)))
+            found |= {row.id: row for row in rows}
+        found |= dict.fromkeys(fit_id for fit_id in asked if fit_id not in now)
+    return found
 
 
 def by_key(session: Session, workspace: str, idempotency_key: str) -> FitRow | None:

@@ -13,6 +13,7 @@ import pytest
 from app.access.gate import PUBLIC_PATHS
 from app.access.service import AccessService
 from app.database import Database
+from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, make_key, run_text
 
 OPEN = {
@@ -49,6 +50,28 @@ def test_revoked_key_opens_nothing(server: Server) -> None:
     database.close()
 
     assert (before, after) == (200, 401)
+
+
+def test_event_stream_ends_when_its_key_is_revoked(server: Server) -> None:
+    """The fit goes on, and its listener hears no more, within some seconds and without an end."""
+    database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
+    access = AccessService(database)
+    key, secret = access.create_key("to be revoked", "followed")
+    other = make_key(server.data_dir, "followed")
+    with Caller(server, secret) as lost, Caller(server, other) as kept:
+        fit = lost.begin(lost.upload(run_text(40))["id"], seed=FAMILY)["id"]
+        with lost.http.stream("GET", f"/fits/{fit}/events") as stream:
+            lines = stream.iter_lines()
+            next(line for line in lines if line.startswith("data"))
+            access.revoke_key(key.id)
+            began = time.monotonic()
+            rest = list(lines)
+            took = time.monotonic() - began
+        kept.http.delete(f"/fits/{fit}")
+    database.close()
+
+    assert took < 10
+    assert "event: end" not in rest
 
 
 def test_everything_of_another_workspace_is_not_there(

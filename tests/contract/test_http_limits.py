@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
 
-from tests.app.pretended import SLOW
+from tests.app.pretended import FAMILY, SLOW
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
 BURST = 30
@@ -16,7 +17,7 @@ BURST = 30
 
 @pytest.fixture(scope="module")
 def limited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with small limits: 10 calls a second, 3 runs, 20,000 bytes, 2 waiting fits."""
+    """A server with small limits: 10 calls a second, 3 runs, 20,000 bytes, and those below."""
     data_dir = tmp_path_factory.mktemp("limited") / "data"
     make_key(data_dir)
     with serving(
@@ -26,6 +27,7 @@ def limited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         QUOTA_RUNS=3,
         QUOTA_BYTES=20_000,
         QUOTA_WAITING_FITS=2,
+        STREAMS_PER_KEY=3,
         WORKERS=1,
     ) as running:
         yield running
@@ -65,6 +67,33 @@ def test_rate_is_that_of_a_key_and_health_has_none(limited: Server) -> None:
         assert not [answer for answer in health if "ratelimit" in answer.headers]
         text = probe.http.get("/metrics").text
         assert re.search(r'motorid_refused_total\{limit="rate"\} [1-9]', text)
+
+
+def test_key_has_no_more_event_streams_open_than_it_may(limited: Server) -> None:
+    """Three of three: the fourth is told when to come back, and let in once another has ended."""
+    with Caller(limited, make_key(limited.data_dir, "curious")) as caller, ExitStack() as streams:
+        fit = caller.begin(caller.upload(run_text(60))["id"], seed=FAMILY)["id"]
+        address = f"/fits/{fit}/events"
+        for _ in range(3):
+            assert streams.enter_context(caller.http.stream("GET", address)).status_code == 200
+        refused = caller.http.get(address)
+        text = caller.http.get(f"{limited.url}/metrics").text
+        streams.close()
+        deadline = time.monotonic() + 10
+        status = 429
+        while status == 429 and time.monotonic() < deadline:
+            time.sleep(0.1)
+            with caller.http.stream("GET", address) as again:
+                status = again.status_code
+        caller.http.delete(f"/fits/{fit}")
+
+    problem = refused.json()
+    assert (refused.status_code, problem["code"]) == (429, "too_many_streams")
+    assert refused.headers["content-type"] == "application/problem+json"
+    assert int(refused.headers["retry-after"]) > 0
+    assert "MOTORID_STREAMS_PER_KEY" in problem["detail"]
+    assert 'motorid_refused_total{limit="too_many_streams"} 1.0' in text
+    assert status == 200
 
 
 def test_workspace_that_is_full_takes_no_run(limited: Server) -> None:

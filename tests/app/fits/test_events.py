@@ -11,6 +11,7 @@ import pytest
 from app.access.service import Caller
 from app.fits import events
 from app.fits.request import FitRequest, new_row
+from app.fits.watcher import Listener
 from app.tables import FitRow
 
 
@@ -21,6 +22,20 @@ def row(status: str = "running", version: int = 3, fraction: float = 0.5) -> Fit
     return made
 
 
+class Told(Listener):
+    """Sees one row after the other, without waiting."""
+
+    def __init__(self, rows: list[FitRow | None]) -> None:
+        self.left = iter(rows)
+
+    def look(self) -> FitRow | None:
+        """The next row; none where there is none left."""
+        return next(self.left, None)
+
+    async def wait(self, seconds: float) -> None:
+        """The next row is there already."""
+
+
 def heard(
     rows: list[FitRow | None],
     version: int = 0,
@@ -29,22 +44,15 @@ def heard(
     is_stopping: Callable[[], bool] = lambda: False,
 ) -> list[str]:
     """Everything that a listener gets while the fit goes through some states."""
-    left = iter(rows)
 
     async def listen() -> list[str]:
         """All parts of the stream."""
         stream = events.stream(
-            lambda: next(left, None), version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
+            Told(rows), version=version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
         )
         return [part async for part in stream]
 
     return asyncio.run(listen())
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Look without waiting."""
-    monkeypatch.setattr(events, "_LOOK_S", 0.0)
 
 
 def test_each_change_is_told_once_and_the_end_last() -> None:

@@ -1,0 +1,272 @@
+"""The watcher, with a database that the test changes: what listeners hear, and what it costs."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import pytest
+from sqlalchemy import event, update
+from sqlalchemy.engine import Engine
+from sqlalchemy.exc import OperationalError
+
+from app.access.service import AccessService
+from app.database import Database
+from app.errors import TooManyStreams
+from app.fits import repository, watcher
+from app.fits.watcher import Listener, Watcher
+from app.tables import FitRow
+from tests.app.rows import fit_row
+
+
+def stored(database: Database, number: int = 1) -> list[FitRow]:
+    """Some fits that run."""
+    rows = [fit_row("default", "running") for _ in range(number)]
+    with database.writing() as session:
+        session.add_all(rows)
+    return rows
+
+
+def advance(database: Database, row: FitRow) -> None:
+    """Move a fit to its next version."""
+    with database.writing() as session:
+        statement = update(FitRow).where(FitRow.id == row.id)
+        session.execute(statement.values(version=FitRow.version + 1, fraction=0.5))
+
+
+def watched(made: Watcher, scenario: Callable[[], Awaitable[None]]) -> None:
+    """Go through a scenario while the watcher runs."""
+
+    async def both() -> None:
+        running = asyncio.create_task(made.run())
+        try:
+            await scenario()
+            assert not running.done()
+        finally:
+            running.cancel()
+
+    asyncio.run(both())
+
+
+async def until(listener: Listener, condition: Callable[[FitRow | None], bool]) -> FitRow | None:
+    """What a listener sees once it is what was waited for."""
+    deadline = time.monotonic() + 10
+    while not condition(row := listener.look()):
+        assert time.monotonic() < deadline, "it was not told"
+        await listener.wait(0.2)
+    return row
+
+
+@contextmanager
+def counted() -> Iterator[list[str]]:
+    """The statements that any database is sent meanwhile."""
+    sent: list[str] = []
+
+    def note(connection: Any, cursor: Any, statement: str, *rest: Any) -> None:
+        if not statement.startswith("BEGIN"):
+            sent.append(statement)
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        yield sent
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+
+
+@pytest.fixture
+def access(database: Database) -> AccessService:
+    """Keys of the test's database."""
+    return AccessService(database)
+
+
+@pytest.fixture
+def made(database: Database, access: AccessService) -> Watcher:
+    """A watcher that lets a key listen three times."""
+    return Watcher(database, access, most_streams=3)
+
+
+def test_a_hundred_listeners_cost_as_many_queries_as_one(
+    database: Database, access: AccessService
+) -> None:
+    """A look each 0.3 s: in a second four of a query each, and at most two for keys."""
+    rows = stored(database, 50)
+    keys = [access.create_key(f"bench {number}")[0].id for number in range(10)]
+    made = Watcher(database, access, most_streams=64)
+
+    async def listen() -> None:
+        """Two listeners to each fit, under ten keys."""
+        with ExitStack() as stack, counted() as sent:
+            for number in range(100):
+                stack.enter_context(made.listen(rows[number % 50], keys[number % 10]))
+            await asyncio.sleep(1.0)
+        assert 2 <= len(sent) <= 6
+
+    watched(made, listen)
+
+
+def test_nobody_who_listens_costs_nothing(made: Watcher, database: Database) -> None:
+    """The last one left: no query more."""
+    (row,) = stored(database)
+
+    async def leave() -> None:
+        with made.listen(row, None):
+            pass
+        with counted() as sent:
+            await asyncio.sleep(0.7)
+        assert sent == []
+
+    watched(made, leave)
+
+
+def test_listeners_of_one_fit_are_told_the_same_row(made: Watcher, database: Database) -> None:
+    """Both hear of its next version; who listens to another fit is not woken."""
+    row, other = stored(database, 2)
+
+    async def change() -> None:
+        with (
+            made.listen(row, None) as one,
+            made.listen(row, None) as two,
+            made.listen(other, None) as third,
+        ):
+            advance(database, row)
+            seen = await until(one, lambda found: found is not None and found.version == 2)
+            assert two.look() is seen
+            assert third.look() is other
+
+    watched(made, change)
+
+
+def test_change_between_look_and_wait_is_not_waited_for(made: Watcher, database: Database) -> None:
+    """The listener was busy sending what it had seen."""
+    (row,) = stored(database)
+
+    async def change() -> None:
+        with made.listen(row, None) as slow, made.listen(row, None) as quick:
+            assert slow.look() is row
+            advance(database, row)
+            await until(quick, lambda found: found is not None and found.version == 2)
+            began = time.monotonic()
+            await slow.wait(30.0)
+            assert time.monotonic() - began < 10
+
+    watched(made, change)
+
+
+def test_removed_fit_is_told_as_none(made: Watcher, database: Database) -> None:
+    """The listener leaves on its own."""
+    (row,) = stored(database)
+
+    async def remove() -> None:
+        with made.listen(row, None) as listener:
+            with database.writing() as session:
+                repository.remove(session, row.id)
+            await until(listener, lambda found: found is None)
+
+    watched(made, remove)
+
+
+def test_listener_under_a_revoked_key_hears_no_more(
+    made: Watcher, database: Database, access: AccessService
+) -> None:
+    """Within some seconds; who listens to the same fit under another key goes on."""
+    (row,) = stored(database)
+    lost, kept = (access.create_key(name)[0].id for name in ("lost", "kept"))
+
+    async def revoke() -> None:
+        with made.listen(row, lost) as out, made.listen(row, kept) as on:
+            access.revoke_key(lost)
+            await until(out, lambda found: found is None)
+            assert on.look() is row
+
+    watched(made, revoke)
+
+
+def test_database_that_fails_for_a_while_ends_nothing(
+    made: Watcher, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three looks fail; what changed meanwhile is told by the fourth."""
+    (row,) = stored(database)
+    failures = iter([OperationalError("", {}, Exception("away"))] * 3)
+    changes = repository.changes
+
+    def fail_first(*arguments: Any) -> Any:
+        if (failure := next(failures, None)) is not None:
+            raise failure
+        return changes(*arguments)
+
+    monkeypatch.setattr(watcher, "_LOOK_S", 0.01)
+    monkeypatch.setattr(repository, "changes", fail_first)
+
+    async def fail() -> None:
+        with made.listen(row, None) as listener:
+            advance(database, row)
+            await until(listener, lambda found: found is not None and found.version == 2)
+
+    watched(made, fail)
+
+
+def test_key_listens_no_more_often_than_it_may(made: Watcher) -> None:
+    """Three of three: the fourth is refused until one leaves; another key is not concerned."""
+    row = fit_row("default", "running")
+
+    async def listen() -> None:
+        with ExitStack() as stack:
+            streams = [ExitStack() for _ in range(3)]
+            for stream in streams:
+                stack.enter_context(stream).enter_context(made.listen(row, "key"))
+            with pytest.raises(TooManyStreams, match="3 event streams open of 3"):
+                stack.enter_context(made.listen(row, "key"))
+            stack.enter_context(made.listen(row, "other key"))
+            streams[0].close()
+            stack.enter_context(made.listen(row, "key"))
+
+    asyncio.run(listen())
+
+
+def test_listeners_without_a_key_are_not_counted(made: Watcher) -> None:
+    """A service that asks for no key has nobody to count."""
+    row = fit_row("default", "running")
+
+    async def listen() -> None:
+        with ExitStack() as stack:
+            seen = [stack.enter_context(made.listen(row, None)).look() for _ in range(100)]
+        assert seen == [row] * 100
+
+    asyncio.run(listen())
+
+
+def test_row_that_a_listener_brings_is_told_where_it_is_newer(made: Watcher) -> None:
+    """The one who comes has just read it; an older one changes nothing."""
+    known, newer = fit_row("default", "running"), fit_row("default", "running")
+    newer.id, newer.version = known.id, 2
+
+    async def listen() -> None:
+        with made.listen(known, None) as first, made.listen(newer, None):
+            assert first.look() is newer
+            with made.listen(known, None) as late:
+                assert late.look() is newer
+
+    asyncio.run(listen())
+
+
+def test_changes_of_many_fits_are_found_in_portions(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five fits, two a query: one changed, one is gone, the others are not named."""
+    monkeypatch.setattr(repository, "_AT_ONCE", 2)
+    rows = stored(database, 5)
+    advance(database, rows[1])
+    with database.writing() as session:
+        repository.remove(session, rows[4].id)
+
+    with database.reading() as session:
+        found = repository.changes(session, {row.id: 1 for row in rows})
+
+    assert found.keys() == {rows[1].id, rows[4].id}
+    assert found[rows[4].id] is None
+    changed = found[rows[1].id]
+    assert changed is not None
+    assert (changed.version, changed.fraction) == (2, 0.5)
