@@ -17,7 +17,10 @@ from app.storage import Storage
 from app.tables import FitRow
 from identification.fleet.refit import Refit, compared_with, refit_of
 
-__all__ = ["refits_of"]
+__all__ = ["MISSING", "refits_of"]
+
+MISSING = "its result is not in the data directory"
+"""What the table says of a fit that succeeded and has no result any more."""
 
 _UNNAMED = "unnamed motor"
 _MOST_KEPT = 4000
@@ -52,7 +55,7 @@ def _refit(storage: Storage, row: FitRow) -> Refit:
     try:
         refit = _read(str(path))
     except (OSError, ValueError):
-        refit = Refit(motor, row.status, error="its result is not in the data directory")
+        refit = Refit(motor, row.status, error=MISSING)
     return replace(refit, motor=motor, status=row.status, fit=row.id, ended_at=ended_at, link=link)
 
 

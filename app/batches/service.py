@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.batches import repository
-from app.batches.results import refits_of
+from app.batches.results import MISSING, refits_of
 from app.database import Database
 from app.errors import KeyReused, NotAcceptable, NotFound
 from app.fits import repository as fits
@@ -190,8 +190,8 @@ class BatchService:
         Raises:
             NotFound: There is no such batch in the caller's workspace.
         """
-        batch = self.get(caller, batch_id)
-        return batch, rows_of(self._refits(caller, batch))
+        batch, refits = self._refits(caller, batch_id)
+        return batch, rows_of(refits)
 
     def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
         """The table of the results of a batch as a file.
@@ -225,10 +225,19 @@ class BatchService:
         # Imported with the first page: it brings what draws, for which every start would wait.
         from identification.fleet.page import render_fleet
 
-        batch = self.get(caller, batch_id)
-        return render_fleet(batch.row.name or "Batch", self._refits(caller, batch))
+        batch, refits = self._refits(caller, batch_id)
+        return render_fleet(batch.row.name or "Batch", refits)
 
-    def _refits(self, caller: Caller, batch: Batch) -> list[Refit]:
+    def _refits(self, caller: Caller, batch_id: str) -> tuple[Batch, list[Refit]]:
+        batch = self.get(caller, batch_id)
+        refits = self._read(caller, batch)
+        if any(refit.error == MISSING for refit in refits):
+            # Fits are removed before their files: what is left of the batch is asked for again.
+            batch = self.get(caller, batch_id)
+            refits = self._read(caller, batch)
+        return batch, refits
+
+    def _read(self, caller: Caller, batch: Batch) -> list[Refit]:
         motors = sorted({fit.motor for fit in batch.fits if fit.motor})
         with self._database.reading() as session:
             earlier = repository.earlier(

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
 from app.dependencies import CallerDep, JsonBody, ServicesDep
+from app.files import OpenFileResponse
 from app.fits.events import EventStream, has_heard_the_end, last_version
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
 from app.headers import REPORT_POLICY
@@ -136,9 +137,9 @@ def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut 
         **responses(404),
     },
 )
-def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> FileResponse:
+def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
     """The HTML report of a fit that succeeded."""
-    return FileResponse(
+    return OpenFileResponse(
         services.fits.report(caller, fit_id),
         media_type="text/html; charset=utf-8",
         headers={"Content-Security-Policy": REPORT_POLICY},
@@ -154,9 +155,9 @@ def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> FileR
         **responses(404),
     },
 )
-def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> FileResponse:
+def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
     """The posterior of a fit that succeeded and sampled one, as NetCDF that ArviZ reads."""
-    return FileResponse(
+    return OpenFileResponse(
         services.fits.posterior(caller, fit_id),
         media_type="application/x-netcdf",
         filename=f"{fit_id}.nc",

@@ -8,9 +8,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from app.access.quotas import Quotas
 from app.access.service import Caller
@@ -133,14 +134,18 @@ class FitService:
         Raises:
             NotFound: There is no such fit in the caller's workspace.
         """
-        row = self.row(caller, fit_id)
         with self._database.reading() as session:
+            row = _known(session, caller, fit_id)
             ids = repository.run_ids(session, [row.id])[row.id]
         result = None
         if row.status == "succeeded":
-            text = self._output(row, "result.json").read_text(encoding="utf-8")
-            result = json.loads(text)
-        return self._fit(row, ids, result)
+            with self._open(caller, row, "result.json") as file:
+                result = json.load(file)
+        fit = self._fit(row, ids, result)
+        if result is not None and not fit.has_posterior:
+            # Its posterior may have gone with the fit since its result was read.
+            self.row(caller, fit_id)
+        return fit
 
     def row(self, caller: Caller, fit_id: str) -> FitRow:
         """State and progress of a fit.
@@ -149,12 +154,7 @@ class FitService:
             NotFound: There is no such fit in the caller's workspace.
         """
         with self._database.reading() as session:
-            row = (
-                repository.get(session, caller.workspace, fit_id) if is_id("fit", fit_id) else None
-            )
-        if row is None:
-            raise _missing()
-        return row
+            return _known(session, caller, fit_id)
 
     def delete(self, caller: Caller, fit_id: str) -> Fit | None:
         """Cancel a fit that has not ended, or remove one that has.
@@ -165,12 +165,8 @@ class FitService:
         Raises:
             NotFound: There is no such fit in the caller's workspace.
         """
-        if not is_id("fit", fit_id):
-            raise _missing()
         with self._database.writing() as session:
-            row = repository.get(session, caller.workspace, fit_id)
-            if row is None:
-                raise _missing()
+            _known(session, caller, fit_id)
             is_cancelled = repository.cancel(session, fit_id, time.time())
             if not is_cancelled:
                 repository.remove(session, fit_id)
@@ -182,26 +178,30 @@ class FitService:
         self._storage.remove_fit(fit_id)
         return None
 
-    def report(self, caller: Caller, fit_id: str) -> Path:
-        """Where the report of a fit lies.
+    def report(self, caller: Caller, fit_id: str) -> BinaryIO:
+        """The report of a fit, open to be read.
 
         Raises:
             NotFound: There is no such fit in the caller's workspace.
             NotReady: It has not succeeded.
         """
-        return self._output(self._succeeded(caller, fit_id), "report.html")
+        return self._open(caller, self._succeeded(caller, fit_id), "report.html")
 
-    def posterior(self, caller: Caller, fit_id: str) -> Path:
-        """Where the posterior of a fit lies.
+    def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
+        """The posterior of a fit, open to be read.
 
         Raises:
             NotFound: There is no such fit in the caller's workspace.
             NotReady: It has not succeeded, or was made without a posterior.
         """
         row = self._succeeded(caller, fit_id)
-        if not self._path(row, "posterior.nc").is_file():
-            raise NotReady(f"{fit_id} was made without a posterior; fit with `posterior` true")
-        return self._output(row, "posterior.nc")
+        try:
+            return self._path(row, "posterior.nc").open("rb")
+        except FileNotFoundError:
+            self.row(caller, fit_id)
+            raise NotReady(
+                f"{fit_id} was made without a posterior; fit with `posterior` true"
+            ) from None
 
     def _succeeded(self, caller: Caller, fit_id: str) -> FitRow:
         row = self.row(caller, fit_id)
@@ -218,12 +218,18 @@ class FitService:
     def _path(self, row: FitRow, name: str) -> Path:
         return self._storage.attempt(row.id, row.attempt) / name
 
-    def _output(self, row: FitRow, name: str) -> Path:
-        path = self._path(row, name)
-        if not path.is_file():
-            raise Unavailable(f"the {name} of {row.id} is not in the data directory")
-        return path
+    def _open(self, caller: Caller, row: FitRow, name: str) -> BinaryIO:
+        """An output that every fit has once it succeeded; open, it can be removed and yet read."""
+        try:
+            return self._path(row, name).open("rb")
+        except FileNotFoundError:
+            # A fit is removed before its files: one whose files are gone is looked for again.
+            self.row(caller, row.id)
+            raise Unavailable(f"the {name} of {row.id} is not in the data directory") from None
 
 
-def _missing() -> NotFound:
-    return NotFound("there is no such fit; GET /api/v1/fits lists them")
+def _known(session: Session, caller: Caller, fit_id: str) -> FitRow:
+    found = repository.get(session, caller.workspace, fit_id) if is_id("fit", fit_id) else None
+    if found is None:
+        raise NotFound("there is no such fit; GET /api/v1/fits lists them")
+    return found

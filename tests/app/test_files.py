@@ -1,0 +1,77 @@
+"""Answers that are files, sent to a client within the process."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.files import OpenFileResponse
+
+CONTENT = bytes(range(256)) * 1000
+"""More than is read at once."""
+
+
+def sent(response: OpenFileResponse, **headers: str) -> httpx.Response:
+    """What a client gets."""
+
+    async def get() -> httpx.Response:
+        transport = httpx.ASGITransport(app=response)
+        async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
+            return await client.get("/", headers=headers)
+
+    return asyncio.run(get())
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A file with that content."""
+    path = tmp_path / "draws"
+    path.write_bytes(CONTENT)
+    return path
+
+
+@pytest.fixture
+def response(path: Path) -> OpenFileResponse:
+    """The answer that is that file."""
+    return OpenFileResponse(path.open("rb"), media_type="application/x-netcdf", filename="a.nc")
+
+
+def test_file_that_is_removed_meanwhile_is_sent_whole(
+    path: Path, response: OpenFileResponse
+) -> None:
+    """It lost its name after it was opened, and another took that."""
+    path.unlink()
+    path.write_bytes(b"another")
+
+    answer = sent(response)
+
+    assert answer.content == CONTENT
+    assert answer.headers["content-length"] == str(len(CONTENT))
+    assert answer.headers["content-disposition"] == 'attachment; filename="a.nc"'
+    assert answer.headers["content-type"] == "application/x-netcdf"
+    assert answer.headers["etag"]
+    assert answer.headers["last-modified"]
+    assert response._file.closed
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("bytes=0-3", CONTENT[:4]),
+        ("bytes=-5", CONTENT[-5:]),
+        ("bytes=255999-", CONTENT[-1:]),
+        ("bytes=10-999999", CONTENT[10:]),
+    ],
+)
+def test_part_of_a_file_that_is_removed_meanwhile_is_sent(
+    path: Path, response: OpenFileResponse, asked: str, expected: bytes
+) -> None:
+    """206 and those bytes."""
+    path.unlink()
+
+    answer = sent(response, Range=asked)
+
+    assert (answer.status_code, answer.content) == (206, expected)
