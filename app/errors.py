@@ -11,6 +11,7 @@
     │   ├── BodyTooSlow        no byte came for too long
     │   ├── WrongMediaType     another kind of body than the call takes
     │   ├── NotAcceptable      the answer is wanted in a form that there is none in
+    │   ├── RangeOutside       bytes are asked for that the file does not have
     │   ├── FieldRefused       a field has a value that is not accepted
     │   ├── KeyReused          an Idempotency-Key came with another request than before
     │   └── RunRefused         an upload could not be read as a run: file, row, column
@@ -44,6 +45,7 @@ __all__ = [
     "NotFound",
     "NotReady",
     "QuotaExceeded",
+    "RangeOutside",
     "RequestRefused",
     "RunInUse",
     "RunRefused",
@@ -130,6 +132,21 @@ class NotAcceptable(RequestRefused):
     """The answer is wanted in a form that there is none in."""
 
     code: ClassVar[str] = "not_acceptable"
+
+
+class RangeOutside(RequestRefused):
+    """The Range header asks for bytes that the file does not have.
+
+    Args:
+        content_range: What the file has, as the header Content-Range says it.
+    """
+
+    code: ClassVar[str] = "range"
+
+    def __init__(self, content_range: str) -> None:
+        self.content_range = content_range
+        size = content_range.rpartition("/")[2]
+        super().__init__(f"the Range header asks for other bytes than the {size} that there are")
 
 
 class FieldRefused(RequestRefused):

@@ -14,11 +14,11 @@ import anyio
 from anyio import to_thread
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
-from starlette.staticfiles import StaticFiles
 
 from app.access.gate import Gate
 from app.access.rate import RateLimit
 from app.batches.endpoints import router as batches
+from app.files import PageFiles
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
 from app.middleware import HostCheck, RequestLog, SizeCheck
@@ -76,7 +76,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
     application.include_router(pages, max_body_size=settings.max_body_bytes)
-    application.mount(STATIC_PREFIX.rstrip("/"), StaticFiles(directory=STATIC_FILES))
+    application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)
     # The last one added is the first to see a request.
     application.add_middleware(

@@ -41,6 +41,7 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.BodyTooSlow: HTTPStatus.REQUEST_TIMEOUT,
     errors.WrongMediaType: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     errors.NotAcceptable: HTTPStatus.NOT_ACCEPTABLE,
+    errors.RangeOutside: HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE,
     errors.FieldRefused: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.KeyReused: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.RunRefused: HTTPStatus.UNPROCESSABLE_ENTITY,
@@ -141,6 +142,8 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
         headers["Retry-After"] = "5"
     if status == HTTPStatus.TOO_MANY_REQUESTS:
         headers["Retry-After"] = str(math.ceil(getattr(error, "retry_after_s", 1.0)))
+    if isinstance(error, errors.RangeOutside):
+        headers["Content-Range"] = error.content_range
     return _response(status, str(error), code, headers=headers, errors=fields, **place)
 
 

@@ -134,7 +134,7 @@ def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut 
     response_class=FileResponse,
     responses={
         200: {"description": "One self-contained page.", "content": {"text/html": {}}},
-        **responses(404),
+        **responses(400, 404, 416),
     },
 )
 def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
@@ -152,7 +152,7 @@ def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenF
     response_class=FileResponse,
     responses={
         200: {"description": "Draws as NetCDF.", "content": {"application/x-netcdf": {}}},
-        **responses(404),
+        **responses(400, 404, 416),
     },
 )
 def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:

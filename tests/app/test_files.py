@@ -8,6 +8,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from app.errors import BadRequest, RangeOutside
 from app.files import OpenFileResponse
 
 CONTENT = bytes(range(256)) * 1000
@@ -75,3 +76,22 @@ def test_part_of_a_file_that_is_removed_meanwhile_is_sent(
     answer = sent(response, Range=asked)
 
     assert (answer.status_code, answer.content) == (206, expected)
+
+
+@pytest.mark.parametrize("asked", ["bytes", "bytes=", "bytes=x-y", "lines=1-2", "bytes=5-2", "=,"])
+def test_range_that_cannot_be_read_is_refused(response: OpenFileResponse, asked: str) -> None:
+    """Before anything is sent, and the file is closed."""
+    with pytest.raises(BadRequest, match="expected `bytes=FIRST-LAST`"):
+        sent(response, Range=asked)
+
+    assert response._file.closed
+
+
+@pytest.mark.parametrize("asked", ["bytes=256000-", "bytes=9999999-99999999", "bytes=-0"])
+def test_range_outside_the_file_is_refused(response: OpenFileResponse, asked: str) -> None:
+    """The error says how many bytes there are."""
+    with pytest.raises(RangeOutside, match="than the 256000 that there are") as refusal:
+        sent(response, Range=asked)
+
+    assert refusal.value.content_range == "bytes */256000"
+    assert response._file.closed

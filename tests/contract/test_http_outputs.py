@@ -1,7 +1,8 @@
-"""Files that the service sends: whole or not at all, and in part."""
+"""Files that the service sends: whole or not at all, in part, and under which name."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
@@ -9,7 +10,8 @@ from threading import Event
 import httpx
 import pytest
 
-from tests.app.service import Caller, Server
+from tests.app.service import Caller, Server, run_text
+from tests.contract.hostile import assert_is_problem
 
 REPORT = "<!doctype html><title>Report</title><p>x"
 IS_WHOLE: dict[str, Callable[[httpx.Response], bool]] = {
@@ -87,3 +89,63 @@ def test_part_of_an_output_is_sent_where_it_is_asked_for(
 
     assert (part.status_code, part.content) == (206, whole[2:5])
     assert part.headers["content-range"] == f"bytes 2-4/{len(whole)}"
+
+
+@pytest.mark.parametrize(
+    ("asked_for", "status"),
+    [
+        *((text, 400) for text in ("bytes", "bytes=", "bytes=a-b", "lines=1-2", "bytes=3-1")),
+        *((text, 416) for text in ("bytes=99999999-", "bytes=-0")),
+    ],
+)
+def test_bad_range_is_refused_with_a_problem(
+    alice: Caller, fit: str, asked_for: str, status: int
+) -> None:
+    """Of an output and of a file of the pages alike; 416 says how many bytes there are."""
+    root = str(alice.http.base_url).removesuffix("/api/v1/")
+    for address in (f"/fits/{fit}/report", f"/fits/{fit}/posterior", f"{root}/static/motorid.css"):
+        answer = alice.http.get(address, headers={"Range": asked_for})
+
+        assert_is_problem(answer, status)
+        if status == 416:
+            assert re.fullmatch(r"bytes \*/\d+", answer.headers["content-range"])
+
+
+NAMES = [
+    'a"; filename="b.exe',
+    "zeile\r\nX-Injected: 1",
+    "Prüfstand ☃ 電動機",
+    "a" * 190,
+    "..\\..\\x",
+]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=lambda name: ascii(name)[:20])
+def test_names_of_callers_are_in_no_header(alice: Caller, name: str) -> None:
+    """What is saved is named by an id or a word of the service, whatever run and motor are called.
+
+    A header that never holds such a name needs none of the escapes of RFC 6266.
+    """
+    run = alice.upload(run_text(800 + NAMES.index(name)), re.sub(r"[\r\n]", "", name))["id"]
+    label = name.replace("\r\n", " ")
+    motors = [{"motor": label, "training": [run]}]
+    batch = alice.http.post("/batches", json={"name": label, "motors": motors}).json()
+    fit = alice.wait(batch["fits"][0]["fit"])["id"]
+
+    answers = {
+        address: alice.http.get(address)
+        for address in (
+            *(f"/runs/{run}", f"/fits/{fit}", f"/fits/{fit}/report", f"/fits/{fit}/posterior"),
+            *(f"/batches/{batch['id']}/{part}" for part in ("results.csv", "report")),
+        )
+    }
+
+    assert {answer.status_code for answer in answers.values()} == {200}
+    headers = {address: answer.headers for address, answer in answers.items()}
+    shown = {address: sent.get("content-disposition") for address, sent in headers.items()}
+    named = {address: text for address, text in shown.items() if text is not None}
+    assert named == {
+        f"/fits/{fit}/posterior": f'attachment; filename="{fit}.nc"',
+        f"/batches/{batch['id']}/results.csv": 'attachment; filename="results.csv"',
+    }
+    assert not [text for sent in headers.values() for text in sent.values() if label[:9] in text]
