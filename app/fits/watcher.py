@@ -163,7 +163,7 @@ class Watcher:
             self._keys_due = time.monotonic() + _KEYS_S
             keys = list(self._keys)
         changes, opening = await to_thread.run_sync(
-            self._read, versions, keys, limiter=self._limiter, abandon_on_cancel=True
+            self._read, versions, keys, limiter=self._limiter
         )
         # Who listens may have changed meanwhile.
         for fit_id in changes.keys() & self._fits.keys():

@@ -46,7 +46,9 @@ def watched(made: Watcher, scenario: Callable[[], Awaitable[None]]) -> None:
             await scenario()
             assert not running.done()
         finally:
+            # A look that has begun ends first, and with it all use of the database.
             running.cancel()
+            await asyncio.wait([running])
 
     asyncio.run(both())
 
@@ -102,7 +104,7 @@ def test_a_hundred_listeners_cost_as_many_queries_as_one(
             for number in range(100):
                 stack.enter_context(made.listen(rows[number % 50], keys[number % 10]))
             await asyncio.sleep(1.0)
-        assert 2 <= len(sent) <= 6
+        assert 1 <= len(sent) <= 6
 
     watched(made, listen)
 
