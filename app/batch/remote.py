@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from app.batch.local import Job
 from app.batch.record import finish, make_way, previous_refit, remember
+from app.batches.limits import MOST_MOTORS, MOST_RUNS
 from identification.errors import ComputationError, InputError
 from identification.report.atomic import write_text
 from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused, Run
@@ -27,7 +28,7 @@ from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused
 __all__ = ["fit_all_at"]
 
 _STATE: Final = "service.json"
-_MOST_MOTORS: Final = 500
+_MOST_MOTORS: Final = MOST_MOTORS // 2  # the body, too, has its limit
 _FIRST_LOOK_S: Final = 0.2
 _SLOWEST_LOOK_S: Final = 5.0
 
@@ -83,7 +84,7 @@ def fit_all_at(
         state = _state(out, service.url, left)
         if state is None:
             fresh: list[tuple[Job, dict[str, Any]]] = []
-            while left and len(fresh) < _MOST_MOTORS:
+            while left and _has_place(fresh, left[0]):
                 job = left.pop(0)
                 entry, reason = _uploaded(service, job, tell)
                 if entry is None:
@@ -99,6 +100,13 @@ def fit_all_at(
             left = [job for job in left if job not in mine]
         yield from _followed(service, state, mine, tell)
         (out / _STATE).unlink(missing_ok=True)
+
+
+def _has_place(fresh: Sequence[tuple[Job, object]], job: Job) -> bool:
+    """Whether one more motor goes into a batch; the first does in any case."""
+    motors = [job.motor, *(one.motor for one, _ in fresh)]
+    runs = sum(len(motor.training) + len(motor.validation) for motor in motors)
+    return not fresh or (len(motors) <= _MOST_MOTORS and runs <= MOST_RUNS)
 
 
 def _followed(

@@ -7,14 +7,13 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.batches.limits import MOST_MOTORS
 from app.batches.service import ENDED, Batch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
-
-_MOST_MOTORS = 1000
 
 
 class BatchItem(BaseModel):
@@ -54,7 +53,7 @@ class BatchCreate(BaseModel):
         },
     )
 
-    motors: list[BatchItem] = Field(min_length=1, max_length=_MOST_MOTORS)
+    motors: list[BatchItem] = Field(min_length=1, max_length=MOST_MOTORS)
     options: FitOptionsIn = Field(
         default_factory=FitOptionsIn, description="For each motor that has none of its own."
     )

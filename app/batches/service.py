@@ -16,9 +16,10 @@ from sqlalchemy.orm import Session
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.batches import repository
+from app.batches.limits import MOST_RUNS
 from app.batches.results import MISSING, refits_of
 from app.database import Database
-from app.errors import KeyReused, NotAcceptable, NotFound
+from app.errors import FieldRefused, KeyReused, NotAcceptable, NotFound
 from app.fits import repository as fits
 from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
@@ -94,12 +95,14 @@ class BatchService:
 
         Raises:
             NotFound: A run is not in the caller's workspace.
-            FieldRefused: A run is named twice in one fit, or a name or key is not accepted.
+            FieldRefused: A run is named twice in one fit, a name or key is not accepted, or the
+                motors together have more runs than a batch may.
             OptionError: An option is not accepted.
             KeyReused: The key came before with another request.
             WaitingQuota: More fits of the workspace would wait than may.
         """
         key = checked_key(idempotency_key)
+        _check_size(requests)
         row = BatchRow(
             id=new_id("batch"),
             workspace=caller.workspace,
@@ -108,19 +111,17 @@ class BatchService:
             idempotency_key=key,
             request_sha256=request_hash(*requests),
         )
+        # All that needs no database comes before the transaction, for which other writers wait.
+        made = [(_fit_row(caller, row, n, request), request) for n, request in enumerate(requests)]
         known = None
         try:
             with self._database.writing() as session:
                 known = repository.by_key(session, caller.workspace, key) if key else None
                 if known is None:
                     self._quotas.check_fits(session, caller.workspace, len(requests))
+                    check_runs(session, caller, *requests)
                     repository.add(session, row)
-                    for position, request in enumerate(requests):
-                        check_runs(session, caller, request)
-                        fit = new_row(caller, request)
-                        fit.batch_id, fit.position = row.id, position
-                        fit.created_at = row.created_at
-                        fits.add(session, fit, request.training, request.validation)
+                    fits.add(session, *made)
         except IntegrityError:
             # The same key came twice at the same time, and the other was first.
             if key is None:
@@ -244,6 +245,22 @@ class BatchService:
                 session, caller.workspace, motors, before=batch.row.created_at
             )
         return refits_of(self._storage, batch.fits, earlier)
+
+
+def _check_size(requests: Sequence[FitRequest]) -> None:
+    number = sum(len(request.training) + len(request.validation) for request in requests)
+    if number > MOST_RUNS:
+        raise FieldRefused(
+            f"motors: they name {number} runs together, and one batch takes {MOST_RUNS}, each "
+            "counted as often as a motor names it; send the motors as several batches",
+            "motors",
+        )
+
+
+def _fit_row(caller: Caller, batch: BatchRow, position: int, request: FitRequest) -> FitRow:
+    row = new_row(caller, request)
+    row.batch_id, row.position, row.created_at = batch.id, position, batch.created_at
+    return row
 
 
 def _known(session: Session, caller: Caller, batch_id: str) -> BatchRow:

@@ -20,7 +20,7 @@ from typing import Literal
 from sqlalchemy.orm import Session
 
 from app.database import Database
-from app.fits import repository
+from app.fits import repository, roles
 from app.fits.job import Job, RunFile
 from app.storage import Storage
 from app.tables import FitRow
@@ -148,7 +148,7 @@ class FitQueue:
         def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
             return tuple(
                 RunFile(str(self._storage.run(run.id)), run.file, run.mapping)
-                for run in repository.runs_of(session, row.id, role)
+                for run in roles.runs_of(session, row.id, role)
             )
 
         return Job(

@@ -8,12 +8,14 @@ one: a process that was only slow, and not dead, cannot overwrite what came afte
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy import and_, delete, func, or_, select, tuple_, update
 from sqlalchemy.orm import Session
 
-from app.tables import FitRow, FitRunRow, RunRow
+from app.fits import roles
+from app.fits.request import FitRequest
+from app.tables import FitRow
 
 __all__ = [
     "ENDED",
@@ -36,8 +38,6 @@ __all__ = [
     "put_back",
     "remove",
     "renew",
-    "run_ids",
-    "runs_of",
     "unclaim",
     "waiting",
 ]
@@ -45,21 +45,16 @@ __all__ = [
 ENDED = ("succeeded", "failed", "cancelled")
 """States that a fit does not leave."""
 
-Role = Literal["training", "validation"]
 
 _AT_ONCE = 500
 """Ids of one query: databases take thousands of values, though not any number."""
 
 
-def add(session: Session, row: FitRow, training: Sequence[str], validation: Sequence[str]) -> None:
-    """Keep a fit and which runs it takes."""
-    session.add(row)
+def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
+    """Keep fits and which runs they take."""
+    session.add_all(row for row, _ in fits)
     session.flush()
-    for role, ids in (("training", training), ("validation", validation)):
-        session.add_all(
-            FitRunRow(fit_id=row.id, role=role, position=position, run_id=run_id)
-            for position, run_id in enumerate(ids)
-        )
+    roles.add(session, ((row.id, request) for row, request in fits))
 
 
 def get(session: Session, workspace: str, fit_id: str) -> FitRow | None:
@@ -131,32 +126,6 @@ def page(
 def of_batch(session: Session, batch_id: str) -> Sequence[FitRow]:
     """The fits of a batch in its order."""
     query = select(FitRow).where(FitRow.batch_id == batch_id).order_by(FitRow.position)
-    return session.scalars(query).all()
-
-
-def run_ids(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list[str]]]:
-    """Ids of the runs of some fits, in order, by fit and role."""
-    query = (
-        select(FitRunRow)
-        .where(FitRunRow.fit_id.in_(fit_ids))
-        .order_by(FitRunRow.fit_id, FitRunRow.role, FitRunRow.position)
-    )
-    found: dict[str, dict[str, list[str]]] = {
-        fit_id: {"training": [], "validation": []} for fit_id in fit_ids
-    }
-    for row in session.scalars(query):
-        found[row.fit_id][row.role].append(row.run_id)
-    return found
-
-
-def runs_of(session: Session, fit_id: str, role: Role) -> Sequence[RunRow]:
-    """The runs of a fit in one role, in order."""
-    query = (
-        select(RunRow)
-        .join(FitRunRow, FitRunRow.run_id == RunRow.id)
-        .where(FitRunRow.fit_id == fit_id, FitRunRow.role == role)
-        .order_by(FitRunRow.position)
-    )
     return session.scalars(query).all()
 
 

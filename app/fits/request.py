@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,17 +87,32 @@ def _check_controllers(controllers: Sequence[str]) -> None:
     parse_controllers(controllers)
 
 
-def check_runs(session: Session, caller: Caller, request: FitRequest) -> None:
+def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
     """Refuse runs that are not there; those that are stay until the session ends.
 
     Raises:
-        NotFound: A run is not in the caller's workspace.
+        NotFound: A run is not in the caller's workspace; of several requests the message says
+            which one names it.
     """
-    ids = [*request.training, *request.validation]
-    known = runs.several(session, caller.workspace, [i for i in ids if is_id("run", i)])
-    for run_id in ids:
-        if run_id not in known:
-            raise NotFound(f"there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
+    # Asked for all together: a writer whom others wait for has no time for a query each.
+    named = {run_id for r in requests for run_id in (*r.training, *r.validation)}
+    missing = named - runs.present(
+        session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
+    )
+    if missing:
+        raise _not_found(missing, requests)
+
+
+def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:
+    """The error that tells of the first run that is missing."""
+    position, request, run_id = next(
+        (position, request, run_id)
+        for position, request in enumerate(requests)
+        for run_id in (*request.training, *request.validation)
+        if run_id in missing
+    )
+    place = f"motors.{position} ({request.motor or 'no name'}): " if len(requests) > 1 else ""
+    return NotFound(f"{place}there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
 
 
 def checked_key(key: str | None) -> str | None:

@@ -17,7 +17,7 @@ from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.errors import KeyReused, NotFound, NotReady, Unavailable
-from app.fits import repository
+from app.fits import repository, roles
 from app.fits.request import FitRequest, check_runs, checked_key, new_row
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id
@@ -85,7 +85,7 @@ class FitService:
                 if not known:
                     check_runs(session, caller, request)
                     self._quotas.check_fits(session, caller.workspace, 1)
-                    repository.add(session, row, request.training, request.validation)
+                    repository.add(session, (row, request))
         except IntegrityError:
             # The same key came twice at the same time, and the other was first.
             with self._database.reading() as session:
@@ -125,7 +125,7 @@ class FitService:
                 status=status,
                 motor=motor,
             )
-            ids = repository.run_ids(session, [row.id for row in rows[:limit]])
+            ids = roles.ids_of(session, [row.id for row in rows[:limit]])
         return [self._fit(row, ids[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
 
     def get(self, caller: Caller, fit_id: str) -> Fit:
@@ -136,7 +136,7 @@ class FitService:
         """
         with self._database.reading() as session:
             row = _known(session, caller, fit_id)
-            ids = repository.run_ids(session, [row.id])[row.id]
+            ids = roles.ids_of(session, [row.id])[row.id]
         result = None
         if row.status == "succeeded":
             with self._open(caller, row, "result.json") as file:

@@ -122,6 +122,18 @@ def test_batch_that_was_asked_for_before_a_kill_is_found_again(
     assert asked(begun).status == "succeeded"
 
 
+def test_motors_of_more_runs_than_a_batch_may_name_become_several_batches(
+    caller: Caller, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three motors of two runs each, where a batch takes five: two batches, and all are fitted."""
+    monkeypatch.setattr("app.batch.remote.MOST_RUNS", 5)
+    path = manifest(tmp_path / "bench", one=QUICK, two=QUICK, three=QUICK)
+
+    assert batch(path, tmp_path / "out", caller) == 0
+    made = [caller.client.show_batch(one) for one in caller.client.batches()]
+    assert [[fit["motor"] for fit in one.fits] for one in made] == [["three"], ["one", "two"]]
+
+
 def test_first_refit_here_is_compared_with_the_service_of_before(
     caller: Caller, tmp_path: Path
 ) -> None:

@@ -112,11 +112,12 @@ class Bench:
 
     def queue(self, **changes: object) -> str:
         """Let a fit wait."""
-        row = new_row(Caller("default"), FitRequest(["run"], [], {"controllers": ["P:1"]}))
+        request = FitRequest(["run"], [], {"controllers": ["P:1"]})
+        row = new_row(Caller("default"), request)
         for name, value in changes.items():
             setattr(row, name, value)
         with self.database.writing() as session:
-            repository.add(session, row, ["run"], [])
+            repository.add(session, (row, request))
         self.supervisor.wake()
         return row.id
 

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from app.access.service import Caller
 from app.database import Database
-from app.fits import repository
+from app.fits import repository, roles
 from app.fits.request import FitRequest, new_row
 from app.tables import FitRow
 from identification.options import FitOptions
@@ -26,8 +26,7 @@ def queue(database: Database, number: int = 1) -> list[str]:
         row.position = position
         row.created_at = 1000.0
     with database.writing() as session:
-        for row in rows:
-            repository.add(session, row, ["run"], [])
+        repository.add(session, *((row, FitRequest(["run"], [], OPTIONS)) for row in rows))
     return [row.id for row in rows]
 
 
@@ -178,11 +177,11 @@ def test_removing_a_fit_removes_what_it_says_about_its_runs(database: Database) 
     """No row about the fit stays."""
     [fit] = queue(database)
     with database.reading() as session:
-        assert repository.run_ids(session, [fit])[fit]["training"] == ["run"]
+        assert roles.ids_of(session, [fit])[fit]["training"] == ["run"]
 
     with database.writing() as session:
         repository.remove(session, fit)
 
     with database.reading() as session:
-        assert repository.run_ids(session, [fit])[fit]["training"] == []
+        assert roles.ids_of(session, [fit])[fit]["training"] == []
         assert repository.all_ids(session) == set()

@@ -1,0 +1,63 @@
+"""Which runs a fit takes, in which role and order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from sqlalchemy import insert, select
+from sqlalchemy.orm import Session
+
+from app.fits.request import FitRequest
+from app.tables import FitRunRow, RunRow
+
+__all__ = ["Role", "add", "ids_of", "runs_of"]
+
+Role = Literal["training", "validation"]
+
+_MOST_AT_ONCE = 500
+
+
+def add(session: Session, fits: Iterable[tuple[str, FitRequest]]) -> None:
+    """Keep which runs some fits take, in one statement.
+
+    Args:
+        session: A session that writes.
+        fits: Id and request of each.
+    """
+    # Plain rows: as objects they would cost the writer, for whom others wait, many times as long.
+    rows = [
+        {"fit_id": fit_id, "role": role, "position": position, "run_id": run_id}
+        for fit_id, request in fits
+        for role, ids in (("training", request.training), ("validation", request.validation))
+        for position, run_id in enumerate(ids)
+    ]
+    session.connection().execute(insert(FitRunRow), rows)
+
+
+def ids_of(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list[str]]]:
+    """Ids of the runs of some fits, in order, by fit and role."""
+    found: dict[str, dict[str, list[str]]] = {
+        fit_id: {"training": [], "validation": []} for fit_id in fit_ids
+    }
+    for first in range(0, len(fit_ids), _MOST_AT_ONCE):
+        # Columns and not objects, of which a page of fits may have a hundred thousand.
+        query = (
+            select(FitRunRow.fit_id, FitRunRow.role, FitRunRow.run_id)
+            .where(FitRunRow.fit_id.in_(fit_ids[first : first + _MOST_AT_ONCE]))
+            .order_by(FitRunRow.fit_id, FitRunRow.role, FitRunRow.position)
+        )
+        for fit_id, role, run_id in session.execute(query):
+            found[fit_id][role].append(run_id)
+    return found
+
+
+def runs_of(session: Session, fit_id: str, role: Role) -> Sequence[RunRow]:
+    """The runs of a fit in one role, in order."""
+    query = (
+        select(RunRow)
+        .join(FitRunRow, FitRunRow.run_id == RunRow.id)
+        .where(FitRunRow.fit_id == fit_id, FitRunRow.role == role)
+        .order_by(FitRunRow.position)
+    )
+    return session.scalars(query).all()

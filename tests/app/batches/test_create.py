@@ -1,0 +1,156 @@
+"""Batches are accepted whole or not at all, and quickly: others wait to write meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from app.access.quotas import Quotas
+from app.access.service import Caller
+from app.batches.limits import MOST_RUNS
+from app.batches.service import BatchService
+from app.database import Database
+from app.errors import FieldRefused, KeyReused, NotFound, WaitingQuota
+from app.fits import roles
+from app.fits.request import FitRequest
+from app.fits.supervisor import Supervisor
+from app.identifiers import new_id
+from app.runs import repository as runs
+from app.storage import Storage
+from tests.app.rows import keep_runs
+from tests.app.statements import statements
+
+ALICE = Caller("alice")
+
+
+class Sleeper:
+    """A supervisor that has nothing to do."""
+
+    def wake(self) -> None:
+        """Hear that there is a fit, and let it wait."""
+
+
+@pytest.fixture
+def batches(database: Database, tmp_path: Path) -> BatchService:
+    """The service, which lets a thousand fits wait."""
+    storage = Storage(tmp_path / "data", "bench")
+    return BatchService(database, storage, cast("Supervisor", Sleeper()), Quotas(0, 0, 1000))
+
+
+def motors(run_ids: Sequence[str], number: int) -> list[FitRequest]:
+    """Runs dealt out to motors, the last of each for validation."""
+    most = len(run_ids) // number
+    dealt = [run_ids[first * most : (first + 1) * most] for first in range(number)]
+    options = {"controllers": ["P:1"]}
+    return [FitRequest(ids[:-1], ids[-1:], options, f"m{n}") for n, ids in enumerate(dealt)]
+
+
+@pytest.mark.parametrize("number", [2, 200])
+def test_statements_of_a_batch_do_not_grow_with_its_motors(
+    database: Database, batches: BatchService, number: int
+) -> None:
+    """Twenty find the 10,000 runs of 200 motors, and a handful write; one a run would be 10,000."""
+    requests = motors(keep_runs(database, "alice", 50 * number), number)
+
+    with statements(database, written=True) as seen:
+        made = batches.create(ALICE, requests, None, None)
+
+    assert len(seen) < 40
+    assert made.counts == {"queued": number}
+
+
+def test_fits_of_a_batch_keep_their_order_and_runs(
+    database: Database, batches: BatchService
+) -> None:
+    """What was asked for is what is there."""
+    requests = motors(keep_runs(database, "alice", 40), 8)
+
+    made = batches.create(ALICE, requests, "fleet", None)
+
+    with database.reading() as session:
+        kept = roles.ids_of(session, [fit.id for fit in made.fits])
+    assert [fit.motor for fit in made.fits] == [request.motor for request in requests]
+    assert [kept[fit.id] for fit in made.fits] == [
+        {"training": list(request.training), "validation": list(request.validation)}
+        for request in requests
+    ]
+
+
+@pytest.mark.parametrize("missing", ["foreign", "unknown", "no id"])
+def test_missing_run_is_named_with_its_motor_and_nothing_is_kept(
+    database: Database, batches: BatchService, missing: str
+) -> None:
+    """The last of four motors names a run that is not in the workspace."""
+    requests = motors(keep_runs(database, "alice", 40), 4)
+    run = {
+        "foreign": keep_runs(database, "bob", 1)[0],
+        "unknown": new_id("run"),
+        "no id": "run 7",
+    }[missing]
+    requests[3] = FitRequest([run], [], {"controllers": ["P:1"]}, "pump")
+
+    with pytest.raises(NotFound, match=rf"motors\.3 \(pump\): there is no run '{run}'"):
+        batches.create(ALICE, requests, None, None)
+    assert batches.page(ALICE, after=None, limit=10) == ([], None)
+
+
+def test_run_that_goes_while_the_batch_waits_to_be_written_is_missed(
+    database: Database, batches: BatchService
+) -> None:
+    """A deletion that was first holds the row, so that the batch sees what it left."""
+    ids = keep_runs(database, "alice", 4)
+
+    with ThreadPoolExecutor(1) as pool:
+        with database.writing() as session:
+            runs.remove(session, ids[3])
+            asked = pool.submit(batches.create, ALICE, motors(ids, 2), None, None)
+            time.sleep(0.3)
+        with pytest.raises(NotFound, match=ids[3]):
+            asked.result(timeout=30)
+    assert batches.page(ALICE, after=None, limit=10) == ([], None)
+
+
+def test_batch_of_more_runs_than_the_limit_is_refused_before_anything_is_asked(
+    database: Database, batches: BatchService
+) -> None:
+    """One run too many; as many as may be are only missing."""
+    ids = [f"run{number}" for number in range(MOST_RUNS)]
+    requests = motors(ids, 100)
+
+    with pytest.raises(NotFound, match="run0"):
+        batches.create(ALICE, requests, None, None)
+    with statements(database, written=True) as seen:
+        message = f"name {MOST_RUNS + 1} runs .* one batch takes {MOST_RUNS}.* as several batches"
+        with pytest.raises(FieldRefused, match=message):
+            batches.create(ALICE, [*requests, FitRequest(["one more"], [], {})], None, None)
+    assert seen == []
+
+
+def test_same_key_at_the_same_time_is_one_batch(database: Database, batches: BatchService) -> None:
+    """Four callers with one Idempotency-Key; another request under it is refused."""
+    requests = motors(keep_runs(database, "alice", 40), 4)
+
+    with ThreadPoolExecutor(4) as pool:
+        asked = [pool.submit(batches.create, ALICE, requests, None, "key") for _ in range(4)]
+        made = {future.result(timeout=60).row.id for future in asked}
+
+    assert len(made) == 1
+    with pytest.raises(KeyReused, match="take a new key"):
+        batches.create(ALICE, requests[:3], None, "key")
+
+
+def test_batch_for_which_the_queue_has_no_place_keeps_nothing(
+    database: Database, batches: BatchService
+) -> None:
+    """600 wait of 1000 that may, and 401 more would be too many."""
+    ids = keep_runs(database, "alice", 1202)
+    batches.create(ALICE, motors(ids[:1200], 600), None, None)
+
+    with pytest.raises(WaitingQuota, match="600 fits .* wait and 401 more"):
+        batches.create(ALICE, motors(ids[:802], 401), None, None)
+    assert len(batches.page(ALICE, after=None, limit=10)[0]) == 1
