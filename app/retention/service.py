@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from app.database import Database
@@ -19,7 +20,9 @@ from app.storage import Storage
 
 __all__ = ["Removed", "Retention"]
 
-_AT_ONCE = 200
+# With a fit go the rows of its runs, of which it may have 400.
+_FITS_AT_ONCE = 25
+_RUNS_AT_ONCE = 200
 _DAY_S = 86_400.0
 _log = logging.getLogger(__name__)
 
@@ -81,33 +84,38 @@ class Retention:
         return found
 
     def _remove_fits(self, before: float) -> int:
-        total = 0
-        while True:
-            # In portions, since other writers wait for each.
+        with self._database.reading() as session:
+            ids = repository.old_fits(session, before)
+        for some in _portions(ids, _FITS_AT_ONCE):
             with self._database.writing() as session:
-                ids = repository.remove_old_fits(session, before, _AT_ONCE)
-            for fit_id in ids:
+                repository.remove_fits(session, some)
+            for fit_id in some:
                 self._storage.remove_fit(fit_id)
-            total += len(ids)
-            if len(ids) < _AT_ONCE:
-                return total
+        return len(ids)
 
     def _remove_batches(self, before: float) -> int:
         with self._database.writing() as session:
             return repository.remove_old_batches(session, before)
 
     def _remove_runs(self, before: float) -> int:
+        with self._database.reading() as session:
+            ids = repository.old_runs(session, before)
         total = 0
-        while True:
+        for some in _portions(ids, _RUNS_AT_ONCE):
             with self._database.writing() as session:
-                ids = repository.remove_old_runs(session, before, _AT_ONCE)
-            for run_id in ids:
+                removed = repository.remove_old_runs(session, some, before)
+            for run_id in removed:
                 self._storage.remove_run(run_id)
-            total += len(ids)
-            if len(ids) < _AT_ONCE:
-                return total
+            total += len(removed)
+        return total
 
     def _sweep_files(self, now: float) -> int:
         with self._database.reading() as session:
             known_runs, known_fits = runs.all_ids(session), fits.all_ids(session)
         return self._storage.sweep(known_runs, known_fits, now)
+
+
+def _portions(ids: Sequence[str], most: int) -> Iterator[Sequence[str]]:
+    """Ids in portions, since other writers wait for each."""
+    for first in range(0, len(ids), most):
+        yield ids[first : first + most]

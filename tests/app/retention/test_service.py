@@ -17,6 +17,7 @@ from app.retention.service import Removed, Retention
 from app.storage import Storage
 from app.tables import BatchRow, FitRow, RunRow
 from tests.app.rows import fit_row, role_row, run_row
+from tests.app.statements import statements
 
 DAY = 86_400.0
 NOW = time.time()
@@ -124,6 +125,22 @@ def test_batch_goes_at_once_or_not_at_all(
 
     assert retention.sweep() == Removed(fits=2, batches=1)
     assert left(storage)[1] == {fit.id for fit in fits[2:]}
+
+
+def test_old_things_go_in_portions_and_are_looked_for_without_a_writer(
+    database: Database, storage: Storage, retention: Retention
+) -> None:
+    """60 fits, with the rows of whose runs the writer is held, and 240 runs."""
+    with database.writing() as session:
+        session.add_all(fit_row("a", "succeeded", ended_at=OLD) for _ in range(60))
+        session.add_all(run_row("a", created_at=OLD) for _ in range(240))
+
+    with statements(database, written=True) as seen:
+        assert retention.sweep() == Removed(fits=60, runs=240)
+    deleted = [words.split()[2] for words in seen if words.startswith("DELETE")]
+    assert [deleted.count(table) for table in ("fits", "runs", "batches")] == [3, 2, 1]
+    looked = [words for words in seen if words.startswith("SELECT") and "ORDER BY" in words]
+    assert not looked or database.url.get_backend_name() == "postgresql"
 
 
 def test_nothing_is_removed_where_no_age_is_set(database: Database, storage: Storage) -> None:
