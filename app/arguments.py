@@ -19,8 +19,9 @@ from typing import Any, ClassVar
 import typer.core
 
 from identification.errors import OptionError
+from identification.numerals import decimal_of, whole_of
 
-__all__ = ["SeveralWords", "mapping_of", "values_by_name"]
+__all__ = ["SeveralWords", "decimal", "mapping_of", "values_by_name", "whole"]
 
 _MAP = re.compile(
     r"(?P<channel>\w+)\s*=\s*(?P<column>.*?)"
@@ -31,7 +32,7 @@ _MAP_FORM = "CHANNEL=HEADER, CHANNEL=HEADER * SCALE + OFFSET in UNIT with any pa
 
 
 def _is_number(word: str) -> bool:
-    return re.fullmatch(r"-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", word) is not None
+    return re.fullmatch(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", word) is not None
 
 
 def _is_word(word: str) -> bool:
@@ -82,6 +83,34 @@ class SeveralWords(typer.core.TyperCommand):
                 place += 1
 
 
+def decimal(word: object) -> float:
+    """A number of an option, for typer.
+
+    Raises:
+        BadParameter: The word is none.
+    """
+    try:
+        return decimal_of(str(word))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{str(word)!r} is not a number; expected one such as 25 or 2.5e1"
+        ) from None
+
+
+def whole(word: object) -> int:
+    """A whole number of an option, for typer.
+
+    Raises:
+        BadParameter: The word is none.
+    """
+    try:
+        return whole_of(str(word))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{str(word)!r} is not a whole number; expected one such as 3"
+        ) from None
+
+
 def values_by_name(settings: Sequence[str]) -> dict[str, float]:
     """Values of ``NAME=VALUE`` words.
 
@@ -106,7 +135,7 @@ def values_by_name(settings: Sequence[str]) -> dict[str, float]:
         if name in values:
             raise OptionError(f"--set {name} is given twice; keep one", value=setting)
         try:
-            values[name] = float(text)
+            values[name] = decimal_of(text)
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
@@ -165,7 +194,7 @@ def _map_entry(setting: str) -> tuple[str, dict[str, object] | None]:
 
 def _map_number(setting: str, text: str) -> float:
     try:
-        return float(text)
+        return decimal_of(text)
     except ValueError:
         raise OptionError(
             f"--map {setting!r}: {text!r} is not a number; expected {_MAP_FORM}", value=setting

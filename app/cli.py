@@ -19,7 +19,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from app.arguments import SeveralWords
+from app.arguments import SeveralWords, decimal, whole
 from app.exits import Stopped, failed
 
 __all__ = ["app", "main"]
@@ -71,6 +71,7 @@ Temperatures = Annotated[
     list[float] | None,
     typer.Option(
         "--temperature",
+        parser=decimal,
         metavar="DEGC...",
         help="Temperatures of the speed loop.  [default: 25 125]",
     ),
@@ -83,7 +84,14 @@ Controllers = Annotated[
         help="Controllers: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of the sampler; the same seed, the same result.")]
+Seed = Annotated[
+    int,
+    typer.Option(
+        parser=whole,
+        metavar="<int>",
+        help="Seed of the sampler; the same seed, the same result.",
+    ),
+]
 NoPosterior = Annotated[
     bool,
     typer.Option("--no-posterior", help="Intervals from the fit's covariance; no posterior.nc."),

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from identification.errors import InputError
+from identification.numerals import decimal_of, whole_of
 from identification.options import FitOptions
 
 __all__ = ["option_of", "options_with"]
@@ -101,11 +102,11 @@ def _parts(word: str) -> Sequence[str]:
 
 
 _OF_WORD: dict[str, Callable[[str], object]] = {
-    "seed": int,
+    "seed": whole_of,
     "posterior": lambda word: _TRUTH[word.lower()],
     "effects": lambda word: _TRUTH[word.lower()],
     "hold": str,
-    "temperatures": lambda word: tuple(float(part) for part in _parts(word)),
+    "temperatures": lambda word: tuple(decimal_of(part) for part in _parts(word)),
     "controllers": lambda word: tuple(_parts(word)),
 }
 _EXPECTED = {

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from identification.errors import OptionError
+from identification.numerals import decimal_of
 
 __all__ = ["ACCEPTED_CONTROLLERS", "Controller", "parse_controller", "parse_controllers"]
 
@@ -87,7 +88,7 @@ def parse_controllers(texts: Iterable[str]) -> list[Controller]:
 
 def _gain(text: str, cell: str) -> float:
     try:
-        gain = float(cell)
+        gain = decimal_of(cell)
     except ValueError:
         raise _refused(text, f"has the gain {_shown(cell)}, which is not a number") from None
     # Beyond this the loop's poles overflow, and no amplifier comes near it.

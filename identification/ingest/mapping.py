@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,8 +192,11 @@ def _number(channel: str, key: str, value: object, file: str | None) -> float:
     number = math.nan
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _HUGE:
         number = float(value)
-    if not math.isfinite(number) or (key == "scale" and number == 0.0):
+    # Below the smallest normal number digits are lost: the column would come out as steps.
+    is_denormal = 0.0 < abs(number) < sys.float_info.min
+    if not math.isfinite(number) or is_denormal or (key == "scale" and number == 0.0):
         wanted = "a finite number other than 0" if key == "scale" else "a finite number"
+        wanted += ", of at least 2.2e-308 in size" if is_denormal else ""
         raise MappingError(
             f"{channel} has the {key} {_shown(value)}; expected {wanted}",
             file=file,

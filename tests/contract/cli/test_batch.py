@@ -196,6 +196,10 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.csv", "motor,training\nm,;\n", "row 2, column training: has no training run"),
         ("m.csv", "motor,training,seed\nm,a.csv,x\n", "row 2, column seed: 'x' is no value"),
         ("m.csv", "motor,training,seed\nm,a.csv,-1\n", "row 2: seed is -1"),
+        ("m.csv", "motor,training,seed\nm,a.csv,1_0\n", "column seed: '1_0' is no value"),
+        ("m.csv", "motor,training,seed\nm,a.csv,\u0661\n", "'\u0661' is no value"),
+        ("m.csv", "motor,training,temperatures\nm,a,25;1_0\n", "'25;1_0' is no value"),
+        ("m.csv", "motor,training,controllers\nm,a,P:1_0\n", "the gain '1_0', which is not"),
         ("m.csv", "motor,training,controllers\nm,a.csv,Q:1\n", "row 2: "),
         (
             "m.yaml",

@@ -38,6 +38,26 @@ REFUSED = {
         "a.csv",
     ),
     "seed is no number": (["fit", "a.csv", "--seed", "x", "--out", "o"], "'--seed'"),
+    "seed has an underscore": (
+        ["fit", "a.csv", "--seed", "1_0", "--out", "o"],
+        "'1_0' is not a whole number",
+    ),
+    "temperature in other digits": (
+        ["fit", "a.csv", "--temperature", "\u0662\u0665", "--out", "o"],
+        "'\u0662\u0665' is not a number",
+    ),
+    "map has a scale with an underscore": (
+        ["fit", "a.csv", "--map", "current_A=x * 1_0", "--out", "o"],
+        "'1_0' is not a number",
+    ),
+    "map has a denormal scale": (
+        ["fit", "a.csv", "--map", "current_A=x * 1e-320", "--out", "o"],
+        "the scale '1e-320'; expected a finite number other than 0",
+    ),
+    "parameter has an underscore": (
+        ["feedback", "--set", "Ra25=1_0"],
+        "--set Ra25: '1_0' is not a number",
+    ),
     "seed is negative": (["fit", "a.csv", "--seed", "-1", "--out", "o"], "seed is -1; expected"),
     "hold is unknown": (["fit", "a.csv", "--hold", "no", "--out", "o"], "hold is 'no'; expected"),
     "controller is unknown": (
