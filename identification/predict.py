@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.catalogue import CATALOGUE
-from identification.effects.unlisted import unlisted_term
+from identification.effects.entry import term_of
 from identification.errors import InputError
 from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
@@ -26,7 +25,6 @@ from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
-from identification.model.term import AbstractTerm
 
 __all__ = ["Prediction", "model_of", "predict"]
 
@@ -96,20 +94,15 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
     Raises:
         InputError: A parameter or effect is missing or unknown.
     """
-    try:
-        entries = result["declared"]["parameters"] if declared else result["parameters"]
-        terms = () if declared else tuple(_term(effect) for effect in result.get("effects", ()))
-        hold: Hold = result["declared"].get("hold") or "zoh"
-    except (KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"the result has no {error}; expected a result.json of schema_version 1 as written by "
-            "'motorid fit'"
-        ) from error
-    model = MotorModel(terms, hold)
+    fitted = _object(result, "declared")
+    entries = _object(fitted if declared else result, "parameters")
+    effects = [] if declared else _list(result, "effects")
+    hold: Hold = fitted.get("hold") or "zoh"
+    model = MotorModel(tuple(term_of(effect) for effect in effects), hold)
     own = {
         f"{effect['name']}.{name}": entry
-        for effect in ([] if declared else result.get("effects", ()))
-        for name, entry in effect.get("parameters", {}).items()
+        for effect in effects
+        for name, entry in _own_parameters(effect).items()
     }
     values = [
         _value(parameter, {**own, **entries}.get(parameter.name)) for parameter in model.parameters
@@ -117,10 +110,11 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
     return model, np.array(values)
 
 
-def _value(parameter: Parameter, entry: Mapping[str, Any] | None) -> float:
+def _value(parameter: Parameter, entry: object) -> float:
     name = parameter.name
+    found = entry if isinstance(entry, Mapping) else {}
     for key in ("estimate", "median", "mean"):
-        value = (entry or {}).get(key)
+        value = found.get(key)
         if isinstance(value, int | float):
             number = _number(value)
             is_positive = parameter.search == "log" or name == "L"
@@ -131,8 +125,11 @@ def _value(parameter: Parameter, entry: Mapping[str, Any] | None) -> float:
                     column=name,
                 )
             return number
+    effect, _, own = name.rpartition(".")
+    lacking = f"the effect {effect} of the result lacks the parameter {own}" if effect else None
     raise InputError(
-        f"the result has no value of {name}; expected a result.json as written by 'motorid fit'",
+        f"{lacking or f'the result has no value of {name}'}; expected a result.json as written by "
+        "'motorid fit'",
         column=name,
     )
 
@@ -145,22 +142,35 @@ def _number(value: float) -> float:
         return math.inf
 
 
-def _term(effect: Mapping[str, Any]) -> AbstractTerm:
-    if effect["name"] == "unlisted":
-        return unlisted_term(effect["equation"], effect["settings"])
-    kind = CATALOGUE.get(effect["name"])
-    if kind is None:
-        raise InputError(
-            f"effect {effect['name']!r} is not known; expected one of {', '.join(CATALOGUE)}",
-            value=effect["name"],
-        )
-    term: AbstractTerm = kind(**effect.get("settings", {}))
-    return term
+def _object(content: Mapping[str, Any], name: str, place: str = "the result") -> Mapping[str, Any]:
+    found = content.get(name)
+    if not isinstance(found, Mapping):
+        raise _lacks(place, f"object {name!r}")
+    return found
+
+
+def _own_parameters(effect: Mapping[str, Any]) -> Mapping[str, Any]:
+    place = f"the effect {effect['name']} of the result"
+    return _object({"parameters": {}, **effect}, "parameters", place)
+
+
+def _list(content: Mapping[str, Any], name: str) -> list[Any]:
+    found = content.get(name) or []
+    if not isinstance(found, list):
+        raise _lacks("the result", f"list {name!r}")
+    return found
+
+
+def _lacks(place: str, what: str) -> InputError:
+    return InputError(
+        f"{place} has no {what}; expected a result.json of schema_version 1 as written by "
+        "'motorid fit'"
+    )
 
 
 def _before(result: Mapping[str, Any], run: Run) -> list[Mapping[str, Any]]:
     """The runs that were recorded before: all, where the run was no part of the campaign."""
-    runs = list(result.get("runs") or [])
+    runs = [run for run in _list(result, "runs") if isinstance(run, Mapping)]
     for place, known in enumerate(runs):
         if known.get("sha256") == run.sha256:
             return runs[:place]

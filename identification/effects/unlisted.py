@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, Final
 
 from identification.effects.angular import AngularFriction
@@ -12,7 +13,7 @@ from identification.effects.loose import LoosePart
 from identification.effects.ripple import MissingTorqueRipple, MissingVoltageRipple
 from identification.model.term import AbstractTerm
 
-__all__ = ["unlisted_term"]
+__all__ = ["unlisted_form", "unlisted_term"]
 
 _FORMS: Final[tuple[Any, ...]] = (
     MissingTorque,
@@ -23,6 +24,21 @@ _FORMS: Final[tuple[Any, ...]] = (
     LaggingFriction,
     LoosePart,
 )
+
+
+def unlisted_form(equation: object, settings: Mapping[str, Any]) -> Any:
+    """The class of the term that an entry of a result describes, or None.
+
+    Args:
+        equation: ``mechanical`` or ``electrical``.
+        settings: Fields of the term as they stand in the result.
+    """
+    fitting = (
+        form
+        for form in _FORMS
+        if form.equation == equation and {f.name for f in dataclasses.fields(form)} == set(settings)
+    )
+    return next(fitting, None)
 
 
 def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
@@ -36,10 +52,5 @@ def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
     if "starts" in fields:
         fields["starts"] = tuple(fields["starts"])
         fields["imitated"] = tuple((float(a), float(b)) for a, b in fields["imitated"])
-    (form,) = [
-        form
-        for form in _FORMS
-        if form.equation == equation and {f.name for f in dataclasses.fields(form)} == set(fields)
-    ]
-    term: AbstractTerm = form(**fields)
+    term: AbstractTerm = unlisted_form(equation, fields)(**fields)
     return term

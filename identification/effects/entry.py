@@ -1,0 +1,90 @@
+"""The term that an entry of a result describes.
+
+A result may have been edited or come from elsewhere, so that whatever it lacks is told in its own
+words and not in those of the program.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from numbers import Integral, Real
+from typing import Any, Final
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.unlisted import unlisted_form, unlisted_term
+from identification.errors import InputError
+from identification.model.term import AbstractTerm
+
+__all__ = ["term_of"]
+
+_REMEDY: Final = "take the result.json as 'motorid fit' wrote it, or fit again"
+_KINDS: Final[dict[str, tuple[tuple[type, ...], str]]] = {
+    "float": ((Real, type(None)), "a number"),
+    "int": ((Integral, type(None)), "a whole number"),
+    "bool": ((bool,), "true or false"),
+    "tuple": ((list, tuple), "a list"),
+    "str": ((str,), "a word"),
+    "Literal": ((str,), "a word"),
+}
+"""What JSON has for the fields of terms, by the first word of their type."""
+
+
+def term_of(entry: object) -> AbstractTerm:
+    """The term that an entry of `effects` describes.
+
+    Args:
+        entry: The entry, with `name`, `settings` and, where it is not listed, `equation`.
+
+    Raises:
+        InputError: The effect is not known, or a setting is missing, unknown or of another kind.
+    """
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str):
+        raise InputError(f"an effect of the result has no name; {_REMEDY}", value=entry)
+    name, settings = entry["name"], entry.get("settings", {})
+    if not isinstance(settings, Mapping):
+        raise InputError(f"the settings of the effect {name} are no object; {_REMEDY}", value=name)
+    if name == "unlisted":
+        form = unlisted_form(entry.get("equation"), settings)
+        if form is None:
+            raise InputError(
+                f"the effect unlisted has the settings {', '.join(map(str, settings)) or 'none'}, "
+                f"which belong to no form of it; {_REMEDY}",
+                value=name,
+            )
+        _check_settings(name, form, settings)
+        return unlisted_term(entry["equation"], dict(settings))
+    kind = CATALOGUE.get(name)
+    if kind is None:
+        raise InputError(
+            f"effect {name!r} is not known; expected one of {', '.join(CATALOGUE)}", value=name
+        )
+    _check_settings(name, kind, settings)
+    term: AbstractTerm = kind(**settings)
+    return term
+
+
+def _check_settings(name: str, kind: Any, settings: Mapping[str, Any]) -> None:
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for field in fields.values():
+        if field.name not in settings and field.default is dataclasses.MISSING:
+            raise InputError(
+                f"the effect {name} of the result lacks the setting {field.name}; {_REMEDY}",
+                value=name,
+            )
+    for key, value in settings.items():
+        if key not in fields:
+            raise InputError(
+                f"the effect {name} of the result has the setting {key!r}; expected "
+                f"{', '.join(fields) or 'none'}",
+                value=key,
+            )
+        # As written in the source, since annotations are not evaluated.
+        word = str(fields[key].type).split("[")[0].split(" ")[0]
+        types, expected = _KINDS[word]
+        if not isinstance(value, types) or (isinstance(value, bool) and word != "bool"):
+            raise InputError(
+                f"the effect {name} of the result has the setting {key} {str(value)[:60]!r}; "
+                f"expected {expected}",
+                value=value,
+            )
