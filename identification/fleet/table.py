@@ -32,6 +32,10 @@ Row = dict[str, Any]
 # A lone carriage return would end a line for some readers and not for others.
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 
+# Where a formula begins: at the front, or behind a sign at which some spreadsheets split a line.
+# The wide forms of = + - @ are taken for these where the keyboard is Japanese or Chinese.
+_FORMULA = re.compile(r"(^|[;,])(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20])")
+
 # Type of the cell and the unit's source: of the parameter, or none.
 _OF_PARAMETER: dict[str, tuple[type, bool]] = {
     "": (float, True),
@@ -161,10 +165,13 @@ def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row
 
 
 def _cell(value: object) -> object:
-    """A cell; a text that a spreadsheet would take for a formula gets an apostrophe in front."""
+    """A cell; where a spreadsheet would see a formula begin in a text stands an apostrophe.
+
+    Source:
+        OWASP, "CSV Injection": the signs, their wide forms, and separators within a cell.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        line = _CONTROL.sub(" ", value)
-        return f"'{line}" if line.lstrip()[:1] in ("=", "+", "-", "@") else line
+        return _FORMULA.sub(r"\1'", _CONTROL.sub(" ", value))
     return value

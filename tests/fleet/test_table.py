@@ -7,6 +7,7 @@ import csv
 import dataclasses
 import io
 import json
+import re
 from typing import Any
 
 import pytest
@@ -79,8 +80,8 @@ def test_runs_that_both_refits_share_are_counted() -> None:
 @settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from(["", " ", "\t", "\r", "\n"]),
-    st.sampled_from("=+-@"),
-    st.text(max_size=8).filter(str.isprintable),
+    st.sampled_from("=+-@\uff1d\uff0b\uff0d\uff20"),
+    st.text(max_size=8).filter(lambda text: text.isprintable() and not {*text} & {*";,"}),
 )
 def test_no_cell_begins_like_a_formula(gap: str, sign: str, text: str) -> None:
     """What a spreadsheet would compute gets an apostrophe, and a cell stays on its line."""
@@ -89,6 +90,39 @@ def test_no_cell_begins_like_a_formula(gap: str, sign: str, text: str) -> None:
     (line,) = csv.DictReader(io.StringIO(csv_text(rows_of([failed])), newline=""))
 
     assert line["motor"] == line["error"] == f"'{' ' if gap else ''}{sign}{text}"
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("x;=1+1", "x;'=1+1"),
+        ("x, @sum(a1)", "x,' @sum(a1)"),
+        ("x;\t-1", "x;' -1"),
+        ("x\n=1", "x =1"),
+        ("\uff1d1+1", "'\uff1d1+1"),
+        ("=1;=2", "'=1;'=2"),
+        ("a-b; c+d, e@f", "a-b; c+d, e@f"),
+        ("it's 5 = 5", "it's 5 = 5"),
+    ],
+)
+def test_no_part_of_a_cell_begins_like_a_formula(text: str, cell: str) -> None:
+    """Those who split a line at `;` or `,` see no formula either; signs within a text stay."""
+    row = {"motor": text, "status": "failed", "Ra25_drift": -0.5}
+
+    (line,) = csv.DictReader(io.StringIO(csv_text([row]), newline=""))
+
+    assert line["motor"] == cell
+    assert line["Ra25_drift"] == "-0.5"
+
+
+@given(st.text(alphabet="ab ;,=+-@\uff1d\uff20", max_size=12))
+def test_text_comes_back_without_the_apostrophes(text: str) -> None:
+    """docs/batch.md, "The table": what was put in is all that differs."""
+    (line,) = csv.DictReader(io.StringIO(csv_text([{"motor": text, "error": "e"}]), newline=""))
+
+    assert line["motor"].replace("'", "") == text
+    signs = tuple("=+-@\uff1d\uff20")
+    assert not any(part.strip().startswith(signs) for part in re.split("[;,]", line["motor"]))
 
 
 def test_numbers_read_back_exactly_in_each_form() -> None:
