@@ -29,7 +29,7 @@ Association 90 (1995), 773-795 (probabilities from differences of BIC).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -48,7 +48,7 @@ LEAST_SIZE: Final = 0.02
 _LEAST_SHARE: Final = 0.25
 _SCATTER: Final = 0.002
 """Relative change of an error that is none."""
-_LEAST_ODDS: Final = 3.0
+_LEAST_LOG_ODDS: Final = 3.0
 """Logarithm of the odds by which runs left out have to prefer an effect, twenty to one: strong
 evidence on the scale of Kass and Raftery."""
 _SURELY: Final = 2.0
@@ -68,7 +68,7 @@ class Gates:
         training: Relative fall of the error on training runs [-].
         validation: Relative fall on runs left out, None where there are none [-].
         possible: Relative fall on runs left out that would surely leave nothing but noise [-].
-        odds: Gain of the log likelihood of the runs left out, in effective samples.
+        log_odds: Gain of the log likelihood of the runs left out, in effective samples.
         local: Whether the effect concerns single runs only.
     """
 
@@ -77,7 +77,7 @@ class Gates:
     training: float
     validation: float | None
     possible: float
-    odds: float
+    log_odds: float
     local: bool
 
     @property
@@ -102,7 +102,7 @@ class Gates:
             return ""
         expected = _LEAST_SHARE * min(self.training, max(self.possible, 0.0))
         least = -_LEAST_SHARE * self.training if self.local else expected - _SCATTER
-        is_preferred = self.local or self.odds > _LEAST_ODDS
+        is_preferred = self.local or self.log_odds > _LEAST_LOG_ODDS
         if not (self.validation > least and is_preferred):
             return (
                 f"not supported by the runs left out: their error changes by "
@@ -112,22 +112,33 @@ class Gates:
 
 
 @dataclass(frozen=True)
+class Unseen:
+    """Errors of a model on the runs left out.
+
+    Args:
+        square: (2,) mean square error [A^2, rad^2/s^2].
+        count: (2,) number of samples.
+        scatter: (2,) standard deviation of the root's logarithm, by how even the error is [-].
+    """
+
+    square: Array
+    count: Array
+    scatter: Array
+
+
+@dataclass(frozen=True)
 class Judged:
     """A model and its errors.
 
     Args:
         fit: The fit.
         share: Effective share of the samples.
-        unseen: (2,) mean square error on runs left out [A^2, rad^2/s^2], None without such runs.
-        unseen_count: (2,) number of samples of that.
-        unseen_scatter: (2,) standard deviation of its root's logarithm, by how even it is [-].
+        unseen: Errors on the runs left out, None without such runs.
     """
 
     fit: Fit
     share: float
-    unseen: Array | None
-    unseen_count: Array = field(default_factory=lambda: np.zeros(2))
-    unseen_scatter: Array = field(default_factory=lambda: np.zeros(2))
+    unseen: Unseen | None = None
 
     def gates(self, simpler: Judged, tried: int) -> Gates:
         """The three gates between this model and a simpler one.
@@ -143,23 +154,23 @@ class Judged:
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
         fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
-        unseen, possible, odds = None, 0.0, 0.0
+        validation, possible, log_odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
             floor = self.fit.weighting.deviation**2
             with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = 0.5 * np.log(simpler.unseen / self.unseen)
-                excess = 0.5 * np.log(simpler.unseen / floor)
-            unseen = float(np.sum(ratio[counts > 0]))
-            scatter = float(np.linalg.norm(self.unseen_scatter[counts > 0]))
+                ratio = 0.5 * np.log(simpler.unseen.square / self.unseen.square)
+                excess = 0.5 * np.log(simpler.unseen.square / floor)
+            validation = float(np.sum(ratio[counts > 0]))
+            scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
             possible = float(np.sum(excess[counts > 0])) - _SURELY * scatter
-            odds = self.share * float(np.sum((ratio * self.unseen_count)[counts > 0]))
+            log_odds = self.share * float(np.sum((ratio * self.unseen.count)[counts > 0]))
         return Gates(
             gain=self.share * (simpler.fit.cost - self.fit.cost),
             needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
             training=float(np.sum(fall[counts > 0])),
-            validation=unseen,
+            validation=validation,
             possible=possible,
-            odds=odds,
+            log_odds=log_odds,
             local=bool(names) and names <= LOCAL,
         )
 
@@ -221,7 +232,7 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
         share: Effective share of the samples.
     """
     if not campaign.validation:
-        return Judged(fit, share, None)
+        return Judged(fit, share)
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
     simulated = simulate_unseen(fit, campaign.validation, whole=own)
     total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -230,11 +241,11 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
         fourth += np.sum(s.record.weight * s.residual**4, axis=0)
         count += s.record.weight.sum(axis=0)
     many = np.maximum(count, 1.0)
-    unseen = total / many
+    square = total / many
     with np.errstate(divide="ignore", invalid="ignore"):
-        uneven = np.maximum(np.nan_to_num(fourth / many / unseen**2 - 1.0), 0.0)
+        uneven = np.maximum(np.nan_to_num(fourth / many / square**2 - 1.0), 0.0)
     scatter = 0.5 * np.sqrt(uneven / (many * share))
-    return Judged(fit, share, unseen, count, scatter)
+    return Judged(fit, share, Unseen(square, count, scatter))
 
 
 def probabilities(scores: Sequence[float]) -> Array:

@@ -141,7 +141,7 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     trials, current = state.trials, state.current
     fits = trials.refits(current, wanted)
     near = trials.near(current, fits)
-    far = [Judged(fit, current.share, None) for _, fit in fits[len(near) :]]
+    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
     order = _ranked(near)
     passing = [k for k in order if near[k].gates(current, trials.tried).passed]
     # Ranked anew: those that are alike are alike among what passes.

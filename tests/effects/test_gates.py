@@ -9,7 +9,7 @@ import pytest
 from identification.effects.evidence import Gates
 
 REAL = Gates(
-    gain=900.0, needed=12.0, training=0.3, validation=0.25, possible=0.3, odds=80.0, local=False
+    gain=900.0, needed=12.0, training=0.3, validation=0.25, possible=0.3, log_odds=80.0, local=False
 )
 
 
@@ -18,18 +18,18 @@ def test_an_effect_that_all_runs_support_passes() -> None:
     assert REAL.passed
 
 
-@pytest.mark.parametrize("odds", [-5.0, 0.0, 2.9])
-def test_runs_left_out_that_hardly_prefer_it_refuse_an_effect(odds: float) -> None:
+@pytest.mark.parametrize("log_odds", [-5.0, 0.0, 2.9])
+def test_runs_left_out_that_hardly_prefer_it_refuse_an_effect(log_odds: float) -> None:
     """Nothing is to be gained there, since training runs are the louder ones; e^3 to 1 is asked."""
-    idle = replace(REAL, validation=0.0006, possible=-0.15, odds=odds)
+    idle = replace(REAL, validation=0.0006, possible=-0.15, log_odds=log_odds)
 
     assert "not supported by the runs left out" in idle.refusal
-    assert replace(idle, odds=3.1).passed
+    assert replace(idle, log_odds=3.1).passed
 
 
 def test_an_event_of_one_training_run_is_not_asked_of_other_runs() -> None:
     """They only must not get worse by a quarter of what that run gains."""
-    event = replace(REAL, validation=0.0, possible=0.0, odds=0.0, local=True)
+    event = replace(REAL, validation=0.0, possible=0.0, log_odds=0.0, local=True)
 
     assert event.passed
     assert not replace(event, validation=-0.1).passed
