@@ -334,7 +334,8 @@ def _explained(state: _State) -> list[Found]:
         gates = current.gates(simpler, trials.tried)
         looked = trials.known_beside(simpler, term)
         if not trials.over and term.name != "unlisted":
-            looked = _rivals(state, simpler, term.name)
+            curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
+            looked = [*_rivals(state, simpler, term.name), *curves]
         rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
         odds = probabilities(scores_of([current, *rivals]))
         others: dict[str, float] = {}

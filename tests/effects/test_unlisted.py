@@ -74,14 +74,27 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
     assert outcome.fit.simulator.model.terms[0].drivers == ("speed",)
 
 
-@pytest.mark.parametrize("law", ["power_1.7", "power_2.3"])
-def test_a_drag_of_another_power_is_still_a_drag(law: str) -> None:
-    """The powers that fans and windage have, with no curve in their place."""
-    campaign = _campaign("servo_150w", [EffectRequest("quadratic_drag", 0.1, law=law)], seed=26)
+def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
+    """The same rub at two thirds of the size: the runs hardly tell it from a steep drag."""
+    rub = EffectRequest("rub_above_speed", 0.045, law="square")
+    campaign = _campaign("servo_150w", [rub], seed=25)
 
-    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+    (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
 
-    assert [found.name for found in outcome.effects] == ["quadratic_drag"]
+    assert found.name == "quadratic_drag"
+    assert [other.name for other in found.alternatives] == ["unlisted"]
+    assert 0.005 < found.alternatives[0].probability < 0.5
+
+
+def test_a_drag_of_another_power_is_still_a_drag() -> None:
+    """A power that fans and windage have, with no curve in its place."""
+    drag = EffectRequest("quadratic_drag", 0.1, law="power_2.3")
+    campaign = _campaign("servo_150w", [drag], seed=26)
+
+    (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
+
+    assert found.name == "quadratic_drag"
+    assert not found.alternatives
 
 
 def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance() -> None:
