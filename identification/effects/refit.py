@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.start import Start, begun
+from identification.effects.start import Start, begun, has_odd_coefficients, with_usual_coefficients
 from identification.fit.accuracy import TOLERATED, accurate, change_between
 from identification.fit.declared import replanned
 from identification.fit.solve import Fit, Patience, solve
@@ -41,11 +42,19 @@ def refitted_with(
 
     Args:
         fit: Fit of the current model.
-        term: What is added.
+        term: What is added; a thermal one also starts from the usual temperature coefficients where
+            those of the fit are odd, and has as much time again for that.
         starts: Where it may start; the fit goes on from the best of them.
         patience: When to give up.
     """
-    return _refitted(fit, fit.simulator.model.adding(term), starts, patience or Patience(_STEPS))
+    model, patience = fit.simulator.model.adding(term), patience or Patience(_STEPS)
+    began = time.monotonic()
+    found = _refitted(fit, model, starts, patience)
+    if term.equation == "thermal" and has_odd_coefficients(fit):
+        again = replace(patience, until=patience.until + time.monotonic() - began)
+        other = _refitted(with_usual_coefficients(fit), model, starts, again)
+        found = min(found, other, key=lambda one: one.cost)
+    return found
 
 
 def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) -> Fit:

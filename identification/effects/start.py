@@ -4,12 +4,16 @@ The score of a prototype says which size of it explains most and how everything 
 before moves along, all to first order.  An effect that is not small may do better with less of it,
 or with another shape that promised less.  So every start is simulated, at several shares of its
 size, with the rest moved along and held, and the fit goes on from the best.
+
+Where heat is missing from the model, the temperature coefficients have taken its place as well as
+they could: a winding that heats itself may leave a resistance that seems to fall with temperature,
+from where no heating can raise it.  So there is a way back to the coefficients that materials have.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +25,7 @@ from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
-__all__ = ["Along", "Start", "begun"]
+__all__ = ["Along", "Start", "begun", "has_odd_coefficients", "with_usual_coefficients"]
 
 Array = NDArray[np.float64]
 Place = tuple[Array, list[Array]]
@@ -139,6 +143,33 @@ def _shorter(
             ends = [state + share * move for state, move in zip(states, way.states, strict=True)]
             found.append((np.clip(moved, coordinates.lower, coordinates.upper), ends))
     return found
+
+
+def has_odd_coefficients(fit: Fit) -> bool:
+    """Whether a temperature coefficient is not one that materials have, by its prior."""
+    return any(
+        parameter.name in ("alpha_Ra", "alpha_Kt")
+        and abs(value - parameter.prior_mean) > parameter.prior_sd * parameter.scale
+        for parameter, value in zip(fit.coordinates.parameters, fit.values, strict=True)
+    )
+
+
+def with_usual_coefficients(fit: Fit) -> Fit:
+    """The place of a fit moved to the temperature coefficients that materials have.
+
+    Resistance and torque constant stay what they are at the mean temperature of the records.
+    """
+    warmth = np.concatenate([record.column("temperature") for record in fit.simulator.records])
+    rise = float(np.mean(warmth)) - 25.0
+    values, at = fit.values.copy(), {name: k for k, name in enumerate(fit.coordinates.names)}
+    for quantity, coefficient in (("Ra25", "alpha_Ra"), ("Kt25", "alpha_Kt")):
+        if coefficient in at:
+            usual = fit.coordinates.parameters[at[coefficient]].prior_mean
+            factor = (1 + values[at[coefficient]] * rise) / (1 + usual * rise)
+            values[at[coefficient]] = usual
+            values[at[quantity]] *= factor if factor > 0 else 1.0
+    position = np.clip(fit.coordinates.of(values), fit.coordinates.lower, fit.coordinates.upper)
+    return replace(fit, position=position)
 
 
 def _held(position: Array, states: Sequence[Array]) -> Along:

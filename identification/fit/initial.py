@@ -81,7 +81,8 @@ def _fitted_to_heads(
         for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
             record = heads[k]
             residual = (record.measured[:, :, None] - y) / deviation[:, None]
-            cost = np.einsum("nc,ncl->l", record.weight, residual**2)
+            with np.errstate(over="ignore", invalid="ignore"):
+                cost = np.einsum("nc,ncl->l", record.weight, residual**2)
             cost += state_precision(short, k) @ (trials[k] - centres[k][:, None]) ** 2
             best.append(trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))])
         states = tuple(best)

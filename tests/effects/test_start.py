@@ -16,8 +16,8 @@ from identification.effects.load import LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay, VoltageOffset
-from identification.effects.start import Start, begun
-from identification.effects.thermal import Demagnetization
+from identification.effects.start import Start, begun, has_odd_coefficients
+from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Patience, solve
@@ -134,3 +134,18 @@ def test_runs_left_out_remember_the_hottest_training_run() -> None:
 
     for record in hidden.validation:
         assert float(record.column("peak_temperature")[0]) >= hottest
+
+
+def test_a_winding_that_heats_itself_is_fitted_though_resistance_seemed_to_fall() -> None:
+    """Without the heat the declared coefficient is negative, from where no heating raises it."""
+    hidden = [("self_heating", 0.3)]
+    measured = make_campaign("servo_150w", hidden, seed=31, rows=1200, training=4, validation=1)
+    declared = fit_declared(records_of_bench(measured).training, "zoh")
+    (candidate,) = SelfHeating.candidates(survey_of(declared))
+
+    fit = refitted_with(declared, candidate.term, [Start(start) for start in candidate.starts.T])
+
+    assert declared.values[1] < 0.0
+    assert has_odd_coefficients(declared)
+    assert fit.values[1] > 0.5 * measured.truth["parameters"]["alpha_Ra"]
+    assert fit.weighting.deviation[0] < 0.2 * declared.weighting.deviation[0]
