@@ -154,6 +154,8 @@ class Judged:
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
         fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
+        if not np.isfinite(simpler.fit.cost):
+            fall = np.full(2, np.inf)
         validation, possible, log_odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
             floor = self.fit.weighting.deviation**2

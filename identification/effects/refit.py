@@ -20,6 +20,7 @@ from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 
 __all__ = [
+    "as_declared",
     "refined",
     "refitted_as",
     "refitted_with",
@@ -75,6 +76,14 @@ def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> F
     """The fit of the model without the term of that name, from where `fit` ended."""
     model = fit.simulator.model.without(name)
     return _refitted(fit, model, (), patience or Patience(_STEPS))
+
+
+def as_declared(fit: Fit, declared: Fit) -> Fit:
+    """The place of a fit, with the declared parameters where the declared model has them."""
+    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    values |= dict(zip(declared.coordinates.names, declared.values, strict=True))
+    place = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
+    return replace(fit, position=place)
 
 
 def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:

@@ -17,7 +17,13 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
-from identification.effects.refit import refined, refitted_as, refitted_with, refitted_without
+from identification.effects.refit import (
+    as_declared,
+    refined,
+    refitted_as,
+    refitted_with,
+    refitted_without,
+)
 from identification.effects.score import Score, gathered
 from identification.effects.screen import screened
 from identification.effects.tracing import missing_curves
@@ -85,7 +91,10 @@ class Trials:
         """
         key = _key(fit)
         known = self._judged.get(key)
-        if known is None or fit.cost < known.fit.cost - 1e-3:
+        if known is None and not np.isfinite(fit.cost):
+            # It runs away: whatever mends that is needed, and it is never chosen itself.
+            known = self._judged[key] = Judged(fit.light(), 1.0)
+        elif known is None or fit.cost < known.fit.cost - 1e-3:
             share = effective_share(fit) if share is None else share
             known = self._judged[key] = judged(fit.light(), self.campaign, share)
         return known
@@ -100,10 +109,12 @@ class Trials:
         known = self._judged.get(key)
         if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
             self._led.add((key, _key(current.fit)))
-            fit = refined(
-                refitted_without(current.fit, term.name, self.patience()), self.patience()
-            )
-            known = self.judge(fit)
+            fit = refitted_without(current.fit, term.name, self.patience())
+            if not np.isfinite(fit.cost):
+                # What the term held back runs away; the declared model did not.
+                declared = self._judged[frozenset()].fit
+                fit = refitted_without(as_declared(current.fit, declared), term.name)
+            known = self.judge(refined(fit, self.patience()) if np.isfinite(fit.cost) else fit)
         return known
 
     def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
@@ -136,6 +147,8 @@ class Trials:
         """Scores of every prototype of every kind that is not in the model, best first."""
         key = _key(current.fit)
         known = self._scores.get(key)
+        if not np.isfinite(current.fit.cost):
+            return []
         if known is None:
             candidates = _candidates(current.fit)
             known = self._scores[key] = _single(screened(current.fit, candidates))

@@ -140,7 +140,8 @@ def solve(
         patience: When to give up.
 
     Returns:
-        The optimum; `converged` is False where the step limit was reached.
+        The optimum; `converged` is False where the step limit was reached.  Its cost is infinite
+        where the model cannot be simulated from the start.
     """
     records = simulator.records
     weighting = weighting or Weighting.white(records)
@@ -181,7 +182,7 @@ def solve(
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
-    converged |= equations.decrement < _ENOUGH
+    converged |= equations.is_finite and equations.decrement < _ENOUGH
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 
 

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from identification.effects.evidence import Gates
+from identification.effects.evidence import Gates, Judged, scores_of
+from identification.fit.declared import fit_declared
+from identification.fit.solve import solve
+from identification.model.excitation import records_of
+from tests.motors import campaign, motor_named
+
+SERVO = motor_named("servo 100 W")
 
 REAL = Gates(
     gain=900.0, needed=12.0, training=0.3, validation=0.25, possible=0.3, log_odds=80.0, local=False
@@ -33,3 +40,25 @@ def test_an_event_of_one_training_run_is_not_asked_of_other_runs() -> None:
 
     assert event.passed
     assert not replace(event, validation=-0.1).passed
+
+
+def test_what_keeps_a_model_from_running_away_is_needed() -> None:
+    """Without it the model cannot be simulated: it passes, and the other is never preferred."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    alone = Judged(replace(fit, cost=np.inf, converged=False), 1.0)
+    mended = Judged(fit, 1.0)
+
+    assert mended.gates(alone, tried=100).passed
+    assert scores_of([mended, alone])[0] < scores_of([mended, alone])[1]
+
+
+def test_a_fit_that_starts_where_nothing_can_be_simulated_says_so() -> None:
+    """An inertia of nothing: the speed is infinite at once."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    position = fit.position.copy()
+    position[fit.coordinates.names.index("J")] = -1e4
+
+    lost = solve(fit.simulator, fit.coordinates, position)
+
+    assert lost.cost == np.inf
+    assert not lost.converged
