@@ -81,6 +81,6 @@ class Housekeeper:
     def _try(self, work: Callable[[], None]) -> None:
         try:
             work()
-        except (SQLAlchemyError, OSError):
-            # Nothing of this is urgent: the next look tries again.
+        except (SQLAlchemyError, OSError, ValueError):
+            # Nothing of this is urgent: the next look tries again, past a row with a bad id, too.
             _log.exception("housekeeping has to wait")

@@ -27,7 +27,7 @@ from typing import BinaryIO
 
 from app.errors import StorageFull
 from app.fits.job import CHECKPOINTS
-from app.identifiers import is_id
+from app.identifiers import Kind, is_id
 from identification.errors import OptionError
 
 __all__ = ["Storage", "is_disk_full", "refused_when_full", "sync_directory"]
@@ -126,8 +126,12 @@ class Storage:
         return self.incoming / secrets.token_hex(16)
 
     def run(self, run_id: str) -> Path:
-        """Where the bytes of a run lie."""
-        return self.directory / "runs" / run_id
+        """Where the bytes of a run lie.
+
+        Raises:
+            ValueError: It is no id of a run, and could lead anywhere.
+        """
+        return self.directory / "runs" / _checked("run", run_id)
 
     def keep_run(self, incoming: Path, run_id: str) -> None:
         """Move an upload that was accepted to its place, so that a loss of power keeps it."""
@@ -139,11 +143,21 @@ class Storage:
         self.run(run_id).unlink(missing_ok=True)
 
     def fit(self, fit_id: str) -> Path:
-        """Directory of all attempts of a fit."""
-        return self.directory / "fits" / fit_id
+        """Directory of all attempts of a fit.
+
+        Raises:
+            ValueError: It is no id of a fit, and could lead anywhere.
+        """
+        return self.directory / "fits" / _checked("fit", fit_id)
 
     def attempt(self, fit_id: str, attempt: int) -> Path:
-        """Directory of one attempt of a fit."""
+        """Directory of one attempt of a fit.
+
+        Raises:
+            ValueError: It is no id of a fit, or no number of an attempt.
+        """
+        if not str(attempt).isdecimal():
+            raise ValueError(f"{attempt!r} is no number of an attempt")
         return self.fit(fit_id) / str(attempt)
 
     def remove_fit(self, fit_id: str) -> None:
@@ -234,6 +248,13 @@ def sync_directory(directory: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _checked(kind: Kind, text: str) -> str:
+    # Ids are checked where they come in; this is for one that came another way, as by a backup.
+    if not is_id(kind, text):
+        raise ValueError(f"{text!r} is no id of a {kind}")
+    return text
 
 
 def _entries(directory: Path) -> list[Path]:

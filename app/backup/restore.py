@@ -1,20 +1,19 @@
 """Makes a data directory from a backup: all of it, checked, or nothing.
 
 Everything is written into a directory beside the new one and checked there: each file against its
-hash, the database by SQLite's own test, each run against the hash of its upload.  Only then is it
-renamed to its place.
+hash, the database by SQLite's own test and by its schema and ids, each run against the hash of its
+upload.  Only then is it renamed to its place.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
-import sqlite3
 from pathlib import Path
 
 from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
+from app.backup.check import check_database
 from app.backup.create import Saved, database_file
 from app.settings import Settings
 from app.storage import sync_directory
@@ -84,7 +83,7 @@ def _fill(directory: Path, backup: Path) -> Saved:
     if sums is None:
         raise InputError(f"has no {SUMS}: it was interrupted; take another", file=str(backup))
     _compare(found, sums, backup)
-    _check_database(directory / DATABASE, found, backup)
+    check_database(directory / DATABASE, found, backup)
     for part in ("incoming", "runs", "fits", "nodes"):
         (directory / part).mkdir(exist_ok=True, mode=0o700)
         sync_directory(directory / part)
@@ -113,23 +112,4 @@ def _compare(found: dict[str, str], sums: dict[str, str], backup: Path) -> None:
         raise InputError(
             f"{changed[0]} is not what was saved: its SHA-256 differs; take another backup",
             file=str(backup),
-        )
-
-
-def _check_database(file: Path, found: dict[str, str], backup: Path) -> None:
-    try:
-        with contextlib.closing(sqlite3.connect(file)) as database:
-            verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
-            runs = dict(database.execute("SELECT id, sha256 FROM runs").fetchall())
-            query = "SELECT id, attempt FROM fits WHERE status = 'succeeded'"
-            results = [f"fits/{i}/{a}/result.json" for i, a in database.execute(query)]
-    except sqlite3.DatabaseError as error:
-        raise InputError(f"{DATABASE} cannot be read ({error})", file=str(backup)) from error
-    if verdict != "ok":
-        raise InputError(f"{DATABASE} is damaged ({verdict})", file=str(backup))
-    wrong = [f"runs/{i}" for i, sha256 in runs.items() if found.get(f"runs/{i}") != sha256]
-    wrong += [name for name in results if name not in found]
-    if wrong:
-        raise InputError(
-            f"{wrong[0]} is not what the database says; take another backup", file=str(backup)
         )

@@ -103,6 +103,30 @@ def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
     assert storage.fit(fit).exists()
 
 
+@pytest.mark.parametrize("text", ["../../victim", "..", "", "/etc", "fit_../../victim"])
+def test_text_that_is_no_id_makes_no_path(storage: Storage, text: str) -> None:
+    """Whatever row it stands in, nothing outside is touched."""
+    victim = storage.directory.parent / "victim"
+    victim.mkdir()
+
+    for use in (storage.run, storage.fit, storage.remove_run, storage.remove_fit,
+                storage.remove_checkpoints):  # fmt: skip
+        with pytest.raises(ValueError, match="is no id of a"):
+            use(text)
+    with pytest.raises(ValueError, match="is no id of a"):
+        storage.keep_attempt(text, 1)
+
+    assert victim.is_dir()
+    assert storage.directory.is_dir()
+
+
+@pytest.mark.parametrize("attempt", [-1, "../../.."])
+def test_attempt_that_is_no_number_makes_no_path(storage: Storage, attempt: int) -> None:
+    """SQLite keeps a text in a column of numbers."""
+    with pytest.raises(ValueError, match="no number of an attempt"):
+        storage.remove_attempt(new_id("fit"), attempt)
+
+
 def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     """A file stands where the directory should be."""
     (tmp_path / "file").write_text("")

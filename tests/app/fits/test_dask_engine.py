@@ -19,6 +19,8 @@ from tests.app.cluster import OPENSSL, Certificates, Cluster, free_port
 from tests.app.fits.test_engine import ended, job, opened
 from tests.app.pretended import QUICK, SLOW
 
+FIT = "fit_" + "x" * 26
+
 
 class Bench:
     """An engine with a cluster of its own and a data directory."""
@@ -31,7 +33,7 @@ class Bench:
 
     def start(self, seed: int, attempt: int, *, is_begun: bool = False) -> AbstractRunning:
         """Start an attempt; with `is_begun` as Dask does it again after it lost a worker."""
-        directory = self.storage.attempt("fit_x", attempt)
+        directory = self.storage.attempt(FIT, attempt)
         directory.mkdir(parents=True)
         if is_begun:
             (directory / BEGUN).touch()
@@ -82,7 +84,7 @@ def test_lost_worker_and_lost_scheduler_lose_what_ran_and_nothing_else(
 
     assert ends == [LOST, LOST]
     assert (end, told[-1]) == ("exit status 0", {"done": True})
-    assert not (bench.storage.attempt("fit_x", 1) / "result.json").exists()
+    assert not (bench.storage.attempt(FIT, 1) / "result.json").exists()
 
 
 def test_attempt_is_begun_once_and_a_cluster_that_begins_nothing_is_given_time(
@@ -96,10 +98,10 @@ def test_attempt_is_begun_once_and_a_cluster_that_begins_nothing_is_given_time(
     bench = Bench(tmp_path / "data", cluster.address)
     with opened(bench.engine):
         end, _ = ended(bench.start(QUICK, 1, is_begun=True))
-        left = {path.name for path in bench.storage.attempt("fit_x", 1).iterdir()}
+        left = {path.name for path in bench.storage.attempt(FIT, 1).iterdir()}
         capacity = bench.engine.capacity()
         running = bench.start(QUICK, 2)
-        bench.storage.remove_attempt("fit_x", 2)
+        bench.storage.remove_attempt(FIT, 2)
         again = bench.engine.start(running.job)
         unplaced, _ = ended(again)
 
