@@ -2,6 +2,7 @@
 
     DATA/motorid.sqlite3              the database, unless another is named
     DATA/incoming/NODE/XXXX           uploads that are coming in; swept at each start
+    DATA/incoming/.backup-XXXX/       the copy of the database of a backup that is being made
     DATA/runs/RUN_ID                  the bytes of a run that was accepted
     DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
     DATA/fits/FIT_ID/checkpoints/     what attempts had so far, until the fit has ended
@@ -20,6 +21,7 @@ import os
 import re
 import secrets
 import shutil
+import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,6 +35,8 @@ from identification.errors import OptionError
 __all__ = ["Storage", "is_disk_full", "refused_when_full", "sync_directory"]
 
 _OLD_S = 3600.0
+_SCRATCH = ".backup-"  # no machine's name begins with a dot
+_HELD = "held"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -186,6 +190,20 @@ class Storage:
         for entry in _entries(self.incoming):
             entry.unlink(missing_ok=True)
 
+    @contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """A directory for the copy of a database: beside the data is space for it if anywhere.
+
+        It is locked as long as its process lives, so that a sweep knows what was left.
+        """
+        incoming = self.directory / "incoming"
+        with (
+            tempfile.TemporaryDirectory(prefix=_SCRATCH, dir=incoming) as folder,
+            (Path(folder) / _HELD).open("ab") as lock,
+        ):
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield Path(folder)
+
     def free_bytes(self) -> int:
         """Space that is left [bytes]."""
         return shutil.disk_usage(self.directory).free
@@ -201,7 +219,7 @@ class Storage:
         Returns:
             Number of files and directories that were removed.
         """
-        removed = 0
+        removed = self._sweep_scratch(now)
         if not runs and not fits:
             # An empty database beside files is more likely a wrong address than a reason.
             return removed
@@ -214,6 +232,16 @@ class Storage:
                 shutil.rmtree(entry, ignore_errors=True)
                 removed += 1
         return removed
+
+    def _sweep_scratch(self, now: float) -> int:
+        left = [
+            entry
+            for entry in _entries(self.directory / "incoming")
+            if entry.name.startswith(_SCRATCH) and _is_old(entry, now) and not _is_held(entry)
+        ]
+        for entry in left:
+            shutil.rmtree(entry, ignore_errors=True)
+        return len(left)
 
 
 def is_disk_full(error: OSError) -> bool:
@@ -259,6 +287,17 @@ def _checked(kind: Kind, text: str) -> str:
 
 def _entries(directory: Path) -> list[Path]:
     return list(directory.iterdir()) if directory.is_dir() else []
+
+
+def _is_held(scratch: Path) -> bool:
+    try:
+        with (scratch / _HELD).open("rb+") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False
 
 
 def _is_old(path: Path, now: float) -> bool:

@@ -11,13 +11,14 @@ The sums are written last: a backup without them was interrupted.
 from __future__ import annotations
 
 import abc
+import contextlib
 import hashlib
 import io
 import os
 import re
+import shutil
 import tarfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -71,10 +72,15 @@ class AbstractTarget(abc.ABC):
     def finish(self, sums: str) -> None:
         """Add the sums; the backup is complete and on the disk."""
 
+    @abc.abstractmethod
+    def discard(self) -> None:
+        """Remove what was written, so that the place is as it was before."""
+
 
 class _Folder(AbstractTarget):
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        self._is_new = not directory.exists()
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def add(self, name: str, source: Path) -> str:
@@ -89,6 +95,16 @@ class _Folder(AbstractTarget):
     def finish(self, sums: str) -> None:
         (self._directory / SUMS).write_text(sums, encoding="ascii")
         sync_directory(self._directory)
+
+    def discard(self) -> None:
+        # Only what a backup has: someone may have put something beside it.
+        for part in ("runs", "fits"):
+            shutil.rmtree(self._directory / part, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            for name in (DATABASE, SUMS):
+                (self._directory / name).unlink(missing_ok=True)
+            if self._is_new:
+                self._directory.rmdir()
 
 
 class _Hashing(io.RawIOBase):
@@ -130,6 +146,13 @@ class _Tar(AbstractTarget):
         self._stream.close()
         sync_directory(self._file.absolute().parent)
 
+    def discard(self) -> None:
+        with contextlib.suppress(OSError):
+            self._file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            # What is still to be written finds no more space than what was.
+            self._stream.close()
+
 
 def target(path: Path) -> AbstractTarget:
     """A new backup at a path: one file where it ends with .tar, else a directory.
@@ -151,7 +174,7 @@ def target(path: Path) -> AbstractTarget:
         ) from error
 
 
-@contextmanager
+@contextlib.contextmanager
 def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
     """The files of a backup, one after the other, names as they stand in it.
 

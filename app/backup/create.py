@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,19 +74,28 @@ def back_up(settings: Settings, place: Path) -> Saved:
             "the service uses"
         )
     into = target(place)
-    # Beside the data, where a copy of the database has space if anywhere.
-    with (
-        tempfile.TemporaryDirectory(prefix="backup-", dir=settings.data_dir / "incoming") as folder,
-        contextlib.closing(_copy_of(source, Path(folder) / DATABASE)) as copy,
-    ):
-        storage = Storage(settings.data_dir, settings.node)
-        sums = _Files(source, copy, storage, into).add_all()
-        copy.close()
-        sums[DATABASE] = into.add(DATABASE, Path(folder) / DATABASE)
-        into.finish("".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items())))
+    storage = Storage(settings.data_dir, settings.node)
+    try:
+        sums = _fill(into, source, storage)
+    except BaseException:
+        # The same command can be given again once its reason is gone.
+        into.discard()
+        raise
     runs = sum(name.startswith("runs/") for name in sums)
     fits = len({name.split("/")[1] for name in sums if name.startswith("fits/")})
     return Saved(runs=runs, fits=fits, files=len(sums))
+
+
+def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str]:
+    with (
+        storage.scratch() as folder,
+        contextlib.closing(_copy_of(source, folder / DATABASE)) as copy,
+    ):
+        sums = _Files(source, copy, storage, into).add_all()
+        copy.close()
+        sums[DATABASE] = into.add(DATABASE, folder / DATABASE)
+        into.finish("".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items())))
+    return sums
 
 
 def _copy_of(source: Path, file: Path) -> sqlite3.Connection:

@@ -172,25 +172,6 @@ def test_sparse_member_is_refused_before_it_is_written(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sparse.tar"]
 
 
-def test_run_whose_bytes_changed_is_not_saved_as_if_nothing_were(
-    settings: Settings, tmp_path: Path
-) -> None:
-    """A bad disk is told of when it is found, not when the backup is needed."""
-    run = next((settings.data_dir / "runs").iterdir())
-    run.write_bytes(b"other")
-
-    with pytest.raises(InputError, match="SHA-256 has changed"):
-        back_up(settings, tmp_path / "saved")
-
-
-def test_run_that_is_gone_is_told(settings: Settings, tmp_path: Path) -> None:
-    """Its row is still there, so no caller has deleted it."""
-    next((settings.data_dir / "runs").iterdir()).unlink()
-
-    with pytest.raises(InputError, match="is gone, and the database still has"):
-        back_up(settings, tmp_path / "saved")
-
-
 def test_other_database_is_left_to_its_own_tools(tmp_path: Path) -> None:
     """PostgreSQL has pg_dump."""
     settings = load_settings(data_dir=tmp_path, database_url="postgresql://host/base")
