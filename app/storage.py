@@ -32,7 +32,10 @@ from app.fits.job import CHECKPOINTS
 from app.identifiers import Kind, is_id
 from identification.errors import OptionError
 
-__all__ = ["Storage", "is_disk_full", "refused_when_full", "sync_directory"]
+__all__ = ["RESTORING", "Storage", "is_disk_full", "refused_when_full", "sync_directory"]
+
+RESTORING = ".restoring"
+"""Name of the directory in a data directory in which a restore has not come to its end."""
 
 _OLD_S = 3600.0
 _SCRATCH = ".backup-"  # no machine's name begins with a dot
@@ -62,8 +65,13 @@ class Storage:
         """Make the directories, readable by the owner alone.
 
         Raises:
-            OptionError: The directory cannot be made or written.
+            OptionError: The directory cannot be made or written, or is being restored.
         """
+        if os.path.exists(self.directory / RESTORING):
+            raise OptionError(
+                f"data_dir: a restore into {self.directory} has not come to its end; wait for it, "
+                "or, where it was interrupted, remove all that is in there and restore again"
+            )
         try:
             self.directory.mkdir(parents=True, exist_ok=True, mode=0o700)
             names = ("incoming", "runs", "fits", "nodes")

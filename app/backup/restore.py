@@ -1,8 +1,10 @@
 """Makes a data directory from a backup: all of it, checked, or nothing.
 
-Everything is written into a directory beside the new one and checked there: each file against its
-hash, the database by SQLite's own test and by its schema and ids, each run against the hash of its
-upload.  Only then is it renamed to its place.
+Everything is written into a directory of its own and checked there: each file against its hash, the
+database by SQLite's own test and by its schema and ids, each run against the hash of its upload.
+Only then is it moved to its place.  That directory lies beside the place and becomes it; where the
+place is there already, empty, it may be a mount point, which cannot be replaced: then all is
+written inside of it and moved up.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
 from app.backup.check import check_database
 from app.backup.create import Saved, database_file
 from app.settings import Settings
-from app.storage import sync_directory
+from app.storage import RESTORING, sync_directory
 from identification.errors import InputError, OptionError
 
 __all__ = ["restore"]
@@ -29,21 +31,19 @@ def restore(settings: Settings, backup: Path) -> Saved:
     """Write a data directory from a backup.
 
     Args:
-        settings: Where the data directory shall be; nothing may be there.
+        settings: Where the data directory shall be; nothing but an empty directory may be there.
         backup: A directory or .tar file of `motorid backup`.
 
     Raises:
         OptionError: Something is there already, or it cannot be written.
         InputError: The backup is not complete, or not what it was.
     """
-    place = database_file(settings).parent
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise OptionError(
-            f"data_dir: {place} is not empty, and restoring overwrites nothing; name another "
-            "directory with --data-dir, or move this one away",
-            value=str(place),
-        )
-    partial = place.with_name(f"{place.name}.partial")
+    # A link is followed first: what it names is the place.
+    place = Path(os.path.realpath(database_file(settings).parent))
+    is_there = place.exists()
+    if is_there:
+        _check_empty(place)
+    partial = place / RESTORING if is_there else place.with_name(f"{place.name}.partial")
     try:
         partial.mkdir(parents=True, mode=0o700)
     except OSError as error:
@@ -54,14 +54,44 @@ def restore(settings: Settings, backup: Path) -> Saved:
         ) from error
     try:
         saved = _fill(partial, backup)
-        if place.exists():
-            place.rmdir()
-        os.rename(partial, place)
+        if is_there:
+            _move_up(partial, place)
+        else:
+            os.rename(partial, place)
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
-    sync_directory(place.parent)
+    sync_directory(place if is_there else place.parent)
     return saved
+
+
+def _check_empty(place: Path, besides: Path | None = None) -> None:
+    if not place.is_dir() or any(entry != besides for entry in place.iterdir()):
+        state = "is not empty"
+        if besides is None and (place / RESTORING).exists():
+            state = f"holds what an interrupted restore left ({RESTORING}, and what lies beside it)"
+        raise OptionError(
+            f"data_dir: {place} {state}, and restoring overwrites nothing; name another "
+            "directory with --data-dir, or move away what is in this one",
+            value=str(place),
+        )
+
+
+def _move_up(partial: Path, place: Path) -> None:
+    """Move what was restored to its place, or nothing of it."""
+    _check_empty(place, besides=partial)
+    moved = []
+    try:
+        for entry in list(partial.iterdir()):
+            os.rename(entry, place / entry.name)
+            moved.append(entry)
+        sync_directory(place)
+        partial.rmdir()
+    except BaseException:
+        # Back into the directory that is removed as a whole.
+        for entry in moved:
+            os.rename(place / entry.name, entry)
+        raise
 
 
 def _fill(directory: Path, backup: Path) -> Saved:

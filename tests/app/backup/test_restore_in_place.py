@@ -1,0 +1,136 @@
+"""A restore into an empty directory that stays the same one, as a mount point has to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.backup import restore as module
+from app.backup.create import back_up
+from app.backup.restore import restore
+from app.settings import Settings, load_settings
+from app.storage import Storage
+from identification.errors import InputError, OptionError
+
+PARTS = ["fits", "incoming", "motorid.sqlite3", "nodes", "runs"]
+
+
+@pytest.fixture
+def saved(settings: Settings, tmp_path: Path) -> Path:
+    """A backup."""
+    back_up(settings, tmp_path / "saved.tar")
+    return tmp_path / "saved.tar"
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> Path:
+    """An empty directory."""
+    made = tmp_path / "there"
+    made.mkdir()
+    return made
+
+
+def names(directory: Path) -> list[str]:
+    """What lies in a directory."""
+    return sorted(path.name for path in directory.iterdir())
+
+
+def test_empty_directory_is_filled_and_stays_the_same(saved: Path, empty: Path) -> None:
+    """The volume of a container is mounted on it, and cannot be replaced."""
+    before = empty.stat().st_ino
+
+    assert restore(load_settings(data_dir=empty), saved).runs == 2
+
+    assert empty.stat().st_ino == before
+    assert names(empty) == PARTS
+
+
+def test_link_to_an_empty_directory_stays_a_link(saved: Path, empty: Path, tmp_path: Path) -> None:
+    """What it names is filled."""
+    link = tmp_path / "link"
+    link.symlink_to(empty)
+
+    restore(load_settings(data_dir=link), saved)
+
+    assert link.is_symlink()
+    assert names(empty) == PARTS
+    assert names(tmp_path) == ["data", "link", "saved.tar", "there"]
+
+
+def test_link_to_nothing_stays_a_link(saved: Path, tmp_path: Path) -> None:
+    """What it names is made."""
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "there")
+
+    restore(load_settings(data_dir=link), saved)
+
+    assert link.is_symlink()
+    assert names(tmp_path / "there") == PARTS
+
+
+def test_bad_backup_leaves_the_directory_empty(saved: Path, empty: Path) -> None:
+    """And there, for another."""
+    saved.write_bytes(saved.read_bytes()[:5000])
+
+    with pytest.raises(InputError):
+        restore(load_settings(data_dir=empty), saved)
+
+    assert names(empty) == []
+
+
+def test_move_that_fails_leaves_the_directory_empty(
+    saved: Path, empty: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half a data directory would be served."""
+
+    def failing(_: Any) -> None:
+        raise OSError(5, "Input/output error")
+
+    def move(partial: Path, place: Path) -> None:
+        monkeypatch.setattr(module, "sync_directory", failing)
+        original(partial, place)
+
+    original = module._move_up
+    monkeypatch.setattr(module, "_move_up", move)
+
+    with pytest.raises(OSError, match="Input/output"):
+        restore(load_settings(data_dir=empty), saved)
+
+    assert names(empty) == []
+
+
+def test_what_a_crash_left_is_refused_by_restore_and_service(saved: Path, empty: Path) -> None:
+    """The power went while entries were moved up: two of them are there."""
+    (empty / ".restoring").mkdir()
+    for part in ("runs", "fits"):
+        (empty / part).mkdir()
+    settings = load_settings(data_dir=empty)
+
+    with pytest.raises(OptionError, match="interrupted restore left"):
+        restore(settings, saved)
+    with pytest.raises(OptionError, match="restore into .* has not come to its end"):
+        Storage(empty, "bench").prepare()
+
+    assert names(empty) == [".restoring", "fits", "runs"]
+
+
+def test_nothing_that_came_meanwhile_is_overwritten(
+    saved: Path, empty: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Someone put a database there while the backup was read."""
+    original = module._fill
+
+    def fill(directory: Path, backup: Path) -> Any:
+        found = original(directory, backup)
+        (empty / "motorid.sqlite3").write_text("mine")
+        return found
+
+    monkeypatch.setattr(module, "_fill", fill)
+
+    with pytest.raises(OptionError, match="not empty"):
+        restore(load_settings(data_dir=empty), saved)
+
+    assert names(empty) == ["motorid.sqlite3"]
+    assert (empty / "motorid.sqlite3").read_text() == "mine"
