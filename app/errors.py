@@ -8,7 +8,7 @@
     │   ├── BadKey             no key, or one that is not valid
     │   ├── CrossSite          a page of another site sent it
     │   ├── BodyTooLarge       more bytes than the limit
-    │   ├── BodyTooSlow        no byte came for too long
+    │   ├── BodyTooSlow        no byte came for too long, or not all in time
     │   ├── WrongMediaType     another kind of body than the call takes
     │   ├── NotAcceptable      the answer is wanted in a form that there is none in
     │   ├── RangeOutside       bytes are asked for that the file does not have
@@ -117,7 +117,7 @@ class BodyTooLarge(RequestRefused):
 
 
 class BodyTooSlow(RequestRefused):
-    """The body stopped coming."""
+    """The body stopped coming, or was not whole in time."""
 
     code: ClassVar[str] = "too_slow"
 

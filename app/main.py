@@ -18,6 +18,7 @@ from fastapi.openapi.utils import get_openapi
 from app.access.gate import Gate
 from app.access.rate import RateLimit
 from app.batches.endpoints import router as batches
+from app.connections import BodyDeadline, CrowdCheck
 from app.files import PageFiles
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
@@ -79,6 +80,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)
     # The last one added is the first to see a request.
+    application.add_middleware(BodyDeadline, request_s=settings.request_s)
     application.add_middleware(
         SizeCheck,
         limit=settings.max_body_bytes,
@@ -92,6 +94,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     application.add_middleware(Gate, access=services.access, no_auth=settings.no_auth)
     application.add_middleware(HostCheck, hosts=settings.hosts)
+    application.add_middleware(CrowdCheck)
     application.add_middleware(RequestLog, metrics=services.metrics)
     application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]
     return application

@@ -1,8 +1,9 @@
 """What happens to every request before and after its endpoint: id, log, metrics, headers, host.
 
-    request -> RequestLog -> HostCheck -> Gate -> RateLimit -> SizeCheck -> endpoint
+    request -> RequestLog -> CrowdCheck -> HostCheck -> Gate -> RateLimit -> SizeCheck
+            -> BodyDeadline -> endpoint
 
-`Gate` and `RateLimit` are in `app.access`.
+`Gate` and `RateLimit` are in `app.access`, `CrowdCheck` and `BodyDeadline` in `app.connections`.
 
 These are plain ASGI layers: they see each message as it passes, so that a stream of events or a
 large file goes through without being held.

@@ -138,6 +138,9 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
     headers = {}
     if status == HTTPStatus.UNAUTHORIZED:
         headers["WWW-Authenticate"] = 'Bearer realm="motorid"'
+    if status == HTTPStatus.REQUEST_TIMEOUT:
+        # The rest of the body would be taken for the next request.
+        headers["Connection"] = "close"
     if status == HTTPStatus.SERVICE_UNAVAILABLE:
         headers["Retry-After"] = "5"
     if status == HTTPStatus.TOO_MANY_REQUESTS:

@@ -7,6 +7,7 @@ from types import FrameType
 
 import uvicorn
 
+from app.connections import accepted_at_once, connection_class
 from app.logging import configure_logging
 from app.main import create_app
 from app.services import Services
@@ -14,11 +15,19 @@ from app.settings import Settings
 
 __all__ = ["serve"]
 
+_WAITING = 2048
+
 
 class _Server(uvicorn.Server):
     """Tells open event streams that it stops, so that they end and it need not wait for them."""
 
     services: Services
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to serve; more connections may wait for the system than are accepted at once."""
+        await super().startup(sockets)
+        for listening in sockets or ():
+            listening.listen(_WAITING)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to stop."""
@@ -54,6 +63,8 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
             server_header=False,
             proxy_headers=False,
             ws="none",
+            http=connection_class(settings.request_s),
+            backlog=accepted_at_once(),
             lifespan="on",
             timeout_graceful_shutdown=max(1, round(settings.shutdown_s)),
         )

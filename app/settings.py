@@ -110,6 +110,12 @@ class Settings(BaseSettings):
         gt=0,
         description="An upload that sends nothing for this long is given up [s].",
     )
+    request_s: float = Field(
+        default=20.0,
+        gt=0,
+        description="Any other request that is not complete after this time is given up, and a "
+        "connection that sends none is closed [s].",
+    )
     read_memory_bytes: int = Field(
         default=2_000_000_000,
         ge=300_000_000,

@@ -1,0 +1,153 @@
+"""Callers that fall silent, without a key: they are hung up on, and others are answered."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+
+from tests.app.service import API, Caller, Server, make_key, serving
+from tests.contract.hostile import FILE, RUN, form
+
+REQUEST_S = 1.0
+DESCRIPTORS = 200
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server that gives a request a second, and an upload two without a byte."""
+    data_dir = tmp_path_factory.mktemp("hasty") / "data"
+    make_key(data_dir)
+    with serving(data_dir, REQUEST_S=REQUEST_S, UPLOAD_IDLE_S=2.0) as running:
+        yield running
+
+
+def connected(server: Server) -> socket.socket:
+    """A connection to a server."""
+    address = urlsplit(server.url)
+    return socket.create_connection((address.hostname, address.port), timeout=15)
+
+
+def until_closed(connection: socket.socket) -> tuple[bytes, float]:
+    """What comes until the server hangs up, and how long that took [s]."""
+    began, answer = time.monotonic(), b""
+    with contextlib.suppress(ConnectionResetError):
+        while block := connection.recv(65536):
+            answer += block
+    return answer, time.monotonic() - began
+
+
+def head(method: str, path: str, length: int, *more: str) -> bytes:
+    """The headers of a request that announces a body."""
+    lines = [f"{method} {path} HTTP/1.1", "Host: localhost", f"Content-Length: {length}", *more]
+    return "\r\n".join([*lines, "", ""]).encode()
+
+
+FORM = "Content-Type: application/x-www-form-urlencoded"
+
+
+@pytest.mark.parametrize("begins", [b"", b"key="], ids=["nothing", "4 of 50 bytes"])
+def test_body_that_stops_coming_is_given_up(hasty: Server, begins: bytes) -> None:
+    """408 with a problem after the time that there is, and the connection is closed."""
+    with connected(hasty) as connection:
+        connection.sendall(head("POST", "/login", 50, FORM) + begins)
+        answer, took_s = until_closed(connection)
+
+    assert answer.startswith(b"HTTP/1.1 408 "), answer
+    assert b"connection: close" in answer.lower()
+    assert b"application/problem+json" in answer
+    assert b'"code":"too_slow"' in answer
+    assert took_s == pytest.approx(REQUEST_S, abs=0.9)
+
+
+def test_body_that_drips_has_no_longer(hasty: Server) -> None:
+    """JSON of which a byte comes each 0.2 s, to a caller with a key: 408 all the same."""
+    key = make_key(hasty.data_dir, "drip")
+    more = ("Content-Type: application/json", f"Authorization: Bearer {key}")
+    with connected(hasty) as connection:
+        connection.sendall(head("POST", f"{API}/fits", 5000, *more))
+        began = time.monotonic()
+        connection.settimeout(0.2)
+        answer = b""
+        while not answer and time.monotonic() - began < 10.0:
+            connection.sendall(b" ")
+            with contextlib.suppress(TimeoutError):
+                answer = connection.recv(65536)
+
+    assert answer.startswith(b"HTTP/1.1 408 "), answer
+    assert time.monotonic() - began < REQUEST_S + 2.0
+
+
+@pytest.mark.parametrize(
+    "begins",
+    [b"", b"GET /healthz HTTP/1.1\r\nHost: loc", head("GET", "/healthz", 50) + b"four"],
+    ids=["nothing", "half the headers", "a body that nobody reads"],
+)
+def test_connection_without_a_whole_request_is_closed(hasty: Server, begins: bytes) -> None:
+    """Whatever it has begun; bytes in between do not prolong the wait."""
+    with connected(hasty) as connection:
+        connection.sendall(begins)
+        time.sleep(0.6 * REQUEST_S)
+        if begins:
+            connection.sendall(b"x")
+        answer, took_s = until_closed(connection)
+
+    assert answer == b"" or answer.startswith(b"HTTP/1.1 200 ")
+    assert took_s < REQUEST_S + 1.0
+
+
+def test_upload_may_take_longer(hasty: Server) -> None:
+    """One that pauses for longer than other requests may take is read to its end."""
+    body = form((FILE, RUN))
+
+    def parts() -> Iterator[bytes]:
+        yield body[:1000]
+        time.sleep(1.5 * REQUEST_S)
+        yield body[1000:]
+
+    headers = {"Content-Type": "multipart/form-data; boundary=b"}
+    with Caller(hasty, make_key(hasty.data_dir, "patient")) as caller:
+        assert caller.http.post("/runs", content=parts(), headers=headers).status_code == 201
+
+
+class Narrow(Server):
+    """A server with few file descriptors."""
+
+    command = (
+        f"import resource; resource.setrlimit(resource.RLIMIT_NOFILE, ({DESCRIPTORS},) * 2); "
+        + Server.command
+    )
+
+
+def test_more_connections_than_descriptors_leave_health_and_log_alone(data_dir: Path) -> None:
+    """Twice as many stalled requests as there are descriptors; afterwards all is as before."""
+    make_key(data_dir)
+    server = Narrow(data_dir, REQUEST_S=8.0)
+    refused = healthy = 0
+    try:
+        with contextlib.ExitStack() as connections:
+            for _ in range(2 * DESCRIPTORS):
+                one = connections.enter_context(connected(server))
+                with contextlib.suppress(OSError):
+                    one.sendall(head("POST", "/login", 50, FORM) + b"key=")
+            for _ in range(5):
+                with contextlib.suppress(httpx.TransportError):
+                    healthy += httpx.get(f"{server.url}/healthz").status_code == 200
+                    refused += httpx.get(f"{server.url}/login").status_code == 503
+        after, deadline = 503, time.monotonic() + 30.0
+        while after == 503 and time.monotonic() < deadline:
+            time.sleep(0.2)
+            after = httpx.get(f"{server.url}/login").status_code
+    finally:
+        server.stop()
+
+    assert (healthy, refused) == (5, 5)
+    assert after == 200
+    assert not [line for line in server.log if "out of system resource" in line]
+    assert not [line for line in server.log if "Traceback" in line]
