@@ -30,16 +30,16 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from app.migrations import NEWEST
+from app.space import is_full
 from identification.errors import OptionError
 
-__all__ = ["NO_ANSWER", "Database", "is_full"]
+__all__ = ["NO_ANSWER", "Database"]
 
 NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
 """Errors after which a call may succeed when it is made again."""
 
 _BUSY_S = 30.0
 _CONNECT_S = 10
-_DISK_FULL = "53100"  # of PostgreSQL
 _FIRST_SAFE_WAL = (3, 51, 3)
 _MIGRATING = 6_032_011
 """Name of the lock under which one server at a time migrates a PostgreSQL database."""
@@ -72,11 +72,14 @@ class Database:
 
         Raises:
             OptionError: The database does not answer, or a newer motorid has made it.
+            OperationalError: No space is left.
         """
         try:
             if self._version() != NEWEST:
                 self._upgrade()
         except OperationalError as error:
+            if is_full(error):
+                raise
             raise OptionError(
                 f"database_url: {self._place} does not answer ({_first_line(error)}); start the "
                 "database or name another"
@@ -175,6 +178,7 @@ def _postgresql(url: sqlalchemy.URL) -> Engine:
             max_overflow=32,
             pool_timeout=_BUSY_S,
             pool_pre_ping=True,
+            hide_parameters=True,
             connect_args={"connect_timeout": _CONNECT_S, "application_name": "motorid"},
         )
     except ImportError as error:
@@ -188,13 +192,6 @@ def _first_line(error: OperationalError) -> str:
     return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "no reason given"
 
 
-def is_full(error: OperationalError) -> bool:
-    """Whether the database has said that no space is left; nothing was kept then."""
-    original = error.orig
-    full = getattr(original, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
-    return full or getattr(original, "sqlstate", None) == _DISK_FULL
-
-
 def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: int) -> Engine:
     engine = sqlalchemy.create_engine(
         url,
@@ -202,6 +199,8 @@ def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: in
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=_BUSY_S,
+        # Errors are logged, and among the parameters are hashes of keys.
+        hide_parameters=True,
         connect_args={"check_same_thread": False, "timeout": _BUSY_S},
     )
     journal = "WAL" if sqlite3.sqlite_version_info >= _FIRST_SAFE_WAL else "TRUNCATE"

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 import traceback
+from collections.abc import Iterator
 from typing import Final
 
 import typer
 
+from app.space import is_full
 from identification.errors import ComputationError, InputError
 
 __all__ = ["EXIT_STATUS", "Stopped", "failed"]
@@ -48,7 +49,11 @@ def failed(error: BaseException) -> int:
     if isinstance(error, BrokenPipeError):
         # What is left in the buffer has no reader either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    print(f"motorid: {_message(error)}", file=sys.stderr)  # noqa: T201
+    full = next((cause for cause in _causes(error) if is_full(cause)), None)
+    print(f"motorid: {_message(full or error)}", file=sys.stderr)  # noqa: T201
+    if full is not None:
+        # Neither the words that were typed nor a file are at fault, whatever could not be written.
+        return EXIT_STATUS[BaseException]
     return next(EXIT_STATUS[kind] for kind in type(error).__mro__ if kind in EXIT_STATUS)
 
 
@@ -57,8 +62,9 @@ def _message(error: BaseException) -> str:
         text = "interrupted"
     elif isinstance(error, BrokenPipeError):
         text = "the reader of the output went away"
-    elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        text = f"no space is left on the device{_file(error)}"
+    elif is_full(error):
+        where = _file(error) if isinstance(error, OSError) else " of the database"
+        text = f"no space is left on the device{where}; have some made, then try again"
     elif isinstance(error, OSError):
         text = f"{error.strerror or error}{_file(error)}"
     elif isinstance(error, MemoryError):
@@ -71,12 +77,22 @@ def _message(error: BaseException) -> str:
     return " ".join(text.split())
 
 
+def _causes(error: BaseException) -> Iterator[BaseException]:
+    cause: BaseException | None = error
+    while cause is not None:
+        yield cause
+        cause = cause.__cause__
+
+
 def _file(error: OSError) -> str:
     return f": {error.filename}" if error.filename else ""
 
 
 def _unforeseen(error: BaseException) -> str:
+    # SQLAlchemy's own words hold the statement; those of the driver begin with what is wrong.
+    original = getattr(error, "orig", None)
+    reason = error if original is None else str(original).strip().partition("\n")[0]
     return (
-        f"internal error, {type(error).__name__}: {error} (set {_DEBUG}=1 to see where, and please "
-        "report it)"
+        f"internal error, {type(error).__name__}: {reason} (set {_DEBUG}=1 to see where, and "
+        "please report it)"
     )

@@ -24,8 +24,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from app import errors
-from app.database import NO_ANSWER, is_full
+from app.database import NO_ANSWER
 from app.logging import request_id
+from app.space import is_full
 from identification.errors import InputError
 
 __all__ = ["MEDIA_TYPE", "STATUS", "Problem", "add_problem_handlers", "problem_of", "responses"]

@@ -14,7 +14,6 @@ between the two; `sweep` removes it once it is too old to belong to a request th
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import functools
 import os
@@ -30,9 +29,10 @@ from typing import BinaryIO
 from app.errors import StorageFull
 from app.fits.job import CHECKPOINTS
 from app.identifiers import Kind, is_id
+from app.space import is_full
 from identification.errors import OptionError
 
-__all__ = ["RESTORING", "Storage", "is_disk_full", "refused_when_full", "sync_directory"]
+__all__ = ["RESTORING", "Storage", "refused_when_full", "sync_directory"]
 
 RESTORING = ".restoring"
 """Name of the directory in a data directory in which a restore has not come to its end."""
@@ -40,7 +40,6 @@ RESTORING = ".restoring"
 _OLD_S = 3600.0
 _SCRATCH = ".backup-"  # no machine's name begins with a dot
 _HELD = "held"
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Storage:
@@ -252,11 +251,6 @@ class Storage:
         return len(left)
 
 
-def is_disk_full(error: OSError) -> bool:
-    """Whether the system has said that no space is left, or no more is allowed."""
-    return error.errno in _FULL
-
-
 @contextmanager
 def refused_when_full(what: str) -> Iterator[None]:
     """Turn the system's errors that no space is left into a refusal.
@@ -270,7 +264,7 @@ def refused_when_full(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if not is_disk_full(error):
+        if not is_full(error):
             raise
         raise StorageFull(
             f"no space is left for the {what}; have some made, then send it again"

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from app.identifiers import is_id
+from app.space import is_full
 from app.storage import sync_directory
 from identification.errors import InputError, OptionError
 
@@ -180,6 +181,7 @@ def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
 
     Raises:
         InputError: It is no backup, or cannot be read.
+        OSError: No space is left for what is made of it.
     """
     try:
         if path.is_dir():
@@ -190,6 +192,9 @@ def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
     except tarfile.TarError as error:
         raise InputError("is no complete .tar file of 'motorid backup'", file=str(path)) from error
     except OSError as error:
+        if is_full(error):
+            # That of what is read into.
+            raise
         raise InputError(
             f"cannot be read ({error.strerror}); expected a backup of 'motorid backup'",
             file=str(path),

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from app.fits.job import CHECKPOINTS, LOG, OUTPUTS, Job, RunFile
-from app.storage import is_disk_full, sync_directory
+from app.space import is_full
+from app.storage import sync_directory
 from identification.errors import ComputationError, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
@@ -53,7 +54,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
     except ComputationError as error:
         messages.send({"failed": {"code": "computation", "detail": str(error)}})
     except OSError as error:
-        if not is_disk_full(error):
+        if not is_full(error):
             raise
         # Trying again at once would meet the same disk.
         detail = "no space was left for the results; have some made, then fit again"
