@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -45,7 +45,7 @@ def record_of(motor: Motor) -> dict[str, Any]:
     """What a result depends on: the bytes of the runs, the options, the mapping.
 
     Raises:
-        OptionError: A file cannot be read.
+        OptionError: A file cannot be read, or two of the runs are the same.
     """
     try:
         runs = {
@@ -55,6 +55,7 @@ def record_of(motor: Motor) -> dict[str, Any]:
         mapping = None if motor.mapping is None else _hash(motor.mapping)
     except OSError as error:
         raise OptionError(f"{error.filename}: cannot be opened ({error.strerror})") from error
+    _refuse_twice((*motor.training, *motor.validation), (*runs["training"], *runs["validation"]))
     # As JSON gives it back, so that it compares.
     options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))
     return {"runs": runs, "options": options} | ({"mapping": mapping} if mapping else {})
@@ -130,6 +131,16 @@ def _stored(out: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return stored if isinstance(stored, dict) else None
+
+
+def _refuse_twice(files: Sequence[Path], hashes: Sequence[str]) -> None:
+    """Refuse bytes that stand for two runs: a model cannot be checked on what it was fitted to."""
+    first: dict[str, Path] = {}
+    for file, found in zip(files, hashes, strict=True):
+        if found in first:
+            same = "is there twice" if file == first[found] else f"has the bytes of {first[found]}"
+            raise OptionError(f"{file}: {same}; expected each run once, in one role")
+        first[found] = file
 
 
 def _hash(file: Path) -> str:

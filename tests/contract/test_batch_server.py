@@ -134,6 +134,19 @@ def test_motors_of_more_runs_than_a_batch_may_name_become_several_batches(
     assert [[fit["motor"] for fit in one.fits] for one in made] == [["three"], ["one", "two"]]
 
 
+def test_motor_with_a_run_twice_does_not_stop_the_others(caller: Caller, tmp_path: Path) -> None:
+    """The same bytes would be one run of the service: the motor fails before anything is sent."""
+    path = manifest(tmp_path / "bench", one=QUICK, twice=QUICK)
+    (path.parent / "twice_1.csv").write_bytes((path.parent / "twice_0.csv").read_bytes())
+
+    assert batch(path, tmp_path / "out", caller) == 1
+
+    table = rows(tmp_path / "out")
+    assert [row["status"] for row in table.values()] == ["fitted", "failed"]
+    assert "twice_1.csv: has the bytes of " in table["twice"]["error"]
+    assert "expected each run once, in one role" in table["twice"]["error"]
+
+
 def test_first_refit_here_is_compared_with_the_service_of_before(
     caller: Caller, tmp_path: Path
 ) -> None:

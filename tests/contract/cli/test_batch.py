@@ -36,6 +36,26 @@ def manifest(run_files: list[Path]) -> Path:
     return path
 
 
+def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Path) -> None:
+    """By name, in both roles, and as two files of the same bytes; nothing is fitted of them."""
+    path = run_files[0].with_name("twice.csv")
+    run_files[0].with_name("copy.csv").write_bytes(run_files[0].read_bytes())
+    path.write_text(
+        "motor,training,validation\n"
+        "named,run1.csv;run1.csv,\nchecked,run1.csv,run1.csv\ncopied,run1.csv,copy.csv\n"
+        "good,run1.csv,run2.csv\n"
+    )
+
+    assert main(["batch", str(path), "--out", str(tmp_path), *FAST, "-q"]) == 1
+
+    table = rows(tmp_path / "results.csv")
+    reasons = {name: row["error"] for name, row in table.items()}
+    twice = f"{run_files[0]}: is there twice; expected each run once, in one role"
+    assert reasons["named"] == reasons["checked"] == twice
+    assert f"copy.csv: has the bytes of {run_files[0]}; expected each" in reasons["copied"]
+    assert (table["good"]["status"], reasons["good"]) == ("fitted", "")
+
+
 def test_bad_motor_is_told_and_does_not_stop_the_others(
     manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
