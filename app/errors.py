@@ -20,7 +20,8 @@
     ├── QuotaExceeded          the workspace has as much as it may have
     │   ├── BytesQuota         of bytes of run files
     │   ├── RunsQuota          of runs
-    │   └── WaitingQuota       of fits that wait
+    │   ├── WaitingQuota       of fits that wait
+    │   └── BatchQuota         the batch alone has more fits than may wait
     ├── RunInUse               a run of a fit that has not ended cannot be deleted
     └── Unavailable            not now: the service stops or its storage does not answer
         └── StorageFull        no space is left
@@ -35,6 +36,7 @@ from typing import ClassVar
 __all__ = [
     "BadKey",
     "BadRequest",
+    "BatchQuota",
     "BodyTooLarge",
     "BodyTooSlow",
     "BytesQuota",
@@ -246,6 +248,12 @@ class WaitingQuota(QuotaExceeded):
 
     code: ClassVar[str] = "quota_waiting_fits"
     retry_after_s: ClassVar[float] = 60.0
+
+
+class BatchQuota(QuotaExceeded):
+    """A batch has more fits than may wait, so that waiting would not help it."""
+
+    code: ClassVar[str] = "quota_batch"
 
 
 class RunInUse(ServiceError):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from app.errors import BytesQuota, RunsQuota, WaitingQuota
+from app.errors import BatchQuota, BytesQuota, RunsQuota, WaitingQuota
 from app.tables import FitRow, RunRow
 
 __all__ = ["Quotas"]
@@ -72,9 +72,16 @@ class Quotas:
 
         Raises:
             WaitingQuota: More fits would wait than may.
+            BatchQuota: The same, were there no others.
         """
         if not self.waiting_fits:
             return
+        if number > self.waiting_fits:
+            raise BatchQuota(
+                f"the batch has {number} motors, and {self.waiting_fits} fits of the workspace may "
+                "wait; send the motors as smaller batches, or have MOTORID_QUOTA_WAITING_FITS "
+                "raised"
+            )
         _hold(session, workspace)
         query = select(func.count()).where(FitRow.status == "queued", FitRow.workspace == workspace)
         waiting = session.execute(query).scalar_one()

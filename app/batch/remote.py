@@ -29,6 +29,7 @@ __all__ = ["fit_all_at"]
 
 _STATE: Final = "service.json"
 _MOST_MOTORS: Final = MOST_MOTORS // 2  # the body, too, has its limit
+_TOO_MANY: Final = "quota_batch"
 _FIRST_LOOK_S: Final = 0.2
 _SLOWEST_LOOK_S: Final = 5.0
 
@@ -80,13 +81,17 @@ def fit_all_at(
         ClientError: The service does not answer, or refuses.
     """
     left = list(jobs)
+    most = _MOST_MOTORS
+    sent: dict[str, dict[str, Any]] = {}
     while left:
         state = _state(out, service.url, left)
         if state is None:
             fresh: list[tuple[Job, dict[str, Any]]] = []
-            while left and _has_place(fresh, left[0]):
+            while left and _has_place(fresh, left[0], most):
                 job = left.pop(0)
-                entry, reason = _uploaded(service, job, tell)
+                entry, reason = sent.pop(job.motor.name, None), ""
+                if entry is None:
+                    entry, reason = _uploaded(service, job, tell)
                 if entry is None:
                     yield job, reason
                 else:
@@ -98,29 +103,43 @@ def fit_all_at(
         else:
             mine = [job for job in left if _is_in(state, job)]
             left = [job for job in left if job not in mine]
-        yield from _followed(service, state, mine, tell)
+        if (batch := _begun(service, state)) is None:
+            # More than may wait at this service: what is uploaded goes there in smaller batches.
+            most = len(state["motors"]) // 2
+            names = {job.motor.name for job in mine}
+            sent |= {entry["motor"]: entry for entry in state["motors"] if entry["motor"] in names}
+            left = [*mine, *left]
+        elif isinstance(batch, str):
+            yield from ((job, batch) for job in mine)
+        else:
+            yield from _followed(service, batch, mine, tell)
         (out / _STATE).unlink(missing_ok=True)
 
 
-def _has_place(fresh: Sequence[tuple[Job, object]], job: Job) -> bool:
+def _has_place(fresh: Sequence[tuple[Job, object]], job: Job, most: int) -> bool:
     """Whether one more motor goes into a batch; the first does in any case."""
     motors = [job.motor, *(one.motor for one, _ in fresh)]
     runs = sum(len(motor.training) + len(motor.validation) for motor in motors)
-    return not fresh or (len(motors) <= _MOST_MOTORS and runs <= MOST_RUNS)
+    return not fresh or (len(motors) <= most and runs <= MOST_RUNS)
 
 
-def _followed(
-    service: Client, state: Mapping[str, Any], jobs: Sequence[Job], tell: Tell
-) -> Iterator[tuple[Job, str]]:
-    """Results of a batch, as they come."""
+def _begun(service: Client, state: Mapping[str, Any]) -> Batch | str | None:
+    """The batch; why the service refused it; or None where it would take smaller ones."""
     try:
-        batch = service.batch(
+        return service.batch(
             state["motors"], name=state["name"], idempotency_key=state["idempotency_key"]
         )
     except (NotFound, Refused) as error:
+        if error.code == _TOO_MANY and len(state["motors"]) > 1:
+            return None
         # Runs were removed meanwhile, or this service has never seen them.
-        yield from ((job, f"the service refused the batch: {error}") for job in jobs)
-        return
+        return f"the service refused the batch: {error}"
+
+
+def _followed(
+    service: Client, batch: Batch, jobs: Sequence[Job], tell: Tell
+) -> Iterator[tuple[Job, str]]:
+    """Results of a batch, as they come."""
     waiting = {job.motor.name: job for job in jobs}
     pause = _FIRST_LOOK_S
     while waiting:

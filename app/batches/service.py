@@ -100,6 +100,7 @@ class BatchService:
             OptionError: An option is not accepted.
             KeyReused: The key came before with another request.
             WaitingQuota: More fits of the workspace would wait than may.
+            BatchQuota: The batch alone has more.
         """
         key = checked_key(idempotency_key)
         _check_size(requests)

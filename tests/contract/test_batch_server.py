@@ -7,12 +7,14 @@ import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from app.cli import main
+from motorid.client import Client, Run
 from tests.app.pretended import BAD_INPUT, QUICK, SLOW
-from tests.app.service import Caller, Server, make_key, run_text
+from tests.app.service import Caller, Server, make_key, run_text, serving
 
 
 @pytest.fixture
@@ -145,6 +147,34 @@ def test_motor_with_a_run_twice_does_not_stop_the_others(caller: Caller, tmp_pat
     assert [row["status"] for row in table.values()] == ["fitted", "failed"]
     assert "twice_1.csv: has the bytes of " in table["twice"]["error"]
     assert "expected each run once, in one role" in table["twice"]["error"]
+
+
+def test_more_motors_than_may_wait_become_smaller_batches(
+    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five motors where two fits may wait: each run is sent once, and all motors are fitted."""
+    uploads: list[str] = []
+    upload = Client.upload
+
+    def counted(client: Client, source: Path, **words: Any) -> Run:
+        uploads.append(source.name)
+        return upload(client, source, **words)
+
+    monkeypatch.setattr(Client, "upload", counted)
+    seeds = dict.fromkeys(("one", "two", "three", "four", "five"), QUICK)
+    path = manifest(tmp_path / "bench", **seeds)
+    key = make_key(data_dir)
+    with serving(data_dir, QUOTA_WAITING_FITS=2) as server, Caller(server, key) as caller:
+        assert batch(path, tmp_path / "out", caller) == 0
+        made = [caller.client.show_batch(one) for one in caller.client.batches()]
+        motors = [{"motor": "m", "training": ["run_" + "a" * 26]}] * 3
+        refused = caller.http.post("/batches", json={"motors": motors})
+
+    assert [len(one.fits) for one in made] == [1, 2, 2]
+    assert len(uploads) == len(set(uploads)) == 10
+    assert {row["status"] for row in rows(tmp_path / "out").values()} == {"fitted"}
+    assert (refused.status_code, refused.json()["code"]) == (403, "quota_batch")
+    assert "MOTORID_QUOTA_WAITING_FITS" in refused.json()["detail"]
 
 
 def test_first_refit_here_is_compared_with_the_service_of_before(
