@@ -89,6 +89,8 @@ def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
 
 def _text(path: Path) -> str:
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError("is not a regular file; expected a manifest", file=str(path))
         if path.stat().st_size > _LARGEST_BYTES:
             raise InputError(
                 f"has {path.stat().st_size} bytes; expected a manifest of at most {_LARGEST_BYTES}",

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -144,5 +145,8 @@ def _refuse_twice(files: Sequence[Path], hashes: Sequence[str]) -> None:
 
 
 def _hash(file: Path) -> str:
+    # Asked before it is opened: a pipe to which nobody writes would be waited for.
+    if not stat.S_ISREG(mode := file.stat().st_mode) and not stat.S_ISDIR(mode):
+        raise OptionError(f"{file}: is not a regular file; expected a run or a mapping")
     with file.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()

@@ -94,6 +94,8 @@ def read_mapping(mapping: MappingLike | None) -> dict[str, ChannelMapping]:
 
 def _from_file(path: Path, name: str) -> object:
     try:
+        if not path.is_file() and not path.is_dir() and path.exists():
+            raise MappingError("the mapping is not a regular file", file=name)
         with path.open("rb") as file:
             raw = file.read(_LARGEST_FILE + 1)
     except (OSError, ValueError) as error:

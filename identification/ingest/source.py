@@ -122,9 +122,12 @@ def read_blocks(path: Path, name: str, limits: Limits, digest: Digest) -> Iterat
         EmptyFile: It has no byte.
     """
     try:
+        # Asked before it is opened: a pipe to which nobody writes would be waited for.
+        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+            raise UnreadableFile("is not a regular file; give the path of a file", file=name)
         with path.open("rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise UnreadableFile("not an ordinary file; give the path of a file", file=name)
+                raise UnreadableFile("is not a regular file; give the path of a file", file=name)
             empty = True
             for block in _Splitter(name, limits).split(_chunks(file, name, limits, digest)):
                 empty = False

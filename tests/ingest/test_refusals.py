@@ -47,7 +47,7 @@ def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> Non
 @pytest.mark.parametrize("name", ["missing.csv", ".", "nul\0.csv", "x" * 5000])
 def test_path_that_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
     """There is nothing to read at any of these paths."""
-    with pytest.raises(errors.UnreadableFile, match="cannot be opened|not an ordinary file"):
+    with pytest.raises(errors.UnreadableFile, match="cannot be opened|is not a regular file"):
         read_run(f"{tmp_path}/{name}")
 
 

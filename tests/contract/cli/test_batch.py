@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import fcntl
 import json
+import os
 from pathlib import Path
 
 import pyarrow.parquet
@@ -54,6 +55,37 @@ def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Pat
     assert reasons["named"] == reasons["checked"] == twice
     assert f"copy.csv: has the bytes of {run_files[0]}; expected each" in reasons["copied"]
     assert (table["good"]["status"], reasons["good"]) == ("fitted", "")
+
+
+def test_pipe_is_refused_and_not_waited_for(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a run or mapping of a manifest, as the manifest, and as a run of `fit`: one line."""
+    pipe = run_files[0].with_name("pipe.csv")
+    os.mkfifo(pipe)
+    path = pipe.with_name("pipes.yaml")
+    path.write_text(
+        "motors:\n"
+        "- {motor: run, training: [pipe.csv]}\n"
+        "- {motor: mapping, training: [run1.csv], mapping: pipe.csv}\n"
+    )
+    out = ["--out", str(tmp_path / "out")]
+
+    assert main(["batch", str(path), *out, *FAST, "-q"]) == 1
+    table = rows(tmp_path / "out" / "results.csv")
+    assert {row["error"] for row in table.values()} == {
+        f"{pipe}: is not a regular file; expected a run or a mapping"
+    }
+    capsys.readouterr()
+    for words in (
+        ["batch", str(pipe)],
+        ["fit", str(pipe)],
+        ["fit", str(run_files[0]), "--mapping", str(pipe)],
+    ):
+        assert main([*words, *out]) == 2
+        told = capsys.readouterr().err
+        assert "is not a regular file" in told
+        assert told.count("\n") == 1
 
 
 def test_bad_motor_is_told_and_does_not_stop_the_others(
