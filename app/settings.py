@@ -149,6 +149,11 @@ class Settings(BaseSettings):
         gt=0,
         description="Time after which the web page asks for the key again [s].",
     )
+    secure_cookies: bool = Field(
+        default=False,
+        description="Have browsers send the session's cookie over TLS alone; for a service behind "
+        "a proxy that ends TLS.",
+    )
     keep_alive_s: float = Field(
         default=15.0,
         gt=0,

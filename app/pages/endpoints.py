@@ -108,7 +108,7 @@ def sign_in(
         max_age=int(lifetime_s),
         httponly=True,
         samesite="strict",
-        secure=request.url.scheme == "https",
+        secure=services.settings.secure_cookies or request.url.scheme == "https",
     )
     return answer
 

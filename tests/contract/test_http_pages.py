@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from app.pages.endpoints import STATIC_FILES
-from tests.app.service import Caller, Server, make_key, run_text
+from tests.app.service import Caller, Server, make_key, run_text, serving
 
 HTML = {"Accept": "text/html"}
 
@@ -50,6 +50,19 @@ def test_page_asks_for_a_key_and_lets_in_who_shows_one(browser: httpx.Client, ke
     assert called.status_code == 200
     assert out.status_code == 303
     assert after.status_code == 303
+
+
+def test_cookie_is_for_tls_alone_where_that_is_set(
+    browser: httpx.Client, key: str, data_dir: Path
+) -> None:
+    """Behind a proxy that ends TLS, of which the service sees nothing; not without the setting."""
+    plain = browser.post("/login", data={"key": key}).headers["set-cookie"]
+    secret = make_key(data_dir)
+    with serving(data_dir, SECURE_COOKIES="true") as server:
+        secure = httpx.post(f"{server.url}/login", data={"key": secret}).headers["set-cookie"]
+
+    assert "Secure" not in plain
+    assert "; Secure" in secure
 
 
 def test_cookie_of_a_page_opens_nothing_for_another_site(browser: httpx.Client, key: str) -> None:
