@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from app.access.service import AccessService
 from app.database import Database
@@ -32,7 +34,7 @@ def serve(
     Raises:
         OptionError: A setting is not accepted, or the port cannot be listened on.
     """
-    settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
+    settings = _settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
     listening = _listen(settings)
     # The key commands need none of this.
     from app.server import serve as run
@@ -79,7 +81,7 @@ def back_up(place: Path, data_dir: Path | None) -> None:
     """Write a backup and say what is in it."""
     from app.backup.create import back_up as save
 
-    saved = save(load_settings(data_dir=data_dir), place)
+    saved = save(_settings(data_dir=data_dir), place)
     text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, with their hashes"
     print(f"motorid: {place} holds {text}", file=sys.stderr)  # noqa: T201
 
@@ -88,15 +90,24 @@ def restore(place: Path, data_dir: Path | None) -> None:
     """Make a data directory from a backup and say what is in it."""
     from app.backup.restore import restore as write
 
-    settings = load_settings(data_dir=data_dir)
+    settings = _settings(data_dir=data_dir)
     saved = write(settings, place)
     text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, each as saved"
     print(f"motorid: {settings.data_dir} holds {text}", file=sys.stderr)  # noqa: T201
 
 
+def _settings(**given: Any) -> Settings:
+    """The settings; from here on what is written is for nobody but its owner.
+
+    A data directory that was there before may be open to all, and holds runs and digests of keys.
+    """
+    os.umask(0o077)
+    return load_settings(**given)
+
+
 @contextmanager
 def _access(data_dir: Path | None) -> Iterator[AccessService]:
-    settings = load_settings(data_dir=data_dir)
+    settings = _settings(data_dir=data_dir)
     Storage(settings.data_dir, settings.node).prepare()
     database = Database(settings.sqlalchemy_url)
     try:
