@@ -19,6 +19,7 @@ def sent(response: OpenFileResponse, **headers: str) -> httpx.Response:
     """What a client gets."""
 
     async def get() -> httpx.Response:
+        """Ask once."""
         transport = httpx.ASGITransport(app=response)
         async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
             return await client.get("/", headers=headers)

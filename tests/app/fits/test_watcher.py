@@ -41,6 +41,7 @@ def watched(made: Watcher, scenario: Callable[[], Awaitable[None]]) -> None:
     """Go through a scenario while the watcher runs."""
 
     async def both() -> None:
+        """Run the watcher beside the scenario."""
         running = asyncio.create_task(made.run())
         try:
             await scenario()
@@ -114,6 +115,7 @@ def test_nobody_who_listens_costs_nothing(made: Watcher, database: Database) -> 
     (row,) = stored(database)
 
     async def leave() -> None:
+        """Listen, and leave again."""
         with made.listen(row, None):
             pass
         with counted() as sent:
@@ -128,6 +130,7 @@ def test_listeners_of_one_fit_are_told_the_same_row(made: Watcher, database: Dat
     row, other = stored(database, 2)
 
     async def change() -> None:
+        """Listen while the fit changes."""
         with (
             made.listen(row, None) as one,
             made.listen(row, None) as two,
@@ -146,6 +149,7 @@ def test_change_between_look_and_wait_is_not_waited_for(made: Watcher, database:
     (row,) = stored(database)
 
     async def change() -> None:
+        """Listen while the fit changes."""
         with made.listen(row, None) as slow, made.listen(row, None) as quick:
             assert slow.look() is row
             advance(database, row)
@@ -162,6 +166,7 @@ def test_removed_fit_is_told_as_none(made: Watcher, database: Database) -> None:
     (row,) = stored(database)
 
     async def remove() -> None:
+        """Listen while the fit is removed."""
         with made.listen(row, None) as listener:
             with database.writing() as session:
                 repository.remove(session, row.id)
@@ -178,6 +183,7 @@ def test_listener_under_a_revoked_key_hears_no_more(
     lost, kept = (access.create_key(name)[0].id for name in ("lost", "kept"))
 
     async def revoke() -> None:
+        """Listen while the key is revoked."""
         with made.listen(row, lost) as out, made.listen(row, kept) as on:
             access.revoke_key(lost)
             await until(out, lambda found: found is None)
@@ -203,6 +209,7 @@ def test_database_that_fails_for_a_while_ends_nothing(
     monkeypatch.setattr(repository, "changes", fail_first)
 
     async def fail() -> None:
+        """Listen while the database fails."""
         with made.listen(row, None) as listener:
             advance(database, row)
             await until(listener, lambda found: found is not None and found.version == 2)
@@ -215,6 +222,7 @@ def test_key_listens_no_more_often_than_it_may(made: Watcher) -> None:
     row = fit_row("default", "running")
 
     async def listen() -> None:
+        """Listen, and look at what is told."""
         with ExitStack() as stack:
             streams = [ExitStack() for _ in range(3)]
             for stream in streams:
@@ -233,6 +241,7 @@ def test_listeners_without_a_key_are_not_counted(made: Watcher) -> None:
     row = fit_row("default", "running")
 
     async def listen() -> None:
+        """Listen, and look at what is told."""
         with ExitStack() as stack:
             seen = [stack.enter_context(made.listen(row, None)).look() for _ in range(100)]
         assert seen == [row] * 100
@@ -246,6 +255,7 @@ def test_row_that_a_listener_brings_is_told_where_it_is_newer(made: Watcher) -> 
     newer.id, newer.version = known.id, 2
 
     async def listen() -> None:
+        """Listen, and look at what is told."""
         with made.listen(known, None) as first, made.listen(newer, None):
             assert first.look() is newer
             with made.listen(known, None) as late:
