@@ -9,7 +9,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from app.access.service import AccessService
 from app.database import Database
@@ -34,7 +33,7 @@ def serve(
     Raises:
         OptionError: A setting is not accepted, or the port cannot be listened on.
     """
-    settings = _settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
+    settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
     listening = _listen(settings)
     # The key commands need none of this.
     from app.server import serve as run
@@ -43,7 +42,7 @@ def serve(
     shown = f"[{address}]" if ":" in address else address
     print(f"motorid: http://{shown}:{number}", file=sys.stderr, flush=True)  # noqa: T201
     # Ctrl-C is how a server is meant to end; by then it has stopped in good order.
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), _for_the_owner():
         run(settings, listening)
 
 
@@ -81,7 +80,8 @@ def back_up(place: Path, data_dir: Path | None) -> None:
     """Write a backup and say what is in it."""
     from app.backup.create import back_up as save
 
-    saved = save(_settings(data_dir=data_dir), place)
+    with _for_the_owner():
+        saved = save(load_settings(data_dir=data_dir), place)
     text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, with their hashes"
     print(f"motorid: {place} holds {text}", file=sys.stderr)  # noqa: T201
 
@@ -90,31 +90,37 @@ def restore(place: Path, data_dir: Path | None) -> None:
     """Make a data directory from a backup and say what is in it."""
     from app.backup.restore import restore as write
 
-    settings = _settings(data_dir=data_dir)
-    saved = write(settings, place)
+    settings = load_settings(data_dir=data_dir)
+    with _for_the_owner():
+        saved = write(settings, place)
     text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, each as saved"
     print(f"motorid: {settings.data_dir} holds {text}", file=sys.stderr)  # noqa: T201
 
 
-def _settings(**given: Any) -> Settings:
-    """The settings; from here on what is written is for nobody but its owner.
+@contextmanager
+def _for_the_owner() -> Iterator[None]:
+    """What is written meanwhile is for nobody but its owner.
 
     A data directory that was there before may be open to all, and holds runs and digests of keys.
     """
-    os.umask(0o077)
-    return load_settings(**given)
+    before = os.umask(0o077)
+    try:
+        yield
+    finally:
+        os.umask(before)
 
 
 @contextmanager
 def _access(data_dir: Path | None) -> Iterator[AccessService]:
-    settings = _settings(data_dir=data_dir)
-    Storage(settings.data_dir, settings.node).prepare()
-    database = Database(settings.sqlalchemy_url)
-    try:
-        database.migrate()
-        yield AccessService(database)
-    finally:
-        database.close()
+    settings = load_settings(data_dir=data_dir)
+    with _for_the_owner():
+        Storage(settings.data_dir, settings.node).prepare()
+        database = Database(settings.sqlalchemy_url)
+        try:
+            database.migrate()
+            yield AccessService(database)
+        finally:
+            database.close()
 
 
 def _listen(settings: Settings) -> socket.socket:
