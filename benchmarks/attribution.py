@@ -1,6 +1,6 @@
 """Are hidden effects named?
 
-    python -m benchmarks.attribution [--campaigns 400] [--rows 1500]
+    python -m benchmarks.attribution [--campaigns 400] [--rows 1500] [--seed 0] [--only 7,11]
 
 The independent bench simulator hides an effect, or none, in a motor drawn at random; the search is
 given the runs and nothing else.  One line of JSON a campaign is appended to the log as soon as it
@@ -189,6 +189,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--campaigns", type=int, default=400)
     parser.add_argument("--rows", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0, help="of other campaigns")
+    parser.add_argument(
+        "--only", type=lambda text: {int(word) for word in text.split(",")}, help="numbers of these"
+    )
     parser.add_argument("--log", type=Path, default=Path("out/attribution.jsonl"))
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/attribution.md"))
     chosen = parser.parse_args(arguments)
@@ -198,7 +201,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         done = [json.loads(line) for line in chosen.log.read_text().splitlines() if line]
     known = {d["number"] for d in done}
     items = plan(chosen.campaigns, chosen.seed)
-    tasks = [(item, chosen.rows) for item in items if item["number"] not in known]
+    wanted = [item for item in items if chosen.only is None or item["number"] in chosen.only]
+    tasks = [(item, chosen.rows) for item in wanted if item["number"] not in known]
     context = multiprocessing.get_context("spawn")
     cores = context.Queue()
     available = sorted(os.sched_getaffinity(0))

@@ -16,6 +16,5 @@ MOST_MOTORS: Final = 1000
 MOST_RUNS: Final = 10_000
 """Runs of all motors of one batch together, each as often as a motor names it.
 
-On two cores of 2026 and SQLite such a batch holds the writer for half a second, and its removal for
-a tenth, where the lease of a running fit lasts 15 s; ten times as many hold it for 4 s.
+With these the writer is held for about a second at most, where the lease of a running fit lasts 15.
 """

@@ -8,6 +8,7 @@ from sqlalchemy import case, delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from app.fits.repository import ENDED
+from app.portions import portions
 from app.tables import BatchRow, FitRow
 
 __all__ = [
@@ -22,8 +23,6 @@ __all__ = [
     "page",
     "remove",
 ]
-
-_MOST_AT_ONCE = 500
 
 
 def add(session: Session, row: BatchRow) -> None:
@@ -124,12 +123,12 @@ def earlier(
         before: The time [s since 1970].
     """
     found: dict[str, FitRow] = {}
-    for first in range(0, len(motors), _MOST_AT_ONCE):
+    for some in portions(motors):
         newest = (
             select(FitRow.motor, func.max(FitRow.created_at).label("created_at"))
             .where(
                 FitRow.workspace == workspace,
-                FitRow.motor.in_(motors[first : first + _MOST_AT_ONCE]),
+                FitRow.motor.in_(some),
                 FitRow.status == "succeeded",
                 FitRow.created_at < before,
             )

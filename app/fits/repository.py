@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.fits import roles
 from app.fits.request import FitRequest
+from app.portions import portions
 from app.tables import FitRow
 
 __all__ = [
@@ -46,10 +47,6 @@ ENDED = ("succeeded", "failed", "cancelled")
 """States that a fit does not leave."""
 
 
-_AT_ONCE = 500
-"""Ids of one query: databases take thousands of values, though not any number."""
-
-
 def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
     """Keep fits and which runs they take."""
     session.add_all(row for row, _ in fits)
@@ -71,9 +68,7 @@ def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow |
         versions: The version of each fit that is known already.
     """
     found: dict[str, FitRow | None] = {}
-    ids = list(versions)
-    for start in range(0, len(ids), _AT_ONCE):
-        asked = ids[start : start + _AT_ONCE]
+    for asked in portions(list(versions)):
         query = select(FitRow.id, FitRow.version).where(FitRow.id.in_(asked))
         now = {fit_id: version for fit_id, version in session.execute(query)}
         changed = [fit_id for fit_id in now if now[fit_id] != versions[fit_id]]

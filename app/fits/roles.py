@@ -9,13 +9,12 @@ from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
 from app.fits.request import FitRequest
+from app.portions import portions
 from app.tables import FitRunRow, RunRow
 
 __all__ = ["Role", "add", "ids_of", "runs_of"]
 
 Role = Literal["training", "validation"]
-
-_MOST_AT_ONCE = 500
 
 
 def add(session: Session, fits: Iterable[tuple[str, FitRequest]]) -> None:
@@ -40,11 +39,11 @@ def ids_of(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list
     found: dict[str, dict[str, list[str]]] = {
         fit_id: {"training": [], "validation": []} for fit_id in fit_ids
     }
-    for first in range(0, len(fit_ids), _MOST_AT_ONCE):
+    for some in portions(fit_ids):
         # Columns and not objects, of which a page of fits may have a hundred thousand.
         query = (
             select(FitRunRow.fit_id, FitRunRow.role, FitRunRow.run_id)
-            .where(FitRunRow.fit_id.in_(fit_ids[first : first + _MOST_AT_ONCE]))
+            .where(FitRunRow.fit_id.in_(some))
             .order_by(FitRunRow.fit_id, FitRunRow.role, FitRunRow.position)
         )
         for fit_id, role, run_id in session.execute(query):

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from app.database import Database
 from app.fits import repository as fits
 from app.metrics import Metrics
+from app.portions import portions
 from app.retention import repository
 from app.runs import repository as runs
 from app.storage import Storage
@@ -86,7 +86,7 @@ class Retention:
     def _remove_fits(self, before: float) -> int:
         with self._database.reading() as session:
             ids = repository.old_fits(session, before)
-        for some in _portions(ids, _FITS_AT_ONCE):
+        for some in portions(ids, _FITS_AT_ONCE):
             with self._database.writing() as session:
                 repository.remove_fits(session, some)
             for fit_id in some:
@@ -101,7 +101,7 @@ class Retention:
         with self._database.reading() as session:
             ids = repository.old_runs(session, before)
         total = 0
-        for some in _portions(ids, _RUNS_AT_ONCE):
+        for some in portions(ids, _RUNS_AT_ONCE):
             with self._database.writing() as session:
                 removed = repository.remove_old_runs(session, some, before)
             for run_id in removed:
@@ -113,9 +113,3 @@ class Retention:
         with self._database.reading() as session:
             known_runs, known_fits = runs.all_ids(session), fits.all_ids(session)
         return self._storage.sweep(known_runs, known_fits, now)
-
-
-def _portions(ids: Sequence[str], most: int) -> Iterator[Sequence[str]]:
-    """Ids in portions, since other writers wait for each."""
-    for first in range(0, len(ids), most):
-        yield ids[first : first + most]

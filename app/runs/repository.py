@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from sqlalchemy import delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
+from app.portions import portions
 from app.tables import FitRow, FitRunRow, RunRow
 
 __all__ = [
@@ -21,9 +22,6 @@ __all__ = [
     "totals",
     "waiting_fit",
 ]
-
-_MOST_AT_ONCE = 500
-"""Ids of one query; SQLite before 3.32 takes 999 values."""
 
 
 def add(session: Session, row: RunRow) -> None:
@@ -50,8 +48,7 @@ def present(session: Session, workspace: str, run_ids: Sequence[str]) -> set[str
     # each query; of an expression it has no index.
     is_theirs = RunRow.workspace.concat("") == workspace
     found: set[str] = set()
-    for first in range(0, len(run_ids), _MOST_AT_ONCE):
-        some = run_ids[first : first + _MOST_AT_ONCE]
+    for some in portions(run_ids):
         query = select(RunRow.id).where(RunRow.id.in_(some), is_theirs).with_for_update(read=True)
         found.update(session.scalars(query))
     return found

@@ -153,9 +153,9 @@ class Judged:
         samples = max(float(counts.sum()) * self.share, 2.0)
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
-        fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
-        if not np.isfinite(simpler.fit.cost):
-            fall = np.full(2, np.inf)
+        fall = np.full(2, np.inf)
+        if np.isfinite(simpler.fit.cost):
+            fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
         validation, possible, log_odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
             floor = self.fit.weighting.deviation**2
@@ -221,7 +221,7 @@ def scores_of(models: Sequence[Judged]) -> list[float]:
     What a model lacks colours its residual, so that the best one says best how much the samples
     are worth.
     """
-    share = max((one.share for one in models), default=1.0)
+    share = max((one.share for one in models if np.isfinite(one.fit.cost)), default=1.0)
     return [one.score(share) for one in models]
 
 

@@ -270,10 +270,7 @@ def _is_strained(fit: Fit) -> bool:
     """
     at = {name: k for k, name in enumerate(fit.coordinates.names)}
     shapes = [
-        at[f"{term.name}.{name}"]
-        for term in fit.simulator.model.terms
-        for name in term.defining
-        if f"{term.name}.{name}" in at
+        at[f"{term.name}.{name}"] for term in fit.simulator.model.terms for name in term.defining
     ]
     lower, position, upper = (
         side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)

@@ -113,7 +113,8 @@ class Trials:
             if not np.isfinite(fit.cost):
                 # What the term held back runs away; the declared model did not.
                 declared = self._judged[frozenset()].fit
-                fit = refitted_without(as_declared(current.fit, declared), term.name)
+                place = as_declared(current.fit, declared)
+                fit = refitted_without(place, term.name, self.patience())
             known = self.judge(refined(fit, self.patience()) if np.isfinite(fit.cost) else fit)
         return known
 

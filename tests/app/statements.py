@@ -6,20 +6,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from sqlalchemy import event
+from sqlalchemy import Engine, event
 
 from app.database import Database
 
 
 @contextmanager
-def statements(database: Database, *, written: bool) -> Iterator[list[str]]:
+def statements(database: Database, *, written: bool | None = None) -> Iterator[list[str]]:
     """The SQL that is executed within a block, one entry for many rows of one statement.
 
     Args:
         database: The database.
-        written: Whether that of sessions that write, or else of those that read.
+        written: Whether that of sessions that write, or that of those that read; None for
+            whatever any database is sent.
     """
-    engine = database._writer if written else database._readers
+    engines = {True: database._writer, False: database._readers, None: Engine}
+    engine = engines[written]
     seen: list[str] = []
 
     def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:

@@ -7,10 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench import make_campaign
+from identification.effects import trials
 from identification.effects.evidence import Gates, Judged, scores_of
+from identification.effects.refit import refitted_without
+from identification.effects.trials import Trials
 from identification.fit.declared import fit_declared
-from identification.fit.solve import solve
+from identification.fit.solve import Fit, Patience, solve
 from identification.model.excitation import records_of
+from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -50,6 +55,8 @@ def test_what_keeps_a_model_from_running_away_is_needed() -> None:
 
     assert mended.gates(alone, tried=100).passed
     assert scores_of([mended, alone])[0] < scores_of([mended, alone])[1]
+    coloured = replace(mended, share=0.2)
+    assert scores_of([coloured, alone])[0] == scores_of([coloured])[0]
 
 
 def test_a_fit_that_starts_where_nothing_can_be_simulated_says_so() -> None:
@@ -62,3 +69,42 @@ def test_a_fit_that_starts_where_nothing_can_be_simulated_says_so() -> None:
 
     assert lost.cost == np.inf
     assert not lost.converged
+
+
+def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first fit without the term is lost; the second begins where the declared model ended."""
+    hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
+    runs = records_of_bench(hidden)
+    work = Trials(runs)
+    declared = work.judge(fit_declared(runs.training, "zoh"))
+    score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
+    current = work.judge(work.refits(declared, [score])[0][1])
+    del work._judged[frozenset()]
+    work._judged[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
+    begun: list[Fit] = []
+
+    def lost_once(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
+        begun.append(fit)
+        found = refitted_without(fit, name, patience)
+        return replace(found, cost=np.inf) if len(begun) == 1 else found
+
+    monkeypatch.setattr(trials, "refitted_without", lost_once)
+    simpler = work.without(current, current.fit.simulator.model.terms[0])
+
+    assert np.isfinite(simpler.fit.cost)
+    np.testing.assert_allclose(begun[1].values[:7], declared.fit.values, rtol=1e-9)
+    assert not np.allclose(begun[0].values[:7], declared.fit.values, rtol=1e-3)
+
+
+def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
+    """Its residuals are infinite, so that every score would be nonsense."""
+    runs = records_of_bench(make_campaign("servo_150w", seed=5, rows=800, training=2))
+    work = Trials(runs)
+    lost = replace(fit_declared(runs.training, "zoh"), cost=np.inf, converged=False)
+
+    judged = work.judge(lost)
+
+    assert judged.unseen is None
+    assert work.scores(judged) == []

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import pytest
-from sqlalchemy import event, update
-from sqlalchemy.engine import Engine
+from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from app.access.service import AccessService
@@ -18,8 +18,10 @@ from app.database import Database
 from app.errors import TooManyStreams
 from app.fits import repository, watcher
 from app.fits.watcher import Listener, Watcher
+from app.portions import portions
 from app.tables import FitRow
 from tests.app.rows import fit_row
+from tests.app.statements import statements
 
 
 def stored(database: Database, number: int = 1) -> list[FitRow]:
@@ -63,22 +65,6 @@ async def until(listener: Listener, condition: Callable[[FitRow | None], bool]) 
     return row
 
 
-@contextmanager
-def counted() -> Iterator[list[str]]:
-    """The statements that any database is sent meanwhile."""
-    sent: list[str] = []
-
-    def note(connection: Any, cursor: Any, statement: str, *rest: Any) -> None:
-        if not statement.startswith("BEGIN"):
-            sent.append(statement)
-
-    event.listen(Engine, "before_cursor_execute", note)
-    try:
-        yield sent
-    finally:
-        event.remove(Engine, "before_cursor_execute", note)
-
-
 @pytest.fixture
 def access(database: Database) -> AccessService:
     """Keys of the test's database."""
@@ -101,11 +87,12 @@ def test_a_hundred_listeners_cost_as_many_queries_as_one(
 
     async def listen() -> None:
         """Two listeners to each fit, under ten keys."""
-        with ExitStack() as stack, counted() as sent:
+        with ExitStack() as stack, statements(database) as sent:
             for number in range(100):
                 stack.enter_context(made.listen(rows[number % 50], keys[number % 10]))
             await asyncio.sleep(1.0)
-        assert 1 <= len(sent) <= 6
+        asked = [statement for statement in sent if not statement.startswith("BEGIN")]
+        assert 1 <= len(asked) <= 6
 
     watched(made, listen)
 
@@ -118,7 +105,7 @@ def test_nobody_who_listens_costs_nothing(made: Watcher, database: Database) -> 
         """Listen, and leave again."""
         with made.listen(row, None):
             pass
-        with counted() as sent:
+        with statements(database) as sent:
             await asyncio.sleep(0.7)
         assert sent == []
 
@@ -268,7 +255,7 @@ def test_changes_of_many_fits_are_found_in_portions(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Five fits, two a query: one changed, one is gone, the others are not named."""
-    monkeypatch.setattr(repository, "_AT_ONCE", 2)
+    monkeypatch.setattr(repository, "portions", partial(portions, most=2))
     rows = stored(database, 5)
     advance(database, rows[1])
     with database.writing() as session:
