@@ -112,19 +112,25 @@ def sample(
         if progress is not None:
             goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
             progress(min(1.0, done / min(goal, most_steps)))
-        if done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau:
+        is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
+        if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
             break
         if checkpoint is not None and checkpoint.is_due():
             checkpoint.save(key, state_of(sampler.backend))
     burn = _burn_in(done, tau)
-    chain = sampler.get_chain(discard=burn)
     return Sample(
-        chain=posterior.physical(chain),
+        chain=posterior.physical(sampler.get_chain(discard=burn)),
         log_density=sampler.get_log_prob(discard=burn),
         names=posterior.names,
         units=posterior.units,
-        convergence=convergence_of(chain, float(np.mean(sampler.acceptance_fraction)), _LENGTHS),
+        convergence=_convergence(sampler, burn),
     )
+
+
+def _convergence(sampler: emcee.EnsembleSampler, burn: int) -> Convergence:
+    """How well the chain has mixed after burn-in, by which it ends and which is reported."""
+    accepted = float(np.mean(sampler.acceptance_fraction))
+    return convergence_of(sampler.get_chain(discard=burn), accepted, _LENGTHS)
 
 
 def _burn_in(done: int, tau: float) -> int:

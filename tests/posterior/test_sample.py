@@ -152,6 +152,15 @@ def test_the_chain_says_that_it_has_converged() -> None:
     assert 0.1 < found.acceptance < 0.95
 
 
+def test_a_chain_that_ends_by_itself_is_as_long_as_it_says() -> None:
+    """What is reported is measured after burn-in, and so is what ends the chain."""
+    posterior = Posterior(servo_fit(), WHITE)
+
+    found = [sample(posterior, seed=seed).convergence for seed in range(8)]
+
+    assert all(one.reached for one in found)
+
+
 def test_a_chain_that_was_stopped_early_says_so() -> None:
     """Fifty steps are not fifty autocorrelation times."""
     found = sample(Posterior(servo_fit(), WHITE), seed=7, most_steps=50)
