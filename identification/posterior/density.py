@@ -76,6 +76,16 @@ class Posterior:
         covariance[n:, n:] = np.diag(0.5 / counts)
         return covariance
 
+    def mirrored(self, points: Array) -> Array:
+        """Points (n_point, n_dim) with those that are out of bounds mirrored at them."""
+        n = self.fit.position.size
+        lower, upper = self.fit.coordinates.lower, self.fit.coordinates.upper
+        inner = self.ridge.bent(points[:, :n].T).T
+        inner = np.where(inner < lower, 2 * lower - inner, inner)
+        inner = np.where(inner > upper, 2 * upper - inner, inner)
+        straight = self.ridge.straightened(np.clip(inner, lower, upper).T).T
+        return np.concatenate([straight, points[:, n:]], axis=1)
+
     def physical(self, points: Array) -> Array:
         """Physical values (..., n_dim) of points (..., n_dim)."""
         flat = points.reshape(-1, points.shape[-1]).T

@@ -27,11 +27,5 @@ def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str
     covariance = posterior.covariance()
     root = np.linalg.cholesky(covariance)
     points = posterior.centre + rng.standard_normal((count, covariance.shape[0])) @ root.T
-    coordinates = posterior.fit.coordinates
-    n = posterior.fit.position.size
-    inner = points[:, :n]
-    inner = np.where(inner < coordinates.lower, 2 * coordinates.lower - inner, inner)
-    inner = np.where(inner > coordinates.upper, 2 * coordinates.upper - inner, inner)
-    points[:, :n] = np.clip(inner, coordinates.lower, coordinates.upper)
-    values = posterior.physical(points)
+    values = posterior.physical(posterior.mirrored(points))
     return {name: values[:, k] for k, name in enumerate(posterior.names)}

@@ -52,13 +52,20 @@ class Ridge:
 
     def bent(self, straight: Array) -> Array:
         """Search coordinates (n_parameter, ...) of sheared ones."""
-        if self.way.size < 2:
-            return straight
-        way = np.tensordot(self.along, (straight.T - self.centre).T, axes=1)
+        return straight if self.way.size < 2 else np.asarray(straight + self._shift(straight))
+
+    def straightened(self, bent: Array) -> Array:
+        """Sheared coordinates (n_parameter, ...) of search coordinates; what `bent` takes back."""
+        # The shear does not move a point along the ridge, l . s = 0.
+        return bent if self.way.size < 2 else np.asarray(bent - self._shift(bent))
+
+    def _shift(self, points: Array) -> Array:
+        """How far the ridge is from its tangent where the points are."""
+        way = np.tensordot(self.along, (points.T - self.centre).T, axes=1)
         inside = np.clip(way, self.way[0], self.way[-1])
         spline = CubicSpline(self.way, self.shifts, bc_type="natural")
         shift = spline(inside) + spline(inside, 1) * (way - inside)[..., None]
-        return np.asarray(straight + np.moveaxis(shift, -1, 0))
+        return np.moveaxis(shift, -1, 0)
 
 
 def ridge_of(fit: Fit) -> Ridge:
@@ -109,6 +116,8 @@ def _optimised(
         if np.any(position <= coordinates.lower) or np.any(position >= coordinates.upper):
             return None
         equations = normal_equations(fit.simulator, coordinates, position, states, fit.weighting)
+        if not equations.is_finite:
+            return None
         scale = float(np.max(np.diag(equations.matrix))) * _STIFF / float(along @ along)
         short = way - float(along @ (position - fit.position))
         matrix = equations.matrix + scale * np.outer(along, along)

@@ -192,11 +192,4 @@ def _start(
     root = np.linalg.cholesky(covariance)
     centre = posterior.centre
     points = centre + rng.standard_normal((walkers, centre.size)) @ root.T
-    coordinates = posterior.fit.coordinates
-    n = posterior.fit.position.size
-    lower, upper = coordinates.lower, coordinates.upper
-    inner = points[:, :n]
-    inner = np.where(inner < lower, 2 * lower - inner, inner)
-    inner = np.where(inner > upper, 2 * upper - inner, inner)
-    points[:, :n] = np.clip(inner, lower, upper)
-    return points
+    return posterior.mirrored(points)
