@@ -21,6 +21,8 @@ _ROUND: Final = 0.02
 """Share of the drop below which its size is rounded, so that it has a slope everywhere."""
 _SMALLEST: Final = 1e-4
 """Current over the knee below which its size is rounded off."""
+_STRAIGHT: Final = 1e-6
+"""Power of the current over the knee below which the drop is taken from its series."""
 
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
@@ -29,11 +31,13 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractVoltage):
     """Voltage lost at the brush contacts, with the sign of the current.
 
-        v = -V_b (s + a |s|),   s = i / (|i|^p + i_b^p)^(1/p)               [V]
+        v = -V_b (s + a |s|),   |s|^p = 1 - (1 + |i / i_b|^p / k)^(-k)      [V]
 
-    `i_b` is where the knee lies: far below the current the drop is a step, near it a contact
-    whose resistance falls as the current grows.  `p` says how sharp the knee is (one: hyperbolic,
-    two and more: near an exponential or a tanh), `a` how far the two directions differ.
+    with s of the sign of i.  `i_b` is where the knee lies: far below the current the drop is a
+    step, near it a contact whose resistance falls as the current grows.  `p` says how sharp the
+    knee is, `k` how soon the drop is full beyond it: i / (i + i_b) has both at one,
+    i / sqrt(i^2 + i_b^2) two and one, 1 - exp(-i / i_b) one and a large k, and tanh, erf and arctan
+    come within a thousandth.  `a` says how far the two directions differ.
 
     Args:
         voltage_size: Natural voltage [V].
@@ -63,15 +67,19 @@ class BrushDrop(AbstractVoltage):
                 1.5 * self.current_size,
             ),
             shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
+            shape("fullness", "-", "how soon the drop is full beyond the knee", 0.4, 25.0),
             asymmetry(),
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage lost [V]."""
-        power = values.sharpness
+        power, fullness = values.sharpness, values.fullness
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
-        share = relative / ca.exp(ca.log(1 + size) / power)
+        left = ca.exp(-fullness * ca.log(1 + size / fullness))
+        nearly_straight = 1 - (fullness + 1) / (2 * fullness) * size
+        bent = ca.if_else(size < _STRAIGHT, nearly_straight, (1 - left) / size)
+        share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND
         return -values.voltage * (share + values.asymmetry * even)
 
@@ -83,7 +91,9 @@ class BrushDrop(AbstractVoltage):
         return [
             Candidate(
                 term,
-                columns(*[(0.03 * survey.voltage, k * survey.current, 2.0, 0.0) for k in knees]),
+                columns(
+                    *[(0.03 * survey.voltage, k * survey.current, 2.0, 1.0, 0.0) for k in knees]
+                ),
             )
         ]
 
@@ -92,10 +102,12 @@ class BrushDrop(AbstractVoltage):
 class _Saturation(AbstractCoefficient):
     """A coefficient that falls with the size of the current, alike in both directions.
 
-        x -> x / (1 + c (|i| / i_0)^n)
+        x -> x (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))
+
+    Its fall begins as c (|i| / i_0)^n, whatever the share s that does not fall.
 
     Args:
-        reference: Current i_0 at which it has fallen by the factor 1 / (1 + c) [A].
+        reference: Current i_0 at which it would have fallen by the factor 1 / (1 + c) [A].
     """
 
     reference: float
@@ -105,11 +117,11 @@ class _Saturation(AbstractCoefficient):
     scale: ClassVar[float]
     most: ClassVar[float]
     width: ClassVar[float]
-    tried: ClassVar[float]
+    lasting: ClassVar[Parameter]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall at the reference current, and its exponent."""
+        """Fall at the reference current, its exponent, and what does not fall."""
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
             Parameter(
@@ -122,28 +134,26 @@ class _Saturation(AbstractCoefficient):
                 prior_sd=self.width,
             ),
             shape("exponent", "-", "power of the current", 0.8, 6.0),
+            self.lasting,
         )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on the coefficient [-]."""
         ratio = signals.current / self.reference
         size = ratio * ratio + 1e-4
-        return 1 / (1 + values.fall * ca.exp(0.5 * values.exponent * ca.log(size)))
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two exponents."""
-        term = cls(1.5 * survey.current)
-        return [Candidate(term, columns((cls.tried, 1.3), (cls.tried, 2.5)))]
+        lasting = getattr(values, self.lasting.name)
+        fall = values.fall / (1 - lasting) * ca.exp(0.5 * values.exponent * ca.log(size))
+        return lasting + (1 - lasting) / (1 + fall)
 
 
 @dataclass(frozen=True)
 class FluxSaturation(_Saturation):
     """The field weakens as armature current grows: Kt falls with the size of the current.
 
-        Kt -> Kt / (1 + c (|i| / i_0)^n)                                    [N m/A]
+        Kt -> Kt (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))            [N m/A]
 
-    Even in the current and instantaneous, unlike demagnetisation.
+    Even in the current and instantaneous, unlike demagnetisation.  The share s stays where the
+    poles that face the current are full.
     """
 
     name: ClassVar[str] = "flux_saturation"
@@ -154,14 +164,29 @@ class FluxSaturation(_Saturation):
     scale: ClassVar[float] = 0.05
     most: ClassVar[float] = 3.0
     width: ClassVar[float] = 5.0
-    tried: ClassVar[float] = 0.05
+    lasting: ClassVar[Parameter] = Parameter(
+        "lasting",
+        "-",
+        "share of Kt that stays at any current",
+        scale=0.3,
+        lower=0.0,
+        upper=0.98,
+        prior_mean=0.3,
+        prior_sd=2.0,
+    )
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """One structure, two exponents, and a fall that soon ends."""
+        term = cls(1.5 * survey.current)
+        return [Candidate(term, columns((0.05, 1.3, 0.3), (0.05, 2.5, 0.3), (0.2, 2.0, 0.95)))]
 
 
 @dataclass(frozen=True)
 class InductanceSaturation(_Saturation):
     """The iron saturates: L falls with the size of the current.
 
-        L -> L (s + (1 - s) / (1 + c (|i| / i_0)^n))                        [H]
+        L -> L (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))              [H]
 
     The share s is that of the leakage flux, whose path is in air and does not saturate.
     """
@@ -172,20 +197,16 @@ class InductanceSaturation(_Saturation):
     scale: ClassVar[float] = 0.2
     most: ClassVar[float] = 100.0
     width: ClassVar[float] = 20.0
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall at the reference current, its exponent, and what does not fall."""
-        meaning = "share of L that leakage keeps at any current"
-        leakage = Parameter(
-            "leakage", "-", meaning, scale=0.1, lower=0.0, upper=0.9, prior_mean=0.1, prior_sd=2.0
-        )
-        return (*super().parameters, leakage)
-
-    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on L [-]."""
-        falling = super().factor(signals, states, values)
-        return values.leakage + (1 - values.leakage) * falling
+    lasting: ClassVar[Parameter] = Parameter(
+        "leakage",
+        "-",
+        "share of L that leakage keeps at any current",
+        scale=0.1,
+        lower=0.0,
+        upper=0.9,
+        prior_mean=0.1,
+        prior_sd=2.0,
+    )
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:

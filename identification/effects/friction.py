@@ -160,7 +160,7 @@ class QuadraticDrag(AbstractTorque):
         """Torque at the reference speed and exponent."""
         return (
             amplitude("torque", "N m", f"drag at {self.reference:.4g} rad/s", self.torque_size),
-            shape("exponent", "-", "power of the speed", 1.4, 2.8),
+            shape("exponent", "-", "power of the speed", 1.5, 2.5),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:

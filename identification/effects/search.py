@@ -52,7 +52,8 @@ _PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
 _NEAR: Final = 0.02
 _SLACK: Final = 30.0
 _AT: Final = 1e-3
-"""Share of a range within which a shape is at its bound."""
+_WITHIN: Final = 2.0
+"""Share of a range, and standard deviations, within which a shape is at its bound."""
 
 
 @dataclass
@@ -263,7 +264,7 @@ def _replaces(alone: Judged, listed: Judged) -> bool:
 
 
 def _is_strained(fit: Fit) -> bool:
-    """Whether a shape that makes a kind what it is ended at a bound of its range.
+    """Whether a shape that makes a kind what it is may lie beyond a bound of its range.
 
     A drag with the highest power that is one bends more than drags do: the data ask for another
     law, which happens to be imitated.
@@ -272,10 +273,14 @@ def _is_strained(fit: Fit) -> bool:
     shapes = [
         at[f"{term.name}.{name}"] for term in fit.simulator.model.terms for name in term.defining
     ]
+    if not shapes:
+        return False
     lower, position, upper = (
         side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)
     )
-    return bool(np.any(np.minimum(position - lower, upper - position) < _AT * (upper - lower)))
+    spread = np.sqrt(np.diag(fit.equations.covariance())[shapes])
+    near = np.maximum(_AT * (upper - lower), _WITHIN * spread)
+    return bool(np.any(np.minimum(position - lower, upper - position) < near))
 
 
 def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:

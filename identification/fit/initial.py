@@ -77,6 +77,9 @@ def _fitted_to_heads(
             states = tuple(state + move for state, move in zip(states, moves, strict=True))
             continue
         trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
+        # What began at rest may begin with a jump after the move.
+        moved = [trial[:, 0] for trial in trials]
+        short = short.divided_for(values, moved, _ROUGH * deviation, start=short.divisions)
         best = []
         for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
             record = heads[k]
