@@ -28,7 +28,7 @@ def drop_of(current: Array, *values: float) -> Array:
     signals = Signals(i, *[nothing] * 7)
     own = dict(zip(NAMES, values, strict=True))
     voltage = ca.Function("v", [i], [TERM.voltage(signals, Values(), Values(**own))])
-    return -np.asarray(voltage(current[None, :]))[0]
+    return -np.asarray(voltage(current[None, :]), dtype=np.float64)[0]
 
 
 @pytest.mark.parametrize(
@@ -44,12 +44,12 @@ def drop_of(current: Array, *values: float) -> Array:
     ids=["hyperbola", "root", "tanh", "erf", "exponential", "arctan"],
 )
 def test_knees_of_every_usual_law_are_met(law: Callable[[Any], Any], tolerance: float) -> None:
-    """The error is in units of the full drop, over currents from far below to far above the knee."""
+    """Errors are in units of the full drop, from far below to far above the knee."""
     current = np.geomspace(1e-2, 20.0, 150)
     wanted = law(current)
 
     def error(x: Array) -> Array:
-        return drop_of(current, x[0], *np.exp(x[1:]), 0.0) - wanted
+        return np.asarray(drop_of(current, x[0], *np.exp(x[1:]), 0.0) - wanted)
 
     fitted = least_squares(error, [1.0, 0.0, 0.3, 0.5], x_scale=0.1)
 
