@@ -32,6 +32,7 @@ from bench.visibility import held_out_rise, size_for_rise
 from benchmarks.coverage import run_of
 from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.gauge import with_linear_parts
 from identification.effects.search import search
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
@@ -160,7 +161,7 @@ def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) ->
 
 def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
     """By how many posterior standard deviations each declared parameter is off."""
-    final = with_noise_model(fit)
+    final = with_noise_model(with_linear_parts(fit))
     posterior = Posterior(final, effective_share(final))
     spread = np.sqrt(np.diag(posterior.covariance()))
     at = dict(zip(final.coordinates.names, range(final.position.size), strict=True))

@@ -8,7 +8,7 @@ identification.write(Path("out"))
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
+from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.outcome import Outcome
 from identification.effects.search import search
 from identification.errors import InputError
@@ -105,22 +106,19 @@ def identify(
             declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done), _SEARCH_SECONDS
         )
     tell("fit", 0.5)
-    final = with_noise_model(outcome.fit if outcome else declared)
-    share = effective_share(final)
+    closed = with_noise_model(outcome.fit if outcome else declared)
+    opened = with_linear_parts(closed)
+    final = closed if opened is closed else with_noise_model(opened)
+    share = effective_share(closed)
     tell("posterior", 0.55)
-    posterior = Posterior(final, share)
-    chain: Sample | None = None
-    if options.posterior:
-        hashes = [run.sha256 for run in (*training, *validation)]
-        chain = sample(
-            posterior,
-            options.seed,
-            progress=lambda done: tell("posterior", 0.55 + 0.3 * done),
-            checkpoint=checkpoint and checkpoint.about(hashes, options),
-        )
-        draws = chain.draws()
-    else:
-        draws = normal_draws(posterior, options.seed)
+    hashes = [run.sha256 for run in (*training, *validation)]
+    chain, draws = _drawn(
+        Posterior(closed, share),
+        lines_of(final),
+        options,
+        lambda done: tell("posterior", 0.55 + 0.3 * done),
+        checkpoint and checkpoint.about(hashes, options),
+    )
     tell("feedback", 0.85)
     metrics = feedback_metrics(draws, options.temperatures, options.controllers)
     declared_draws = _declared_draws(declared, outcome, draws, options)
@@ -177,6 +175,27 @@ def _declared(campaign: Campaign, options: FitOptions) -> Fit:
         return fit_declared(campaign.training, "zoh")
     fits = [fit_declared(campaign.training, hold) for hold in ("zoh", "foh")]
     return min(fits, key=lambda fit: fit.cost)
+
+
+def _drawn(
+    posterior: Posterior,
+    lines: Sequence[Line],
+    options: FitOptions,
+    progress: Callable[[float], None],
+    checkpoint: Checkpoint | None,
+) -> tuple[Sample | None, dict[str, Array]]:
+    """The chain, where one is asked for, and draws, with lines of curves that data leave open."""
+    if not options.posterior:
+        draws = normal_draws(posterior, options.seed)
+        return None, with_lines_drawn(draws, lines, options.seed)
+    chain = sample(posterior, options.seed, progress=progress, checkpoint=checkpoint)
+    if lines:
+        draws = {name: chain.chain[:, :, k] for k, name in enumerate(chain.names)}
+        draws = with_lines_drawn(draws, lines, options.seed)
+        units = (*chain.units, *(line.unit for line in lines))
+        values = np.stack(list(draws.values()), axis=2)
+        chain = replace(chain, chain=values, names=tuple(draws), units=units)
+    return chain, chain.draws()
 
 
 def _declared_draws(

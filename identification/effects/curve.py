@@ -4,15 +4,12 @@ A *curve* is a cubic spline with free heights that enters one of the two balance
 by a second signal: a friction that grows with the load is a curve in the size of the current
 carried by the direction of the motion.
 
-Of each basis function the part that the declared parameters imitate is taken away (a straight line
-in speed is viscous friction), so that those parameters keep their meaning.
-
 Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (splines on even knots).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Final
 
@@ -20,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, Candidate, Survey, amplitude
+from identification.effects.effect import AbstractForced, amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -31,51 +28,26 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["MissingTorque", "MissingVoltage", "curves"]
+__all__ = ["HEIGHTS", "REGRESSORS", "MissingTorque", "MissingVoltage"]
 
 Array = NDArray[np.float64]
 
-_HEIGHTS: Final = 9
-_NEAR_ZERO: Final = 0.15
+HEIGHTS: Final = 9
 _STEEP: Final = 3e-3
 _FINE: Final = 2000
-_LOOKED_AT: Final = 500
 
-_CURVES: Final = {
-    "mechanical": (
-        ("speed", ""),
-        ("current", ""),
-        ("position", ""),
-        ("temperature", ""),
-        ("time", ""),
-        ("size of current", "direction"),
-        ("temperature", "direction"),
-        ("time", "direction"),
-        ("position", "direction"),
-        ("time", "speed"),
-    ),
-    "electrical": (
-        ("current", ""),
-        ("speed", ""),
-        ("voltage", ""),
-        ("temperature", ""),
-        ("time", ""),
-        ("size of speed", "current"),
-        ("time", "current"),
-        ("position", ""),
-    ),
-}
-"""By equation: along which signal the curve runs, and what carries it."""
+REGRESSORS: Final = ("current", "speed", "voltage")
+"""What the linear parts are in proportion to."""
 
 
 @dataclass(frozen=True)
 class _Curve(AbstractForced):
     """A spline along one signal, times a carrier.
 
-        term = -sum_k h_k (B_k(z) c - a_k . r)
+        term = -sum_k h_k (B_k(z) c - a_k . r) - l . r
 
     with z the signal (drawn together with a logarithm far from zero where it changes sign), c the
-    carrier, and r what declared parameters multiply (current and speed).
+    carrier, and r what declared parameters multiply: current, speed and, in l alone, voltage.
 
     Args:
         along: The signal.
@@ -89,6 +61,8 @@ class _Curve(AbstractForced):
         starts: Time at which each run began, in order, counted over all runs, and at which the
             last one ended [s].
         imitated: For each basis function its share of current and of speed, over their sizes.
+        linear: Standard deviations that l has before the data, for current, speed and voltage over
+            their sizes; none where it is zero or the tuple is empty [N m] or [V].
     """
 
     along: str
@@ -100,7 +74,8 @@ class _Curve(AbstractForced):
     speed: float
     current: float
     starts: tuple[float, ...] = ()
-    imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * _HEIGHTS
+    imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * HEIGHTS
+    linear: tuple[float, ...] = ()
 
     name: ClassVar[str] = "unlisted"
     unit: ClassVar[str]
@@ -123,11 +98,24 @@ class _Curve(AbstractForced):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Heights of the curve."""
-        return tuple(
+        """Heights of the curve, and its linear parts where these are free."""
+        heights = [
             amplitude(f"height_{k}", self.unit, f"height {k} of the curve", self.size, signed=True)
-            for k in range(1, _HEIGHTS + 1)
+            for k in range(1, HEIGHTS + 1)
+        ]
+        return (
+            *heights,
+            *(
+                Parameter(
+                    f"linear_{name}", self.unit, f"part linear in {name}", scale=width, prior_sd=1.0
+                )
+                for name, width in self._free()
+            ),
         )
+
+    def _free(self) -> list[tuple[str, float]]:
+        """Signals of the linear parts that are free, and their widths."""
+        return [pair for pair in zip(REGRESSORS, self.linear, strict=False) if pair[1] > 0.0]
 
     def _missing(self, signals: Signals, values: Values) -> Expression:
         ratio = ca.vertcat(signals.current / self.current, signals.speed / self.speed)
@@ -137,6 +125,9 @@ class _Curve(AbstractForced):
         for k, hat in enumerate(self.basis_of(along)):
             imitated = ca.dot(ca.DM(list(self.imitated[k])), ratio)
             total = total + getattr(values, f"height_{k + 1}") * (hat * carrier - imitated)
+        sizes = {"current": self.current, "speed": self.speed, "voltage": self.size}
+        for name, _ in self._free():
+            total = total + getattr(values, f"linear_{name}") * getattr(signals, name) / sizes[name]
         return -total
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
@@ -216,13 +207,13 @@ class _Curve(AbstractForced):
         """Cubic splines on even knots; around the circle for the angle."""
         if self.along == "position":
             found = []
-            for order in range(1, _HEIGHTS // 2 + 1):
+            for order in range(1, HEIGHTS // 2 + 1):
                 found += [ca.sin(order * along), ca.cos(order * along)]
-            return [*found, ca.SX(1)][:_HEIGHTS]
-        width = (self.upper - self.lower) / (_HEIGHTS - 3)
+            return [*found, ca.SX(1)][:HEIGHTS]
+        width = (self.upper - self.lower) / (HEIGHTS - 3)
         inside = ca.fmin(ca.fmax(along, self.lower), self.upper)
         found = []
-        for k in range(_HEIGHTS):
+        for k in range(HEIGHTS):
             off = ca.fabs((inside - self.lower) / width - (k - 1))
             found.append((ca.fmax(2 - off, 0) ** 3 - 4 * ca.fmax(1 - off, 0) ** 3) / 6)
         return found
@@ -290,89 +281,3 @@ def _evaluated(function: ca.Function, points: Array) -> Array:
     buffer.set_res(0, memoryview(found))  # type: ignore[call-arg]
     evaluate()
     return np.asarray(found.T)
-
-
-_KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
-
-
-def curves(survey: Survey) -> list[Candidate]:
-    """Every curve in every signal that moves, its heights scored together."""
-    found = []
-    for equation, pairs in _CURVES.items():
-        size = survey.torque if equation == "mechanical" else survey.voltage
-        for along, carrier in pairs:
-            term = _curve(survey, equation, along, carrier, size)
-            if term is not None:
-                starts = 0.05 * size * np.eye(_HEIGHTS)
-                found.append(Candidate(term, starts, joint=_HEIGHTS))
-    return found
-
-
-def _curve(
-    survey: Survey, equation: str, along: str, carrier: str, size: float
-) -> MissingTorque | MissingVoltage | None:
-    """The term along a signal, or None where the signal hardly moves."""
-    if along == "position" and not survey.angle_logged:
-        return None
-    if along == "temperature" and survey.heated < 5.0:
-        return None
-    signal = along.removeprefix("size of ")
-    zero = _NEAR_ZERO * float(getattr(survey, signal, 0.0) or 1.0)
-    runs = _lengths(survey.records)
-    starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
-    if along == "position":
-        lower, upper = 0.0, 2 * np.pi
-    elif along == "time":
-        lower, upper = 0.0, float(np.sum(runs))
-    else:
-        seen = np.concatenate([_logged(record, signal) for record in survey.records])
-        if along.startswith("size of "):
-            seen = np.abs(seen)
-        drawn = seen if along == "temperature" else np.arcsinh(seen / zero)
-        lower, upper = (float(q) for q in np.quantile(drawn, (0.001, 0.999)))
-    if not upper > lower:
-        return None
-    term = _KINDS[equation](
-        along, carrier, size, lower, upper, zero, survey.speed, survey.current, starts
-    )
-    curve: MissingTorque | MissingVoltage = _without_imitated(term, survey)
-    return curve
-
-
-def _lengths(records: tuple[Record, ...]) -> Array:
-    """Duration of each run up to the last, zero for numbers that are not there [s]."""
-    last = max(record.run for record in records)
-    lengths = np.zeros(last + 1)
-    for record in records:
-        lengths[record.run] = max(lengths[record.run], float(record.time[-1]))
-    return lengths
-
-
-def _logged(record: Record, signal: str) -> Array:
-    if signal in ("current", "speed"):
-        return record.measured[:, 0 if signal == "current" else 1]
-    return record.column(signal)
-
-
-def _without_imitated(term: Any, survey: Survey) -> Any:
-    """The term with the part of each basis function taken away that current and speed imitate."""
-    rows, regressors = [], []
-    for record in survey.records:
-        sparse = _every(record, max(record.rows // _LOOKED_AT, 1))
-        current, speed = sparse.measured.T
-        rows.append(term.columns(sparse, current, speed))
-        regressors.append(np.column_stack([current / survey.current, speed / survey.speed]))
-    matrix, values = np.concatenate(regressors), np.concatenate(rows)
-    imitated = np.linalg.lstsq(matrix, values, rcond=1e-8)[0]
-    return replace(term, imitated=tuple((float(a), float(b)) for a, b in imitated.T))
-
-
-def _every(record: Record, step: int) -> Record:
-    """Every so many samples of a record, to look at and not to simulate."""
-    return replace(
-        record,
-        time=record.time[::step],
-        inputs=record.inputs[::step],
-        measured=record.measured[::step],
-        weight=record.weight[::step],
-    )

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.angular import AngularFriction
-from identification.effects.curve import MissingTorque, MissingVoltage, curves
+from identification.effects.curve import MissingTorque, MissingVoltage
+from identification.effects.curves import curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart

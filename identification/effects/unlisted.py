@@ -52,5 +52,6 @@ def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
     if "starts" in fields:
         fields["starts"] = tuple(fields["starts"])
         fields["imitated"] = tuple((float(a), float(b)) for a, b in fields["imitated"])
+        fields["linear"] = tuple(float(width) for width in fields["linear"])
     term: AbstractTerm = unlisted_form(equation, fields)(**fields)
     return term

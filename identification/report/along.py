@@ -180,6 +180,8 @@ def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
     wanted = int(np.clip(_MOST_SIMULATED // rows, _LEAST_DRAWS, _DRAWS))
     kept = np.unique(np.linspace(0, draws["J"].size - 1, wanted).astype(int))
     columns = np.array([np.asarray(draws[name])[kept] for name in final.coordinates.names])
+    # A line that is the curve's or a declared parameter's is drawn with the parameter.
+    columns[["unlisted.linear_" in name for name in final.coordinates.names]] = 0.0
     return np.column_stack([final.values, columns])
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.simulation_error import pooled_errors
+from identification.effects.gauge import lines_of
 from identification.effects.outcome import Outcome
 from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
 from identification.fit.campaign import Campaign
@@ -264,7 +265,9 @@ def _warnings(findings: Findings) -> list[str]:
     messages += findings.warnings
     messages += _missing(findings)
     known = identified(findings.final, findings.share)
-    unknown = [name for name, found in known.items() if not found]
+    # A line that a curve may have is said by the declared parameter that it trades with.
+    lines = {line.name for line in lines_of(findings.final)}
+    unknown = [name for name, found in known.items() if not found and name not in lines]
     if unknown:
         messages.append(
             f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "

@@ -28,7 +28,8 @@ def drop_of(current: Array, *values: float) -> Array:
     signals = Signals(i, *[nothing] * 7)
     own = dict(zip(NAMES, values, strict=True))
     voltage = ca.Function("v", [i], [TERM.voltage(signals, Values(), Values(**own))])
-    return -np.asarray(voltage(current[None, :]), dtype=np.float64)[0]
+    lost: Array = -np.asarray(voltage(current[None, :]))[0]
+    return lost
 
 
 @pytest.mark.parametrize(

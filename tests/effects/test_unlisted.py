@@ -10,7 +10,8 @@ import pytest
 
 from bench import EffectRequest, make_campaign
 from identification.effects.angular import AngularFriction
-from identification.effects.curve import MissingTorque, curves
+from identification.effects.curve import MissingTorque
+from identification.effects.curves import curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart

@@ -1,0 +1,160 @@
+"""Curves in every signal that moves, for the campaign at hand.
+
+Of each basis function the part that the declared parameters imitate is taken away (a straight line
+in speed is viscous friction), so that those parameters keep their meaning while a search goes on.
+Which part of what is missing is theirs no data tell; `gauge` has the final model say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.effects.effect import Candidate, Survey
+from identification.effects.imitation import imitated
+from identification.model.excitation import Record
+
+__all__ = ["curves", "sampled"]
+
+Array = NDArray[np.float64]
+
+_NEAR_ZERO: Final = 0.15
+_LOOKED_AT: Final = 500
+
+_CURVES: Final = {
+    "mechanical": (
+        ("speed", ""),
+        ("current", ""),
+        ("position", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of current", "direction"),
+        ("temperature", "direction"),
+        ("time", "direction"),
+        ("position", "direction"),
+        ("time", "speed"),
+    ),
+    "electrical": (
+        ("current", ""),
+        ("speed", ""),
+        ("voltage", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of speed", "current"),
+        ("time", "current"),
+        ("position", ""),
+    ),
+}
+"""By equation: along which signal the curve runs, and what carries it."""
+
+_KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
+
+
+def curves(survey: Survey) -> list[Candidate]:
+    """Every curve in every signal that moves, its heights scored together."""
+    found = []
+    for equation, pairs in _CURVES.items():
+        size = survey.torque if equation == "mechanical" else survey.voltage
+        for along, carrier in pairs:
+            term = _curve(survey, equation, along, carrier, size)
+            if term is not None:
+                starts = 0.05 * size * np.eye(HEIGHTS)
+                found.append(Candidate(term, starts, joint=HEIGHTS))
+    return found
+
+
+def _curve(
+    survey: Survey, equation: str, along: str, carrier: str, size: float
+) -> MissingTorque | MissingVoltage | None:
+    """The term along a signal, or None where the signal hardly moves."""
+    if along == "position" and not survey.angle_logged:
+        return None
+    if along == "temperature" and survey.heated < 5.0:
+        return None
+    signal = along.removeprefix("size of ")
+    zero = _NEAR_ZERO * float(getattr(survey, signal, 0.0) or 1.0)
+    runs = _lengths(survey.records)
+    starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
+    if along == "position":
+        lower, upper = 0.0, 2 * np.pi
+    elif along == "time":
+        lower, upper = 0.0, float(np.sum(runs))
+    else:
+        seen = np.concatenate([_logged(record, signal) for record in survey.records])
+        if along.startswith("size of "):
+            seen = np.abs(seen)
+        drawn = seen if along == "temperature" else np.arcsinh(seen / zero)
+        lower, upper = (float(q) for q in np.quantile(drawn, (0.001, 0.999)))
+    if not upper > lower:
+        return None
+    term = _KINDS[equation](
+        along, carrier, size, lower, upper, zero, survey.speed, survey.current, starts
+    )
+    curve: MissingTorque | MissingVoltage = _without_imitated(term, survey)
+    return curve
+
+
+def _lengths(records: tuple[Record, ...]) -> Array:
+    """Duration of each run up to the last, zero for numbers that are not there [s]."""
+    last = max(record.run for record in records)
+    lengths = np.zeros(last + 1)
+    for record in records:
+        lengths[record.run] = max(lengths[record.run], float(record.time[-1]))
+    return lengths
+
+
+def _logged(record: Record, signal: str) -> Array:
+    if signal in ("current", "speed"):
+        return record.measured[:, 0 if signal == "current" else 1]
+    return record.column(signal)
+
+
+def _without_imitated(term: Any, survey: Survey) -> Any:
+    """The term with what declared parameters imitate taken away from each basis function.
+
+    A voltage is nearly what resistance and back-EMF make of current and speed.
+    """
+    names = ("current", "speed")
+    places = [k for k, name in enumerate(names) if {name, "voltage"} & set(term.drivers)]
+    if not places:
+        return term
+    columns, regressors = sampled(term, survey.records)
+    shares = np.zeros((HEIGHTS, 2))
+    shares[:, places] = imitated(columns, regressors[:, places])
+    return replace(term, imitated=tuple((float(a), float(b)) for a, b in shares))
+
+
+def sampled(term: MissingTorque | MissingVoltage, records: Sequence[Record]) -> tuple[Array, Array]:
+    """A curve along some of the samples.
+
+    Args:
+        term: The curve.
+        records: The records.
+
+    Returns:
+        (n_sample, n_height) its basis, (n_sample, 3) current, speed and voltage over their sizes.
+    """
+    columns, regressors = [], []
+    for record in records:
+        sparse = _every(record, max(record.rows // _LOOKED_AT, 1))
+        current, speed = sparse.measured.T
+        columns.append(term.columns(sparse, current, speed))
+        sizes = (current / term.current, speed / term.speed, sparse.column("voltage") / term.size)
+        regressors.append(np.column_stack(sizes))
+    return np.concatenate(columns), np.concatenate(regressors)
+
+
+def _every(record: Record, step: int) -> Record:
+    """Every so many samples of a record, to look at and not to simulate."""
+    return replace(
+        record,
+        time=record.time[::step],
+        inputs=record.inputs[::step],
+        measured=record.measured[::step],
+        weight=record.weight[::step],
+    )

@@ -1,0 +1,146 @@
+"""What of a curve may be a declared parameter's is said to be open, and the rest is measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bench import EffectRequest, make_campaign
+from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.effects.curves import curves
+from identification.effects.effect import survey_of
+from identification.effects.gauge import lines_of, with_linear_parts, with_lines_drawn
+from identification.effects.imitation import imitated, is_formed
+from identification.effects.refit import refined, refitted_with
+from identification.effects.start import Start
+from identification.fit.declared import fit_declared
+from identification.fit.identifiability import identified
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit
+from identification.model.excitation import records_of
+from identification.model.simulate import Simulator
+from identification.posterior.density import Posterior
+from identification.posterior.normal import normal_draws
+from tests.effects.hidden import records_of_bench
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+
+
+def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
+    """The fit with a curve beside it."""
+    (candidate,) = [
+        c for c in curves(survey_of(fit))
+        if isinstance(c.term, MissingTorque | MissingVoltage)
+        and (c.term.along, c.term.carrier, c.term.equation) == (along, carrier, equation)
+    ]  # fmt: skip
+    return refitted_with(fit, candidate.term, [Start(np.zeros(HEIGHTS))])
+
+
+@pytest.fixture(scope="module")
+def declared() -> Fit:
+    """A servo with nothing hidden in it."""
+    return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+
+
+@pytest.mark.parametrize(
+    ("along", "carrier", "equation", "signal"),
+    [
+        ("speed", "", "mechanical", "speed"),
+        ("current", "", "mechanical", "current"),
+        ("current", "", "electrical", "current"),
+        ("voltage", "", "electrical", "voltage"),
+        ("time", "current", "electrical", "current"),
+    ],
+)
+def test_a_line_moves_parameters_and_not_the_motor(
+    declared: Fit, along: str, carrier: str, equation: str, signal: str
+) -> None:
+    """Simulated with the line and without, every draw does the same.
+
+    A torque constant has no line's temperature coefficient, so that there it is nearly the same.
+    """
+    closed = with_curve(declared, along, carrier, equation)
+    (term,) = closed.simulator.model.terms
+    assert isinstance(term, MissingTorque | MissingVoltage)
+    own = {"speed": closed.values[5] * term.speed, "voltage": term.size}
+    own["current"] = closed.values[0 if equation == "electrical" else 2] * term.current
+    widths = [0.3 * own[name] * (name == signal) for name in ("current", "speed", "voltage")]
+    model = replace(closed.simulator.model, terms=(replace(term, linear=tuple(widths)),))
+    before = {
+        name: np.full(6, value)
+        for name, value in zip(closed.coordinates.names, closed.values, strict=True)
+    }
+    opened = Simulator(model, closed.simulator.records, closed.simulator.plan)
+    fit = replace(closed, simulator=opened)
+
+    after = with_lines_drawn(before, lines_of(fit), seed=1)
+
+    values = np.array([after[p.name] for p in model.parameters])
+    assert np.ptp(values[:7], axis=1).max() > 0.0
+    bare = closed.simulator.logged(closed.values[:, None], closed.states)
+    for alone, lines, record in zip(
+        bare, opened.logged(values, closed.states), opened.records, strict=True
+    ):
+        tolerance = 0.02 if (equation, signal) == ("mechanical", "current") else 1e-4
+        assert np.all(np.abs(lines - alone).max(axis=(0, 2)) < tolerance * record.span)
+
+
+def test_what_a_curve_cannot_form_is_left_in_it() -> None:
+    """Cubic curves form a straight line and no step does, however alike the two are."""
+    x = np.linspace(-1.0, 1.0, 401)
+    smooth = np.column_stack([x**k for k in range(4)])
+    steps = np.column_stack([np.sign(x), np.abs(x), x**2])
+
+    assert is_formed(smooth, x)
+    assert not is_formed(steps, x)
+    np.testing.assert_allclose(imitated(smooth, x[:, None])[:, 0], [0, 1, 0, 0.6], atol=0.01)
+    np.testing.assert_array_equal(imitated(steps, x[:, None]), 0.0)
+
+
+def test_of_two_signals_only_what_is_formed_of_both_is_taken() -> None:
+    """Functions of a sum of two signals take away the sum and leave the difference."""
+    rng = np.random.default_rng(1)
+    one, other = rng.standard_normal((2, 5000))
+    basis = np.column_stack([one + other, (one + other) ** 3])
+
+    shares = imitated(basis, np.column_stack([one, other]))
+
+    np.testing.assert_allclose(shares[:, 0], shares[:, 1], rtol=0.05)
+    np.testing.assert_allclose(shares[0], 1.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("effect", "along", "carrier", "equation", "open_"),
+    [
+        (EffectRequest("square_voltage_loss", 0.05), "current", "", "electrical", "Ra25"),
+        (EffectRequest("rub_above_speed", 0.1), "speed", "", "mechanical", "b"),
+        (EffectRequest("load_dependent_friction", 0.1), "size of current", "direction",
+         "mechanical", ""),
+    ],
+)  # fmt: skip
+def test_parameters_beside_a_curve_are_right_or_called_open(
+    effect: EffectRequest, along: str, carrier: str, equation: str, open_: str
+) -> None:
+    """Without the line, resistance or friction was off by hundreds of its standard deviations.
+
+    A spline is not the law itself, so that a hundredth is allowed.
+    """
+    measured = make_campaign("servo_150w", [effect], seed=31, rows=1200, training=4, validation=1)
+    declared = fit_declared(records_of_bench(measured).training, "zoh")
+    closed = refined(with_curve(declared, along, carrier, equation))
+
+    final = with_linear_parts(closed)
+
+    known = identified(final, effective_share(closed))
+    assert [name for name in final.coordinates.names[:7] if not known[name]] == (
+        {"Ra25": ["Ra25", "alpha_Ra"], "b": ["b"], "": []}[open_]
+    )
+    draws = normal_draws(Posterior(closed, effective_share(closed)), seed=3)
+    draws = with_lines_drawn(draws, lines_of(final), seed=3)
+    for name, value in measured.truth["parameters"].items():
+        off = abs(draws[name].mean() - value)
+        assert off < max(4.0 * draws[name].std(), 0.01 * abs(value)), name
