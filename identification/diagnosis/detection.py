@@ -77,6 +77,11 @@ class ChannelCheck:
     passed: bool
     reason: str
 
+    @property
+    def is_too_large(self) -> bool:
+        """Whether the residual is larger than noise can be."""
+        return self.noise_ratio > self.noise_ratio_limit
+
 
 @dataclass(frozen=True)
 class Detection:
@@ -93,6 +98,10 @@ class Detection:
     checks: tuple[ChannelCheck, ...]
     missing: bool
     sentence: str
+
+    def of(self, channel: str, role: str) -> tuple[ChannelCheck, ...]:
+        """The check of a channel in a role; none where it was not made."""
+        return tuple(c for c in self.checks if (c.channel, c.role) == (channel, role))
 
 
 def detect(fit: Fit, campaign: Campaign, noise: Array) -> Detection:

@@ -70,6 +70,7 @@ class Gates:
         possible: Relative fall on runs left out that would surely leave nothing but noise [-].
         log_odds: Gain of the log likelihood of the runs left out, in effective samples.
         local: Whether the effect concerns single runs only.
+        flaw: Why the effect is not what its kind is; empty where it is.
     """
 
     gain: float
@@ -79,6 +80,7 @@ class Gates:
     possible: float
     log_odds: float
     local: bool
+    flaw: str = ""
 
     @property
     def passed(self) -> bool:
@@ -88,6 +90,8 @@ class Gates:
     @property
     def refusal(self) -> str:
         """Which gate refused it, in words; empty where none did."""
+        if self.flaw:
+            return self.flaw
         if not self.gain > self.needed:
             return (
                 f"within chance: it gains {self.gain:.1f} in log likelihood where the best of all "
@@ -174,7 +178,17 @@ class Judged:
             possible=possible,
             log_odds=log_odds,
             local=bool(names) and names <= LOCAL,
+            flaw=self._flaw(names),
         )
+
+    def _flaw(self, names: set[str]) -> str:
+        """Why one of these terms is not what its kind is; empty where all are."""
+        values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
+        for term in self.fit.simulator.model.terms:
+            own = {p.name: float(values[f"{term.name}.{p.name}"]) for p in term.parameters}
+            if term.name in names and term.flaw(own):
+                return term.flaw(own)
+        return ""
 
     def score(self, share: float) -> float:
         """Half the Bayesian information criterion; smaller is better.

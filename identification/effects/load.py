@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,10 @@ from identification.model.term import (
 )
 
 __all__ = ["InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
+
+
+_SHORTEST: Final = 5.0
+"""Width of an edge, two samples, that a load has to outlast."""
 
 
 def _in_run(signals: Signals, run: int | None) -> Expression:
@@ -115,6 +119,13 @@ class LoadStep(AbstractTorque):
             Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
             Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
         )
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """A load of a few samples is what a lost or a wrong sample looks like."""
+        lasts = values["stop"] - values["start"]
+        if lasts > _SHORTEST * self.edge:
+            return ""
+        return f"a load of {lasts:.3g} s is shorter than ten samples, and no load"
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""

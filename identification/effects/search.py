@@ -193,7 +193,11 @@ def _exchange(state: _State) -> None:
         if state.trials.over:
             return
         simpler = state.trials.without(state.current, term)
-        rivals = _rivals(state, simpler, term.name)
+        rivals = [
+            rival
+            for rival in _rivals(state, simpler, term.name)
+            if rival.gates(simpler, state.trials.tried).passed
+        ]
         if rivals:
             models = [state.current, *rivals]
             state.current = models[_ranked(models)[0]]

@@ -28,6 +28,8 @@ __all__ = ["fit_declared", "replanned", "settled"]
 Array = NDArray[np.float64]
 
 _STARTS: Final = 3
+_SHARP: Final = 0.03
+"""Relative standard deviation of a resistance that the data know well."""
 _LEG: Final = 5
 _LEGS: Final = 11
 _LEAST_INDUCTANCE: Final = 2e-3
@@ -47,7 +49,7 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
     ranked = _ranked(model, records, starting_values(records))
     best: Fit | None = None
     for values in ranked[:_STARTS]:
-        if best is not None and best.converged:
+        if best is not None and best.converged and _is_sharp(best):
             break
         simulator = Simulator.fitting(model, records, values)
         coordinates = _bounded(simulator, records, values)
@@ -60,6 +62,19 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             "expected finite currents and speeds: check units and the sign of each channel"
         )
     return settled(best)
+
+
+def _is_sharp(fit: Fit) -> bool:
+    """Whether the data know the resistance well, so that there is no other optimum far away.
+
+    A loop that holds one speed shows a winding little: a resistance without inductance then does
+    nearly as well as the right one.
+    """
+    place = fit.coordinates.names.index("Ra25")
+    spread = np.sqrt(fit.equations.covariance()[place, place]) * fit.coordinates.slopes(
+        fit.position
+    )
+    return bool(spread[place] < _SHARP * abs(fit.values[place]))
 
 
 def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -> Fit:

@@ -25,6 +25,9 @@ _PRIOR_SHARE: Final = 0.5
 """The data have to say more than half of what the prior says already."""
 
 _ABSENT: Final = 1e-12
+"""Eigenvalue of the scaled information, the largest near one, below which nothing is known."""
+_ROUNDED: Final = 1e-8
+"""Squared share of a parameter in a direction, below which it has no part in it."""
 
 
 def identified(fit: Fit, share: float) -> dict[str, bool]:
@@ -57,6 +60,8 @@ def _data_deviations(fit: Fit, share: float) -> Array:
     scaled = information[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
     values, vectors = np.linalg.eigh(scaled)
     inverse = np.where(values > _ABSENT, 1.0 / np.maximum(values, _ABSENT), 1.0 / _ABSENT**2)
-    variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
+    # In a direction that the data do not show, rounding leaves a little of every parameter.
+    shares = np.where((values <= _ABSENT) & (vectors**2 < _ROUNDED), 0.0, vectors**2)
+    variance = shares @ inverse
     deviations[seen] = np.sqrt(variance) / size[seen]
     return deviations

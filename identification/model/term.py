@@ -22,6 +22,7 @@ functions and no Python `if` on a signal.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
@@ -133,6 +134,14 @@ class AbstractTerm(ABC):
             before: The poorer form.
         """
         return ()
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """Why the term is not what its kind is with these values, in words; empty where it is.
+
+        Args:
+            values: Its parameters by name.
+        """
+        return ""
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term; none moves [unit of the state / s]."""

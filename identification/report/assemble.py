@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
+from identification.diagnosis.odd_runs import noise_of_most, odd_runs
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
 from identification.effects.outcome import Outcome
@@ -40,7 +41,6 @@ Array = NDArray[np.float64]
 
 _CHANNELS = ("current", "speed")
 
-_COMPLETE = 1.1
 """Noise ratio above which an error is called more than noise."""
 
 
@@ -105,8 +105,19 @@ class Findings:
 
     @cached_property
     def noise(self) -> Array:
-        """(2,) standard deviation of the noise of current and speed [A, rad/s]."""
-        return noise_deviation(self.final)
+        """(2,) standard deviation of the noise of current and speed [A, rad/s].
+
+        Where the residual of the training runs is larger than noise can be, it is the noise with
+        the missing voltage and torque taken out: what the model lacks is no noise.  Nor is what
+        only runs have that do not fit the others.
+        """
+        noise = noise_deviation(self.final)
+        if self.after is None or self.left is None:
+            return noise
+        for k, channel in enumerate(_CHANNELS):
+            if any(check.is_too_large for check in self.after.of(channel, "training")):
+                noise[k] = min(noise[k], self.left.noise[k])
+        return noise_of_most(self.simulated["after"]["training"], noise)
 
 
 def assemble(findings: Findings) -> dict[str, object]:
@@ -164,18 +175,22 @@ def assemble(findings: Findings) -> dict[str, object]:
 
 
 def _missing(findings: Findings) -> list[str]:
-    """What the final model leaves unexplained, as far as the errors show it."""
+    """What the final model leaves unexplained, and which run it is where it is one."""
+    if findings.after is None or findings.left is None or not findings.after.missing:
+        return []
     messages = []
     for role, simulated in findings.simulated["after"].items():
         errors = _errors(simulated, findings.noise) or {}
         for channel, entry in errors.items():
             ratio = entry["noise_ratio"]
-            if ratio is not None and ratio > _COMPLETE:
+            checks = findings.after.of(channel, role)
+            if ratio is not None and any(check.is_too_large for check in checks):
                 messages.append(
                     f"the {channel} of the {role} runs is off by {ratio:.2f} times its noise: the "
                     "model lacks something there"
                 )
-    return messages
+    odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
+    return (messages or [findings.after.sentence]) + odd
 
 
 def _software() -> dict[str, str]:

@@ -157,20 +157,34 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
             for name, ratio in ratios.items()
         ]
     )
-    worst = max(ratios.values())
+    verdict = _verdict(result, max(ratios.values()), coloured)
+    return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+
+
+def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
+    """What an error means, given what else the residuals say."""
+    remaining = result["diagnosis"].get("remaining") or {}
+    failed = {check["role"] for check in remaining.get("checks", []) if not check["passed"]}
+    if failed == {"validation"}:
+        return (
+            "the training runs are explained, so the validation runs hold something that none of "
+            "them does, in the motor, its load or a sensor"
+        )
+    if worst > _NEAR_NOISE and (failed or not remaining):
+        return "something is at work that the model does not contain, in the motor or in a sensor"
     if worst <= _NEAR_NOISE and coloured:
         # Where the noise is estimated from the same residuals, a ratio of 1 proves nothing.
-        verdict = (
+        return (
             f"yet the residual of {_list(coloured)} is not white, so either the sensor is slow or "
             "the model misses something (see Residuals)"
         )
-    elif worst <= _DOWN_TO_NOISE:
-        verdict = "that is as close as the sensors can tell"
-    elif worst <= _NEAR_NOISE:
-        verdict = "a small part of the error is more than sensor noise"
-    else:
-        verdict = "something moves the motor that the model does not contain"
-    return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+    if failed:
+        return "yet the training runs are not explained to their noise"
+    if worst <= (_NEAR_NOISE if remaining else _DOWN_TO_NOISE):
+        return "that is as close as the sensors can tell"
+    if worst <= _NEAR_NOISE:
+        return "a small part of the error is more than sensor noise"
+    return "that is within what so few samples scatter"
 
 
 def _formerly(error: Entry | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
 from identification import FitOptions, InputError, identify
+from identification.effects.load import LoadStep
 from identification.ingest.run import Run
+from tests.motors import campaign, motor_named
 
 FAST = FitOptions(posterior=False)
 
@@ -90,3 +93,46 @@ def test_a_result_with_effects_is_plain_numbers() -> None:
     assert shift["off"]
     assert len(result["feedback_before"]) == len(result["feedback"])
     assert all(np.isfinite(entry["step_rad_s"]) for entry in result["feedback_nonlinear"])
+
+
+def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
+    """A zero error of the current in one run: the noise stays that of the sensors."""
+    runs = campaign(motor_named("servo 100 W"), seed=6, noise=0.005, runs=5, rows=800)
+    clean: Any = identify(runs[:4], runs[4:], FAST).result
+    noise = clean["noise"]["current_A"]
+    runs[2] = replace(runs[2], current=runs[2].current + 10 * noise)
+
+    result: Any = identify(runs[:4], runs[4:], FAST).result
+
+    assert result["noise"]["current_A"] == pytest.approx(noise, rel=0.2)
+    odd = [warning for warning in result["warnings"] if "does not fit the other runs" in warning]
+    assert len(odd) == 1
+    assert odd[0].startswith(runs[2].name)
+    assert result["errors"]["after"]["training"]["current"]["noise_ratio"] > 2.0
+    assert not any("other runs" in warning for warning in clean["warnings"])
+
+
+def test_a_stuck_thermometer_leaves_nothing_that_the_runs_left_out_refuse() -> None:
+    """One hot run is logged at 25 degC: thermal kinds stand in, but not against the prediction."""
+    runs = campaign(motor_named("servo 100 W"), seed=9, noise=0.01, runs=4, rows=800)
+    hottest = max(range(3), key=lambda k: float(np.mean(temperature_of(runs[k]))))
+    runs[hottest] = replace(runs[hottest], temperature=np.full(runs[hottest].rows, 25.0))
+
+    result: Any = identify(runs[:3], runs[3:], FAST).result
+
+    for effect in result["effects"]:
+        assert effect["evidence"]["error_fall_validation"] > 0.0, effect["name"]
+
+
+def test_a_load_of_a_few_samples_is_none() -> None:
+    """A lost sample looks like one; a load that lasts for a twentieth of a second is real."""
+    term = LoadStep(0, 1.0, 2e-3, 1.0)
+
+    assert "ten samples" in term.flaw({"torque": 2.0, "start": 0.3, "stop": 0.3016})
+    assert not term.flaw({"torque": 0.1, "start": 0.3, "stop": 0.35})
+
+
+def temperature_of(run: Run) -> Any:
+    """What the thermometer logged [degC]."""
+    assert run.temperature is not None
+    return run.temperature

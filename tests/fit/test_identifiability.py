@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from identification.errors import InputError
 from identification.fit.campaign import campaign_of
@@ -191,3 +192,31 @@ def test_runs_in_which_nothing_responds_are_refused() -> None:
 
     with pytest.raises(InputError, match="neither current_A nor speed_rad_s changes"):
         campaign_of(runs, [])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_loop_that_holds_one_speed_is_fitted_to_its_best_optimum(seed: int) -> None:
+    """A resistance without inductance does nearly as well; the right one is found all the same."""
+    ra, kt, inertia, friction, inductance = 1.1, 0.115, 1.2e-4, 6e-5, 2.6e-3
+    dynamics = np.array([[-ra / inductance, -kt / inductance], [kt / inertia, -friction / inertia]])
+    drive = np.array([[1 / inductance], [0.0]])
+    step = expm(np.block([[dynamics, drive], [np.zeros((1, 3))]]) * 1e-3)
+    rng = np.random.default_rng(seed)
+    runs = []
+    for k in range(2):
+        state = np.array([friction * 150.0 / kt, 150.0])
+        total = kt * state[1] + ra * state[0]
+        rows = []
+        for n in range(3000):
+            logged = state + np.array([0.03, 0.4]) * rng.standard_normal(2)
+            error = 150.0 - logged[1]
+            total += 1e-3 * error
+            rows.append((1e-3 * n, 0.03 * error + total, *logged))
+            state = (step @ [*state, rows[-1][1]])[:2]
+        time, voltage, current, speed = np.array(rows).T
+        runs.append(Run(f"run{k}", f"{k}", time, voltage, current, speed))
+
+    fit = fit_declared(campaign_of(runs, []).training, "zoh")
+
+    assert abs(fit.values[0] - ra) < 3.0 * deviation(fit, "Ra25")
+    assert fit.values[0] > 0.5 * ra

@@ -33,7 +33,7 @@ def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -
     [
         (1.00, "as close as the sensors can tell", "good"),
         (1.06, "a small part of the error is more than sensor noise", "fair"),
-        (3.00, "something moves the motor that the model does not contain", "bad"),
+        (3.00, "something is at work that the model does not contain", "bad"),
     ],
 )
 def test_the_verdict_follows_the_noise_ratio(

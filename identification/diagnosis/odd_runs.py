@@ -1,0 +1,72 @@
+"""Runs that do not fit the others: another motor, a load, a sensor that failed in one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.evaluate import Simulated
+
+__all__ = ["noise_of_most", "odd_runs"]
+
+Array = NDArray[np.float64]
+
+_FAR: Final = 2.0
+"""Error over the middle of the errors of the other runs."""
+_LEAST: Final = 1.5
+"""Error over the noise."""
+
+
+def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
+    """Sentences on runs whose error is far larger than that of the others.
+
+    Args:
+        simulated: Training records beside their simulation.
+        noise: (2,) noise of current and speed [A, rad/s].
+    """
+    sentences = []
+    names = list(dict.fromkeys(s.record.name for s in simulated))
+    for channel, word in enumerate(("current", "speed")):
+        ratios = _errors(simulated, channel) / max(float(noise[channel]), 1e-300)
+        middles = _middles(ratios)
+        sentences += [
+            f"{names[k]}: does not fit the other runs: its {word} is off by {ratios[k]:.3g} times "
+            f"the noise, the others by {middles[k]:.3g}; look at that run, or leave it out"
+            for k in np.flatnonzero(ratios > np.maximum(_LEAST, _FAR * middles))
+        ]
+    return sentences
+
+
+def noise_of_most(simulated: Sequence[Simulated], noise: Array) -> Array:
+    """(2,) noise of current and speed without what only runs that do not fit have [A, rad/s].
+
+    Args:
+        simulated: Training records beside their simulation.
+        noise: (2,) noise as the residuals of all of them have it.
+    """
+    found = noise.copy()
+    for channel in range(2):
+        errors = _errors(simulated, channel)
+        fitting = ~(errors > _FAR * _middles(errors))
+        if not fitting.all():
+            found[channel] = min(found[channel], float(np.median(errors[fitting])))
+    return found
+
+
+def _middles(errors: Array) -> Array:
+    """(n_run,) the middle error of the other runs, infinite where there is none."""
+    others = [np.delete(errors, k) for k in range(errors.size)]
+    return np.array([np.median(each) if each.size else np.inf for each in others])
+
+
+def _errors(simulated: Sequence[Simulated], channel: int) -> Array:
+    """(n_run,) root mean square error of each run, zero where nothing was measured."""
+    found: dict[str, list[Array]] = {}
+    for s in simulated:
+        kept = s.record.weight[:, channel] > 0
+        found.setdefault(s.record.name, []).append(s.residual[kept, channel])
+    errors = [np.concatenate(pieces) for pieces in found.values()]
+    return np.array([np.sqrt(np.mean(e**2)) if e.size else 0.0 for e in errors])
