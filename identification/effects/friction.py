@@ -24,6 +24,8 @@ _WIDTH = 3e-3
 
 _LEAST_LEFT = 0.01
 """Share of the friction, to the power of its form, that is always left."""
+_NEARLY_NONE = 1e-4
+"""Part of the fall below which its logarithm is taken from its series."""
 
 
 def smooth_sign(x: Expression, width: float) -> Expression:
@@ -137,7 +139,9 @@ class StribeckFriction(AbstractTorque):
 class QuadraticDrag(AbstractTorque):
     """Torque of a fan or of windage, growing with about the square of speed.
 
-        tau = -T_d (|w| / w_0)^n sgn w                                      [N m]
+        tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
+
+    with `a` how far the two directions differ, as the blades of a fan make them.
 
     Args:
         torque_size: Natural torque [N m].
@@ -161,18 +165,22 @@ class QuadraticDrag(AbstractTorque):
         return (
             amplitude("torque", "N m", f"drag at {self.reference:.4g} rad/s", self.torque_size),
             shape("exponent", "-", "power of the speed", 1.5, 2.5),
+            asymmetry(),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque against the motion [N m]."""
         ratio = signals.speed / self.reference
         size = ca.sqrt(ratio * ratio + 1e-6)
-        return -values.torque * ratio * ca.exp((values.exponent - 1) * ca.log(size))
+        even = ca.exp((values.exponent - 1) * ca.log(size))
+        return -values.torque * ratio * even * (1 + values.asymmetry * ratio / size)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure."""
-        return [Candidate(cls(survey.torque, survey.speed), columns((0.05 * survey.torque, 2.0)))]
+        return [
+            Candidate(cls(survey.torque, survey.speed), columns((0.05 * survey.torque, 2.0, 0.0)))
+        ]
 
 
 @dataclass(frozen=True)
@@ -181,8 +189,9 @@ class ViscousTemperature(AbstractCoefficient):
 
         b(T) = b (1 - f k (T - 25))^(1/f)                                   [N m s/rad]
 
-    which is Reynolds' exponential law of viscosity for a form f near zero and a straight line for
-    a form of one.  What lies between is left open, so that b at 25 degC is as uncertain as the law.
+    which is Reynolds' exponential law of viscosity for a form f of zero, a straight line for one of
+    one, and falls fast at first and then ever slower, as Vogel's law, for one below zero.  Which it
+    is is left open, so that b at 25 degC is as uncertain as the law.
     """
 
     name: ClassVar[str] = "viscous_temperature"
@@ -205,23 +214,27 @@ class ViscousTemperature(AbstractCoefficient):
         Parameter(
             "form",
             "-",
-            "form of the law, from exponential (0) to straight (1)",
-            scale=0.5,
-            lower=0.02,
+            "form of the law: straight (1), exponential (0), or slower in the heat",
+            scale=1.0,
+            lower=-2.0,
             upper=1.0,
-            prior_mean=0.5,
-            prior_sd=0.58,  # of an even spread between the two
+            prior_mean=0.0,
+            prior_sd=0.7,
         ),
     )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on b [-]."""
-        left = 1 - values.form * values.rate * (signals.temperature - 25)
-        return ca.exp(ca.log(ca.fmax(left, _LEAST_LEFT)) / values.form)
+        fall = values.rate * (signals.temperature - 25)
+        part = ca.fmin(values.form * fall, 1 - _LEAST_LEFT)
+        is_small = ca.fabs(part) < _NEARLY_NONE
+        larger = ca.if_else(is_small, _NEARLY_NONE, part)
+        bent = ca.if_else(is_small, 1 + part / 2, -ca.log(1 - larger) / larger)
+        return ca.exp(-fall * bent)
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure, where the temperature moves at all."""
         if survey.heated < 3.0:
             return []
-        return [Candidate(cls(), columns((0.01, 0.5), (-0.005, 0.5)))]
+        return [Candidate(cls(), columns((0.01, 0.2), (-0.005, 0.2)))]

@@ -37,6 +37,7 @@ __all__ = ["search"]
 _REFITTED: Final = 7
 _RIVALS: Final = 4
 _CURVES: Final = 4
+_RUNNERS: Final = 2
 _CURVE_UNDERSTATED: Final = 2.0
 _FAR_MORE: Final = 3.0
 _MOST_OF_IT: Final = 0.5
@@ -105,6 +106,8 @@ def search(
         _backward(state)
         _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
+    if is_exhausted and time.monotonic() < listed_until:
+        _second_thoughts(state)
     _unlisted(state, first, alone, is_exhausted)
     complete = not trials.over
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
@@ -212,6 +215,28 @@ def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
     wanted = promising(scores, _RIVALS, least)
     fits = trials.refits(simpler, wanted, hopeless)
     return trials.near(simpler, [(s, f) for s, f in fits if f.cost <= hopeless])
+
+
+def _second_thoughts(state: _State) -> None:
+    """Go on from kinds that came next in the first round, where the best leaves something.
+
+    One kind may bend its shape so far that it stands for two: beside a Stribeck friction that does
+    for a dry one as well, the dry one promises nothing any more, and the other way round it does.
+    """
+    if not state.current.fit.simulator.model.terms:
+        return
+    if not (_is_left(state) or _is_strained(state.current.fit)):
+        return
+    for runner in state.trials.runners()[:_RUNNERS]:
+        if state.trials.over:
+            return
+        other = _State(state.trials, runner, state.searched)
+        round_ = 1 + max(one.round for one in state.searched)
+        if _forward(other, round_):
+            _enrich(other, round_)
+            if _is_better(other.current, state.current):
+                state.current = other.current
+                _backward(state)
 
 
 def _is_left(state: _State) -> list[Score]:

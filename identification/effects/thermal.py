@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
@@ -32,17 +32,28 @@ __all__ = [
 class SelfHeating(AbstractTemperature):
     """The winding is hotter than the log, by its own losses.
 
-        d(rise)/dt = (R_th Ra(T + rise) i^2 - rise) / tau                   [K/s]
+        d(rise)/dt = (R_th (Ra(T + rise) i^2 + P (w / w_0)^2) - rise) / tau     [K/s]
+
+    P is the loss of the iron, where it shows.  So does, in a richer form, a second body: the rise
+    of the winding over it is quick, and adds to its own.
+
+        d(rise_2)/dt = (R_2 Ra(T + rise) i^2 - rise_2) / (q tau)                [K/s]
 
     Args:
         power_size: Natural loss [W].
         fastest: Shortest thermal time constant [s].
         slowest: Longest thermal time constant [s].
+        speed_size: Natural speed w_0 [rad/s]; without one, iron has no loss.
+        is_iron: Whether iron has a loss.
+        bodies: One, or two with the winding apart.
     """
 
     power_size: float
     fastest: float
     slowest: float
+    speed_size: float = 0.0
+    is_iron: bool = False
+    bodies: int = 1
 
     name: ClassVar[str] = "self_heating"
     equation: ClassVar[str] = "thermal"
@@ -51,41 +62,78 @@ class SelfHeating(AbstractTemperature):
         "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
     )
     body: ClassVar[str] = "winding"
-    states: ClassVar[tuple[State, ...]] = (State("rise", "K"),)
+
+    @property
+    def variant(self) -> str:
+        """What there is besides one body with the loss of the winding."""
+        more = ["loss of iron"] * self.is_iron + ["two bodies"] * (self.bodies > 1)
+        return ", ".join(more)
+
+    @property
+    def richer(self) -> tuple[SelfHeating, ...]:
+        """A second body, and a loss in the iron."""
+        forms = []
+        if self.bodies == 1:
+            forms.append(replace(self, bodies=2))
+        if not self.is_iron and self.speed_size > 0.0:
+            forms.append(replace(self, is_iron=True))
+        return tuple(forms)
+
+    @property
+    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+        """The rise, and that of the winding over the other body."""
+        return tuple(State(name, "K") for name in ("rise", "rise_2")[: self.bodies])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Thermal resistance and time constant."""
-        return (
-            Parameter(
-                "resistance",
-                "K/W",
-                "rise of the winding over its loss",
-                scale=10.0 / self.power_size,
-                lower=0.0,
-                prior_sd=20.0,
-            ),
+        """Thermal resistances and time constants, and the loss of the iron."""
+
+        def resistance(name: str, meaning: str) -> Parameter:
+            scale = 10.0 / self.power_size
+            return Parameter(name, "K/W", meaning, scale=scale, lower=0.0, prior_sd=20.0)
+
+        found = [
+            resistance("resistance", "rise of the winding over its loss"),
             shape("time_constant", "s", "time constant of the rise", self.fastest, self.slowest),
-        )
+        ]
+        if self.is_iron:
+            meaning = f"loss of the iron at {self.speed_size:.4g} rad/s"
+            found.append(
+                Parameter("iron", "W", meaning, scale=self.power_size, lower=0.0, prior_sd=5.0)
+            )
+        if self.bodies > 1:
+            found.append(resistance("resistance_2", "rise of the winding over the second body"))
+            found.append(shape("quickness", "-", "its time constant over the other", 5e-3, 0.5))
+        return tuple(found)
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Temperature of the winding [degC]."""
-        return before + states.rise
+        return before + self._rise(states)
+
+    def _rise(self, states: Values) -> Expression:
+        return states.rise + states.rise_2 if self.bodies > 1 else states.rise
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the rise [K/s]."""
-        heat = signals.temperature + states.rise - 25
+        """Rate of each rise [K/s]."""
+        heat = signals.temperature + self._rise(states) - 25
         loss = values.Ra25 * (1 + values.alpha_Ra * heat) * signals.current**2
-        return [(values.resistance * loss - states.rise) / values.time_constant]
+        warm = loss
+        if self.is_iron:
+            warm = warm + values.iron * (signals.speed / self.speed_size) ** 2
+        found = [(values.resistance * warm - states.rise) / values.time_constant]
+        if self.bodies > 1:
+            quick = values.quickness * values.time_constant
+            found.append((values.resistance_2 * loss - states.rise_2) / quick)
+        return found
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
         """One structure, its time constant scanned."""
         power = float(survey.values[0]) * survey.current**2
         fastest, slowest = survey.duration / 300, survey.duration * 5
-        term = cls(power, fastest, slowest)
+        term = cls(power, fastest, slowest, survey.speed)
         scanned = survey.duration * np.array([0.01, 0.05, 0.2, 1.0])
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
 

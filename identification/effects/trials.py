@@ -45,6 +45,8 @@ _REACH: Final = 0.15
 UNDERSTATED: Final = 5.0
 """Gain of a refit over what screening promised, at most."""
 _COMMON: Final = 4.0
+_PART: Final = 0.2
+"""Share of the gain of the best kind that makes another one worth to go on from."""
 
 
 @dataclass
@@ -187,6 +189,15 @@ class Trials:
             best = min(best, fit.cost)
             found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
+
+    def runners(self) -> list[Judged]:
+        """Models with one kind beside the declared ones, that gain a part of what the best does."""
+        bare = self._judged[frozenset()].fit.cost
+        alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
+        gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
+        most = max(gains.values(), default=0.0)
+        far = [key for key, gain in gains.items() if gain > _PART * most][1:]
+        return [self.judge(self._finished(self._fits[key])) for key in far]
 
     def near(self, current: Judged, trials: Sequence[tuple[Score, Fit]]) -> list[Judged]:
         """The refits in reach of the best, on intervals as fine as they need, in their order."""

@@ -69,6 +69,19 @@ def test_two_hidden_effects_are_both_named_and_nothing_else() -> None:
     assert sorted(effect.name for effect in outcome.effects) == ["brush_drop", "coulomb_friction"]
 
 
+@pytest.mark.parametrize("seed", [40, 43])
+def test_a_friction_that_stands_for_two_gives_way_to_both(seed: int) -> None:
+    """A Stribeck friction bends until it is dry friction as well, and leaves a little."""
+    requests = [EffectRequest("coulomb_friction", 0.1), EffectRequest("stribeck_friction", 0.06)]
+    measured = make_campaign("servo_150w", requests, seed=seed, rows=1000, training=3, validation=1)
+    campaign = records_of_bench(measured)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    named = sorted(effect.name for effect in outcome.effects)
+    assert named == ["coulomb_friction", "stribeck_friction"]
+
+
 def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
     """A brush drop whose two directions differ and whose knee is a hyperbolic tangent."""
     measured = make_campaign(
