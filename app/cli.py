@@ -21,6 +21,7 @@ import typer.core
 
 from app.arguments import SeveralWords, decimal, whole
 from app.exits import Stopped, failed
+from app.logging import warnings_logged
 
 __all__ = ["app", "main"]
 
@@ -386,7 +387,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        status = app(args=words, prog_name="motorid", standalone_mode=False)
+        with warnings_logged():
+            status = app(args=words, prog_name="motorid", standalone_mode=False)
         sys.stdout.flush()
     except Stopped as stopped:
         return failed(stopped.reason)

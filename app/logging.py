@@ -14,10 +14,12 @@ import logging
 import re
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-__all__ = ["configure_logging", "request_id"]
+__all__ = ["configure_logging", "request_id", "warnings_logged"]
 
 request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
 """Id of the request that is being answered."""
@@ -66,3 +68,17 @@ def configure_logging(level: str) -> None:
     logging.getLogger("uvicorn.access").disabled = True
     for name in ("alembic", "multipart", "python_multipart", "asyncio"):
         logging.getLogger(name).setLevel(logging.WARNING)
+
+
+@contextmanager
+def warnings_logged() -> Iterator[None]:
+    """Have Python's warnings go to the log while the block runs.
+
+    They name source files and tell a user nothing.  A command has no log and shows none; the
+    service writes them as it writes everything.  Where they are errors, as in tests, they stay so.
+    """
+    logging.captureWarnings(True)
+    try:
+        yield
+    finally:
+        logging.captureWarnings(False)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from app.batch.record import finish, make_way, now_text
+from app.logging import warnings_logged
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
 from identification.options import FitOptions
@@ -36,7 +37,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
         answer: Pipe to the command.
     """
     try:
-        _fit(task, _Progress(answer))
+        with warnings_logged():
+            _fit(task, _Progress(answer))
     except (InputError, ComputationError) as error:
         _send(answer, {"failed": str(error)})
     except OSError as error:

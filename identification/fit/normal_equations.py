@@ -241,7 +241,8 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
         k: Number of the record.
 
     Returns:
-        (n_direction, n_direction) and (n_direction,), in the order of the directions.
+        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite
+        where the model runs away.
     """
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)
@@ -250,8 +251,10 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
         root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
         jacobian = weighting.whitened(tangent[:, channel, :], channel) * root[:, None]
         target = weighting.whitened(residual[:, channel], channel) * root
-        full += jacobian.T @ jacobian
-        right += jacobian.T @ target
+        # A model that runs away has tangents too large to square; infinity tells the caller.
+        with np.errstate(over="ignore", invalid="ignore"):
+            full += jacobian.T @ jacobian
+            right += jacobian.T @ target
     return full, right
 
 

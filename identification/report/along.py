@@ -206,6 +206,13 @@ def _piece(
     full = _rates(model, states, inputs, values, model)
     inertias = _sizes(model, values)
     found, spread = _interpolated(missing, record.time[rows])
+    # A draw that runs away has no rates, and no share of an effect in them.
+    with np.errstate(over="ignore", invalid="ignore"):
+        effects = {
+            term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
+            * inertias[:, None, :]
+            for term in model.terms
+        }
     column = {name: inputs[:, INPUTS.index(name)] for name in INPUTS}
     return Along(
         record=np.full(rows.size, number),
@@ -220,11 +227,7 @@ def _piece(
             "peak_temperature": column["peak_temperature"],
         },
         rates=full[0],
-        effects={
-            term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
-            * inertias[:, None, :]
-            for term in model.terms
-        },
+        effects=effects,
         missing=found,
         missing_sd=spread,
     )

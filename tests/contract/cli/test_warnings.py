@@ -1,0 +1,68 @@
+"""What `motorid fit` says of runs that are not what they should be: which file, which column."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from app.cli import main
+
+ROOT = Path(__file__).parents[3]
+FAST = ["--no-posterior", "--no-effects"]
+
+
+def edited(file: Path, to: Path, column: str, factor: float) -> Path:
+    """A copy of a run file with one column times a factor."""
+    header, *rows = file.read_text(encoding="utf-8").splitlines()
+    place = header.split(",").index(column)
+    lines = [header]
+    for row in rows:
+        cells = row.split(",")
+        cells[place] = f"{factor * float(cells[place]):.9g}"
+        lines.append(",".join(cells))
+    to.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return to
+
+
+def fitted_with(out: Path, *words: object) -> list[str]:
+    """Warnings of the result of a quick fit."""
+    assert main(["fit", *map(str, words), "--out", str(out), *FAST]) == 0
+    warnings: list[str] = json.loads((out / "result.json").read_text())["warnings"]
+    return warnings
+
+
+def test_a_warning_of_python_is_nothing_for_a_user(tmp_path: Path) -> None:
+    """A fresh interpreter, since tests make errors of warnings: numpy overflows in a command."""
+    program = """
+import numpy
+import app.commands
+from app.cli import main
+app.commands.fit = lambda *words, **more: numpy.float64(1e300) * numpy.float64(1e300)
+assert main(["fit", "run.csv", "--out", "out"]) == 0
+numpy.float64(1e300) * numpy.float64(1e299)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+
+    # What is no command's, as the last line, is shown as ever.
+    assert run.stderr.count("RuntimeWarning: overflow encountered") == 1
+    assert "<string>:7" in run.stderr
+    assert run.stdout == ""
+
+
+def test_a_speed_sensor_the_wrong_way_round_in_one_run_ends_no_fit(
+    run_files: list[Path], tmp_path: Path
+) -> None:
+    """The best model of both runs runs away at some steps, which overflows; that is no error."""
+    wrong = edited(run_files[1], tmp_path / "wrong.csv", "speed_rad_s", -1.0)
+
+    assert fitted_with(tmp_path / "out", run_files[0], wrong)
