@@ -9,7 +9,7 @@ from typing import Any
 
 from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary
-from app.runs.schemas import RunOut
+from app.runs.schemas import RunOut, RunWarningOut
 
 __all__ = ["batch_view", "fit_view", "outcome_view", "run_view"]
 
@@ -32,7 +32,7 @@ def run_view(run: RunOut) -> dict[str, Any]:
         "rate": f"{run.sample_rate_hz:.4g} Hz",
         "length": _duration(run.duration_s),
         "ranges": {name: _range(run, name) for name in _CHANNELS},
-        "warnings": [warning.message for warning in run.warnings],
+        "warnings": [_placed(warning) for warning in run.warnings],
         "created_at": run.created_at,
         "received": _when(run.created_at),
     }
@@ -97,6 +97,11 @@ def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
             for digits in [_digits(entry["median"], entry["sd"])]
         ],
     }
+
+
+def _placed(warning: RunWarningOut) -> str:
+    """A warning beside the file's name, with the column that it is about."""
+    return f"column {warning.column}: {warning.message}" if warning.column else warning.message
 
 
 def _range(run: RunOut, name: str) -> str:

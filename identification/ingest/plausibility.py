@@ -132,7 +132,7 @@ def _check_movement(channels: dict[str, Array], places: Places) -> list[RunWarni
     return [
         places.warning(
             "constant_channel",
-            f"never moves: all samples are {signal[0]:.6g}; "
+            f"never moves: all samples are {signal[0] + 0.0:.6g}; "
             "check that the sensor was connected, unless this is meant",
             name,
         )

@@ -29,6 +29,13 @@ class RunWarning:
     row: int | None = None
     column: str | None = None
 
+    def __str__(self) -> str:
+        """The place and the message on one line, as errors have it: ``run3.csv, column n: ...``.
+
+        The row is left out: it is where the matter begins, and most are about the whole column.
+        """
+        return f"{self.file}{f', column {self.column}' if self.column else ''}: {self.message}"
+
 
 @dataclass(frozen=True)
 class Run:

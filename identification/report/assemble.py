@@ -275,7 +275,7 @@ def _number(value: float) -> float | None:
 def _warnings(findings: Findings) -> list[str]:
     campaign = findings.campaign
     runs = (*campaign.training_runs, *campaign.validation_runs)
-    messages = [f"{warning.file}: {warning.message}" for run in runs for warning in run.warnings]
+    messages = [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
     messages += findings.warnings
     messages += _missing(findings)

@@ -323,6 +323,28 @@ def test_position_of_a_geared_sensor_is_reported(tmp_path: Path) -> None:
     assert "0.25 times" in geared.warnings[0].message
 
 
+def test_a_warning_in_words_names_file_and_column(tmp_path: Path) -> None:
+    """One speed sensor the wrong way round, in a column that the bench calls n [rad/s]."""
+    columns = motor()
+    columns["n [rad/s]"] = -columns.pop("speed_rad_s")
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(columns))
+
+    [warning] = read_run(path, mapping={"speed_rad_s": {"column": "n [rad/s]"}}).warnings
+
+    assert str(warning).startswith("run.csv, column n [rad/s]: has the opposite sign")
+
+
+def test_a_warning_about_a_whole_file_names_no_column(tmp_path: Path) -> None:
+    """The temperature is missing."""
+    columns = motor()
+    del columns["temperature_degC"]
+
+    [warning] = read(tmp_path, columns).warnings
+
+    assert str(warning) == f"run.csv: {warning.message}"
+
+
 def test_warnings_are_one_printable_line(tmp_path: Path) -> None:
     """A header with control characters reaches a warning, and not the terminal."""
     path = tmp_path / "run.csv"

@@ -24,6 +24,16 @@ def test_run_is_shown_with_units_and_without_what_it_has_not() -> None:
     assert shown["received"] == "2026-11-21 12:00"
 
 
+def test_warnings_of_a_run_name_the_column() -> None:
+    """Beside a table of files it is the column that a reader looks for."""
+    dead = {"code": "constant_channel", "message": "never moves", "column": "current_A"}
+    whole = {"code": "no_temperature", "message": "no temperature"}
+
+    shown = run_view(RunOut.model_validate(RUN | {"warnings": [dead, whole]}))
+
+    assert shown["warnings"] == ["column current_A: never moves", "no temperature"]
+
+
 @pytest.mark.parametrize(
     ("ended", "took"),
     [

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from app.cli import main
 
 ROOT = Path(__file__).parents[3]
@@ -32,6 +34,32 @@ def fitted_with(out: Path, *words: object) -> list[str]:
     assert main(["fit", *map(str, words), "--out", str(out), *FAST]) == 0
     warnings: list[str] = json.loads((out / "result.json").read_text())["warnings"]
     return warnings
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "words"),
+    [
+        ("speed_rad_s", -1.0, "has the opposite sign"),
+        ("current_A", 0.0, "never moves: all samples are 0"),
+    ],
+)
+def test_a_warning_about_a_channel_names_its_column(
+    run_files: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    column: str,
+    factor: float,
+    words: str,
+) -> None:
+    """One sensor the wrong way round or unplugged: on the terminal, in result and report."""
+    wrong = edited(run_files[1], tmp_path / "wrong.csv", column, factor)
+
+    warnings = fitted_with(tmp_path / "out", run_files[0], wrong)
+
+    expected = f"wrong.csv, column {column}: {words}"
+    assert [w for w in warnings if w.startswith(expected)]
+    assert f"Warning: {expected}" in capsys.readouterr().out
+    assert expected in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_warning_of_python_is_nothing_for_a_user(tmp_path: Path) -> None:
