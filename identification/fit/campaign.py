@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.errors import InputError
+from identification.fit.repeats import first_alike, repeat_warnings
 from identification.ingest.run import Run
 from identification.model.excitation import Record, records_of
 
@@ -24,6 +25,8 @@ class Campaign:
         training: Records of the first.
         validation: Records of the second, recorded after them.
         warnings: What a reader of the result should know about the runs together.
+        alike: For each run, training then validation, the place of the first one before it with the
+            same samples; None where there is none.
     """
 
     training_runs: tuple[Run, ...]
@@ -31,6 +34,7 @@ class Campaign:
     training: tuple[Record, ...]
     validation: tuple[Record, ...]
     warnings: tuple[str, ...]
+    alike: tuple[int | None, ...]
 
 
 def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
@@ -42,7 +46,8 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
     records = records_of(training)
     hottest = max(float(record.column("peak_temperature")[-1]) for record in records)
     held_out = records_of(validation, len(training), hottest)
-    warnings = []
+    alike = first_alike([*training, *validation])
+    warnings = list(repeat_warnings([*training, *validation], len(training), alike))
     stacked = np.concatenate([record.measured for record in records])
     dead = np.ptp(stacked, axis=0) == 0.0
     if not np.any(np.concatenate([record.column("voltage") for record in records])):
@@ -74,7 +79,12 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
             "the runs, and the temperature coefficients are not identified"
         )
     return Campaign(
-        tuple(training), tuple(validation), tuple(records), tuple(held_out), tuple(warnings)
+        tuple(training),
+        tuple(validation),
+        tuple(records),
+        tuple(held_out),
+        tuple(warnings),
+        alike,
     )
 
 

@@ -101,7 +101,22 @@ def _campaign(runs: Sequence[Entry]) -> str:
     sentence = f"The model was fitted to {_runs_and_rows(fitted)}"
     if not checked:
         return f"{sentence}; no run was kept aside to check it."
+    seen = sum(_was_fitted(run, runs) for run in checked)
+    if seen == len(checked):
+        which = "the run" if seen == 1 else f"the {seen} runs"
+        return f"{sentence}; {which} given to check it had been fitted too, so nothing checks it."
+    if seen:
+        return (
+            f"{sentence} and checked on {_runs_and_rows(checked)}, {seen} of which it had been "
+            "fitted to as well."
+        )
     return f"{sentence} and checked on {_runs_and_rows(checked)} that it had not seen."
+
+
+def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
+    """Whether a run holds the same samples as one that was fitted."""
+    place = run.get("same_as")
+    return place is not None and runs[place]["role"] == "training"
 
 
 def _runs_and_rows(runs: Sequence[Entry]) -> str:
@@ -220,6 +235,9 @@ def _deciding_errors(result: Entry) -> tuple[str, Entry]:
     """Errors of the final model on runs it has not seen, else on its own."""
     after: Entry = result["errors"]["after"]
     validation = after.get("validation")
+    checked = [run for run in result["runs"] if run["role"] == "validation"]
+    if all(_was_fitted(run, result["runs"]) for run in checked):
+        validation = None
     if validation and any(item and item["rmse"] is not None for item in validation.values()):
         return "validation", validation
     return "training", after.get("training") or {}

@@ -114,3 +114,27 @@ def test_a_run_is_rated_by_the_noise_it_was_made_with(make_report: MakeReport) -
         assert float(row.current_ratio) == pytest.approx(1.0, abs=0.06)
         assert float(row.speed_ratio) == pytest.approx(1.0, abs=0.06)
         assert float(row.speed_white.removeprefix("< ")) > 0.001
+
+
+def test_a_run_that_was_fitted_too_is_no_check(result: dict[str, Any]) -> None:
+    """Its errors are those of training, and nothing is said to be unseen."""
+    training = [run for run in result["runs"] if run["role"] == "training"]
+    copies = [dict(run, role="validation", same_as=k) for k, run in enumerate(training)]
+
+    told = " ".join(summary_sentences(result | {"runs": training + copies}))
+
+    assert "given to check it had been fitted too, so nothing checks it" in told
+    assert "had not seen" not in told
+    assert "On the training runs" in told
+
+
+def test_one_copy_among_runs_left_out_is_counted(result: dict[str, Any]) -> None:
+    """The other run is still one that the model had not seen."""
+    training = [run for run in result["runs"] if run["role"] == "training"]
+    left_out = [run for run in result["runs"] if run["role"] == "validation"][:1]
+    copy = dict(training[0], role="validation", same_as=0)
+
+    told = " ".join(summary_sentences(result | {"runs": [*training, *left_out, copy]}))
+
+    assert "1 of which it had been fitted to as well" in told
+    assert "On the validation runs" in told
