@@ -22,6 +22,8 @@ Entry = Mapping[str, Any]
 _DOWN_TO_NOISE = 1.02
 _NEAR_NOISE = 1.10
 _NAMED = 2
+_WIDE = 0.2
+"""Width of the 90 % interval over the median from which a figure of the loop is no prediction."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
         _shifted(result),
         _quality(result, coloured),
         _identified(result),
-        _loop(result["feedback"]),
+        _loop(result),
     ]
     return [sentence for sentence in sentences if sentence]
 
@@ -82,17 +84,24 @@ def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
             "good" if known == len(entries) else "fair",
         )
     )
-    for key, label, unit in (
-        ("rise_time_s", "Rise time", " s"),
-        ("steady_state", "Final value", ""),
-    ):
-        ends = _cold_and_hot(result["feedback"])
-        if ends is not None:
-            cold, hot = ends
-            value = f"{_median(cold[key])} → {_median(hot[key])}{unit}"
-            span = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C"
-            figures.append(KeyFigure(label, value, f"{span}, {cold['controller']}"))
-    return figures
+    return figures + _loop_figures(result)
+
+
+def _loop_figures(result: Entry) -> list[KeyFigure]:
+    ends = _cold_and_hot(result["feedback"])
+    if ends is None:
+        return []
+    cold, hot = ends
+    remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {cold['controller']}"
+    return [
+        KeyFigure(label, "not determined", remark, "fair")
+        if _is_left_open(result, ends, key)
+        else KeyFigure(label, f"{_median(cold[key])} → {_median(hot[key])}{unit}", remark)
+        for key, label, unit in (
+            ("rise_time_s", "Rise time", " s"),
+            ("steady_state", "Final value", ""),
+        )
+    ]
 
 
 def _campaign(runs: Sequence[Entry]) -> str:
@@ -218,16 +227,43 @@ def _identified(result: Entry) -> str:
     return f"All {len(entries)} parameters are determined by the data."
 
 
-def _loop(feedback: Sequence[Entry]) -> str:
-    ends = _cold_and_hot(feedback)
+def _loop(result: Entry) -> str:
+    ends = _cold_and_hot(result["feedback"])
     if ends is None:
         return ""
     cold, hot = ends
-    return (
-        f"With the controller {cold['controller']} in a unity speed loop, going from "
-        f"{cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C takes the final value "
-        f"from {_median(cold['steady_state'])} to {_median(hot['steady_state'])} of the reference "
-        f"and the rise time from {_median(cold['rise_time_s'])} to {_median(hot['rise_time_s'])} s."
+    told = {
+        "rise_time_s": f"the rise time from {_median(cold['rise_time_s'])} to "
+        f"{_median(hot['rise_time_s'])} s",
+        "steady_state": f"the final value from {_median(cold['steady_state'])} to "
+        f"{_median(hot['steady_state'])} of the reference",
+    }
+    left_open = [name for name in told if _is_left_open(result, ends, name)]
+    lead = f"With the controller {cold['controller']} in a unity speed loop"
+    if len(left_open) == len(told):
+        return (
+            f"{lead}, these runs do not determine how fast it answers and what it settles at: what "
+            "is shown for it is no prediction."
+        )
+    sentence = (
+        f"{lead}, going from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
+        f"takes {_list([told[name] for name in reversed(told) if name not in left_open])}"
+    )
+    words = {"rise_time_s": "how fast it answers", "steady_state": "what it settles at"}
+    return "; these runs do not determine ".join([sentence, *(words[n] for n in left_open)]) + "."
+
+
+def _is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
+    """Whether a figure of the loop is wide since some parameter was not measured.
+
+    Where all are, a wide interval is a measurement all the same.
+    """
+    if all(entry["identified"] for entry in result["parameters"].values()):
+        return False
+    entries = [end[name] for end in ends if end.get(name) and end[name]["median"] is not None]
+    return any(
+        entry["q95"] is None or entry["q95"] - entry["q05"] > _WIDE * abs(entry["median"])
+        for entry in entries
     )
 
 

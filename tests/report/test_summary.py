@@ -138,3 +138,47 @@ def test_one_copy_among_runs_left_out_is_counted(result: dict[str, Any]) -> None
 
     assert "1 of which it had been fitted to as well" in told
     assert "On the validation runs" in told
+
+
+def spread(result: dict[str, Any], name: str, factor: float) -> None:
+    """Have a figure of the loop lie between its median over and times a factor."""
+    for entry in result["feedback"]:
+        median = entry[name]["median"]
+        entry[name] |= {"q05": median / factor, "q95": median * factor}
+
+
+def test_a_loop_of_a_motor_that_was_not_measured_is_no_prediction(result: dict[str, Any]) -> None:
+    """A shaft that never turned: torque constant and inertia are guesses over decades."""
+    for name in ("Kt25", "J", "b"):
+        result["parameters"][name]["identified"] = False
+    spread(result, "rise_time_s", 200.0)
+    spread(result, "steady_state", 20.0)
+
+    told = " ".join(summary_sentences(result))
+
+    assert "these runs do not determine how fast it answers and what it settles at" in told
+    assert "takes the final value" not in told
+    assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
+
+
+def test_what_the_runs_tell_of_a_loop_is_told(result: dict[str, Any]) -> None:
+    """Without an inertia the loop settles somewhere after an unknown time."""
+    result["parameters"]["J"]["identified"] = False
+    spread(result, "rise_time_s", 200.0)
+
+    told = " ".join(summary_sentences(result))
+
+    assert "takes the final value from" in told
+    assert "; these runs do not determine how fast it answers." in told
+    assert "the rise time from" not in told
+
+
+def test_a_loop_that_does_not_need_what_is_unknown_is_told(result: dict[str, Any]) -> None:
+    """An inductance too small to be seen changes nothing in the loop."""
+    result["parameters"]["L"]["identified"] = False
+
+    told = " ".join(summary_sentences(result))
+
+    assert "takes the final value from" in told
+    assert "the rise time from" in told
+    assert "these runs do not determine" not in told
