@@ -27,6 +27,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
 from identification.fit.noise import noise_deviation
+from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
@@ -278,6 +279,7 @@ def _warnings(findings: Findings) -> list[str]:
     runs = (*campaign.training_runs, *campaign.validation_runs)
     messages = [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
+    messages += coarse_warnings(campaign.training_runs, findings.noise)
     messages += findings.warnings
     messages += _missing(findings)
     known = identified(findings.final, findings.share)

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,14 +17,14 @@ ROOT = Path(__file__).parents[3]
 FAST = ["--no-posterior", "--no-effects"]
 
 
-def edited(file: Path, to: Path, column: str, factor: float) -> Path:
-    """A copy of a run file with one column times a factor."""
+def edited(file: Path, to: Path, column: str, change: Callable[[float], float]) -> Path:
+    """A copy of a run file with one column changed."""
     header, *rows = file.read_text(encoding="utf-8").splitlines()
     place = header.split(",").index(column)
     lines = [header]
     for row in rows:
         cells = row.split(",")
-        cells[place] = f"{factor * float(cells[place]):.9g}"
+        cells[place] = f"{change(float(cells[place])):.9g}"
         lines.append(",".join(cells))
     to.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return to
@@ -52,7 +53,7 @@ def test_a_warning_about_a_channel_names_its_column(
     words: str,
 ) -> None:
     """One sensor the wrong way round or unplugged: on the terminal, in result and report."""
-    wrong = edited(run_files[1], tmp_path / "wrong.csv", column, factor)
+    wrong = edited(run_files[1], tmp_path / "wrong.csv", column, lambda value: factor * value)
 
     warnings = fitted_with(tmp_path / "out", run_files[0], wrong)
 
@@ -91,7 +92,7 @@ def test_a_speed_sensor_the_wrong_way_round_in_one_run_ends_no_fit(
     run_files: list[Path], tmp_path: Path
 ) -> None:
     """The best model of both runs runs away at some steps, which overflows; that is no error."""
-    wrong = edited(run_files[1], tmp_path / "wrong.csv", "speed_rad_s", -1.0)
+    wrong = edited(run_files[1], tmp_path / "wrong.csv", "speed_rad_s", lambda value: -value)
 
     assert fitted_with(tmp_path / "out", run_files[0], wrong)
 
@@ -108,3 +109,17 @@ def test_a_run_that_is_checked_on_itself_is_no_check(
     assert "had not seen" not in shown
     runs = json.loads((tmp_path / "out" / "result.json").read_text())["runs"]
     assert [run["same_as"] for run in runs] == [None, 0]
+
+
+def test_a_current_in_steps_of_two_amperes_is_said(run_files: list[Path], tmp_path: Path) -> None:
+    """Its noise is 0.1 A, so nearly all samples of a plateau carry the same error."""
+    coarse = [
+        edited(file, tmp_path / file.name, "current_A", lambda value: 2.0 * round(value / 2.0))
+        for file in run_files[:2]
+    ]
+
+    warnings = fitted_with(tmp_path / "out", *coarse)
+
+    assert [
+        w for w in warnings if w.startswith("run1.csv, run2.csv, current_A: logged in steps of")
+    ]

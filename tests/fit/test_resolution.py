@@ -1,0 +1,92 @@
+"""A channel logged in steps larger than its noise is said, and a fine or noisy one is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.noise import noise_deviation
+from identification.fit.resolution import coarse_warnings, step_of
+from identification.ingest.run import Run
+from tests.motors import Array, campaign, motor_named
+
+SERVO = motor_named("servo 100 W")
+
+
+def warned(runs: list[Run]) -> tuple[str, ...]:
+    """What is said of runs with the noise that their fit reports."""
+    fit = fit_declared(campaign_of(runs, []).training, "zoh")
+    return coarse_warnings(runs, noise_deviation(fit))
+
+
+def bench_runs(noise: float = 0.01) -> list[Run]:
+    """Runs of the servo motor: currents to 40 A, speeds to 300 rad/s, noise of 1 % of both."""
+    return campaign(SERVO, seed=12, rows=1000, noise=noise)
+
+
+def stepped(run: Run, current: float = 0.0, speed: float = 0.0) -> Run:
+    """The run with channels rounded to steps [A, rad/s]; 0 leaves a channel as it is."""
+    return replace(
+        run,
+        current=np.round(run.current / current) * current if current else run.current,
+        speed=np.round(run.speed / speed) * speed if speed else run.speed,
+    )
+
+
+def noise_of(runs: list[Run]) -> Array:
+    """(2,) noise of the runs as they are [A, rad/s]."""
+    return noise_deviation(fit_declared(campaign_of(runs, []).training, "zoh"))
+
+
+def test_steps_of_eight_times_the_noise_are_said_with_channel_step_and_files() -> None:
+    """Both channels of two of three runs."""
+    first, *rest = bench_runs()
+    current, speed = (float(f"{8.0 * size:.2g}") for size in noise_of([first, *rest]))
+
+    told = warned([first, *(stepped(run, current, speed) for run in rest)])
+
+    assert len(told) == 2
+    assert told[0].startswith(f"run1.csv, run2.csv, current_A: logged in steps of {current:.3g} A")
+    assert told[1].startswith(f"run1.csv, run2.csv, speed_rad_s: logged in steps of {speed:.3g} ra")
+    assert all("intervals are too narrow" in words for words in told)
+
+
+def test_steps_no_larger_than_the_noise_are_rounding_that_averages_out() -> None:
+    """The theory of quantisation: noise of half a step or more makes rounding independent."""
+    runs = bench_runs()
+    current, speed = noise_of(runs)
+
+    assert warned([stepped(run, current, speed) for run in runs]) == ()
+
+
+def test_runs_as_a_computer_writes_them_have_no_steps() -> None:
+    """Sixteen digits of normal noise."""
+    assert warned(bench_runs()) == ()
+
+
+def test_fine_digits_without_noise_are_not_coarse() -> None:
+    """A simulated run of six digits: the signal is over many steps at the next sample."""
+    assert warned([stepped(run, 1e-4, 1e-4) for run in bench_runs(noise=1e-9)]) == ()
+
+
+@pytest.mark.parametrize("step", [0.2, 20.0, 2.0 * np.pi / 60.0])
+def test_the_step_of_a_converter_is_found(step: float) -> None:
+    """Also where a twentieth of the levels is never taken and one sample in 200 is an average."""
+    rng = np.random.default_rng(3)
+    levels = np.round(15.0 * np.sin(np.arange(4000) / 90.0) + rng.standard_normal(4000))
+    levels = levels[levels != 4.0]
+    levels[::200] += 0.5
+
+    assert step_of(step * levels) == pytest.approx(step, rel=1e-6)
+
+
+def test_noise_and_a_constant_have_no_step() -> None:
+    """Differences of normal numbers are multiples of nothing."""
+    rng = np.random.default_rng(4)
+
+    assert step_of(rng.standard_normal(2000)) is None
+    assert step_of(np.full(100, 3.0)) is None
