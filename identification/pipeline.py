@@ -19,7 +19,7 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.outcome import Outcome
 from identification.effects.search import search
-from identification.errors import InputError
+from identification.errors import ComputationError, InputError
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
@@ -67,6 +67,11 @@ class Identification:
         write_outputs(directory, self.result, self.findings)
 
 
+_SIGNED = ("Ra25", "Kt25", "J", "b", "L")
+_SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
+"""Codes of warnings that may be why a campaign cannot be calculated, the likeliest first."""
+
+
 def identify(
     training: Sequence[Run],
     validation: Sequence[Run] = (),
@@ -87,6 +92,19 @@ def identify(
         InputError: There is too little to fit.
         ComputationError: No model can be simulated over the runs.
     """
+    try:
+        return _identified(training, validation, options, progress, checkpoint)
+    except ComputationError as error:
+        raise ComputationError(f"{error}{_suspects([*training, *validation])}") from error
+
+
+def _identified(
+    training: Sequence[Run],
+    validation: Sequence[Run],
+    options: FitOptions,
+    progress: Progress | None,
+    checkpoint: Checkpoint | None,
+) -> Identification:
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
     _check(training)
@@ -119,6 +137,7 @@ def identify(
         lambda done: tell("posterior", 0.55 + 0.3 * done),
         checkpoint and checkpoint.about(hashes, options),
     )
+    draws = _within_signs(draws)
     tell("feedback", 0.85)
     metrics = feedback_metrics(draws, options.temperatures, options.controllers)
     declared_draws = _declared_draws(declared, outcome, draws, options)
@@ -204,4 +223,22 @@ def _declared_draws(
     """Draws of the declared model's posterior; those of the final model where it is the same."""
     if outcome is None or not outcome.effects:
         return draws
-    return normal_draws(Posterior(declared, effective_share(declared)), options.seed)
+    return _within_signs(normal_draws(Posterior(declared, effective_share(declared)), options.seed))
+
+
+def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:
+    """Draws with the signs that a motor has; the loop refuses others, as words of a user.
+
+    A parameter that the runs hardly determine, as of a sensor the wrong way round, has draws at
+    its bound of 0, where a last digit decides.
+    """
+    return draws | {name: np.abs(draws[name]) for name in _SIGNED if name in draws}
+
+
+def _suspects(runs: Sequence[Run]) -> str:
+    """What was noticed in the runs that may be why there is no result; empty where nothing was."""
+    found = [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
+    if not found:
+        return ""
+    more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
+    return f"; what was noticed in the runs may be why: {found[0]}{more}"

@@ -8,10 +8,15 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from app.cli import main
+from identification import pipeline
+from identification.errors import ComputationError
+from identification.posterior.normal import normal_draws
 
 ROOT = Path(__file__).parents[3]
 FAST = ["--no-posterior", "--no-effects"]
@@ -123,3 +128,44 @@ def test_a_current_in_steps_of_two_amperes_is_said(run_files: list[Path], tmp_pa
     assert [
         w for w in warnings if w.startswith("run1.csv, run2.csv, current_A: logged in steps of")
     ]
+
+
+def test_a_fit_that_cannot_be_calculated_says_what_was_noticed(
+    run_files: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """There is no result to carry the warnings then, and one line to say it in."""
+
+    def impossible(*words: object) -> None:
+        raise ComputationError("no model can be simulated")
+
+    monkeypatch.setattr(pipeline, "fit_declared", impossible)
+    turned = [
+        edited(file, tmp_path / file.name, "current_A", lambda value: -value)
+        for file in run_files[:2]
+    ]
+
+    status = main(["fit", *map(str, turned), "--out", str(tmp_path / "out"), *FAST])
+
+    [line] = capsys.readouterr().err.splitlines()
+    assert status == 1
+    assert line.startswith("motorid: no model can be simulated; what was noticed in the runs may")
+    assert "run1.csv, column current_A: has the opposite sign" in line
+    assert line.endswith("(1 more such remarks)")
+
+
+def test_draws_a_last_digit_below_their_bound_end_no_fit(
+    run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A friction that is not determined has draws at 0; the loop refuses one of -1e-20."""
+    drawn = normal_draws
+
+    def below(*words: Any) -> dict[str, Any]:
+        draws = drawn(*words)
+        return draws | {"b": np.where(np.arange(draws["b"].size) % 50 == 0, -1e-20, draws["b"])}
+
+    monkeypatch.setattr(pipeline, "normal_draws", below)
+
+    assert fitted_with(tmp_path / "out", *run_files[:2]) == []
