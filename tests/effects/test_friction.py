@@ -37,7 +37,7 @@ def factor(rate: float, form: float) -> Array:
     ids=["exponential", "straight", "hyperbola", "Vogel"],
 )
 def test_grease_of_every_usual_law_is_met(law: Array, tolerance: float) -> None:
-    """From -10 to 100 degC, over the friction there; that of Vogel falls by a factor of 150."""
+    """From -10 to 100 degC, over the friction there; that of Vogel falls by a factor of 200."""
 
     def error(x: Array) -> Array:
         return np.asarray(np.log(x[2] * factor(x[0], x[1])) - np.log(law))
