@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.fit.evaluate import Simulated
 
-__all__ = ["noise_of_most", "odd_runs"]
+__all__ = ["noise_of_most", "odd_runs", "root_mean_square"]
 
 Array = NDArray[np.float64]
 
@@ -54,6 +54,17 @@ def noise_of_most(simulated: Sequence[Simulated], noise: Array) -> Array:
         if not fitting.all():
             found[channel] = min(found[channel], float(np.median(errors[fitting])))
     return found
+
+
+def root_mean_square(simulated: Sequence[Simulated]) -> Array:
+    """(2,) error of current and speed over all records [A, rad/s].
+
+    Args:
+        simulated: Records beside their simulation.
+    """
+    weight = np.sum([s.record.weight.sum(axis=0) for s in simulated], axis=0)
+    square = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
+    return np.asarray(np.sqrt(square / np.maximum(weight, 1.0)))
 
 
 def _middles(errors: Array) -> Array:

@@ -62,9 +62,9 @@ def with_noise_model(fit: Fit) -> Fit:
     plain = replace(fit.weighting, robust=changed.weighting.robust)
     before = plain.sums_of_squares(fit.residuals())
     after = plain.sums_of_squares(changed.residuals())
-    if np.all(after <= _tolerated_rise(fit) * before) and changed.converged:
-        return changed
-    return fit
+    # A fit that ended where nothing improves it, at a bound or a corner, is as good as it was.
+    has_ended = changed.converged or not fit.converged
+    return changed if np.all(after <= _tolerated_rise(fit) * before) and has_ended else fit
 
 
 def _refitted(fit: Fit, latest: Fit) -> Fit:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
-from identification.diagnosis.odd_runs import noise_of_most, odd_runs
+from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
 from identification.effects.outcome import Outcome
@@ -112,13 +112,14 @@ class Findings:
         the missing voltage and torque taken out: what the model lacks is no noise.  Nor is what
         only runs have that do not fit the others.
         """
-        noise = noise_deviation(self.final)
+        training = self.simulated["after"]["training"]
         if self.after is None or self.left is None:
-            return noise
+            return noise_of_most(training, noise_deviation(self.final))
+        noise = root_mean_square(training)
         for k, channel in enumerate(_CHANNELS):
             if any(check.is_too_large for check in self.after.of(channel, "training")):
                 noise[k] = min(noise[k], self.left.noise[k])
-        return noise_of_most(self.simulated["after"]["training"], noise)
+        return noise_of_most(training, noise)
 
 
 def assemble(findings: Findings) -> dict[str, object]:
