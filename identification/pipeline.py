@@ -27,6 +27,7 @@ from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
+from identification.fit.temperature import with_scale_drawn
 from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
@@ -203,13 +204,14 @@ def _drawn(
     progress: Callable[[float], None],
     checkpoint: Checkpoint | None,
 ) -> tuple[Sample | None, dict[str, Array]]:
-    """The chain, where one is asked for, and draws, with lines of curves that data leave open."""
+    """The chain, where one is asked for, and draws, with what the data leave open drawn as well."""
     if not options.posterior:
-        draws = normal_draws(posterior, options.seed)
+        draws = with_scale_drawn(normal_draws(posterior, options.seed), posterior.fit, options.seed)
         return None, with_lines_drawn(draws, lines, options.seed)
     chain = sample(posterior, options.seed, progress=progress, checkpoint=checkpoint)
-    if lines:
+    if lines or posterior.fit.simulator.model.unlogged.is_relative:
         draws = {name: chain.chain[:, :, k] for k, name in enumerate(chain.names)}
+        draws = with_scale_drawn(draws, posterior.fit, options.seed)
         draws = with_lines_drawn(draws, lines, options.seed)
         units = (*chain.units, *(line.unit for line in lines))
         values = np.stack(list(draws.values()), axis=2)
@@ -223,7 +225,8 @@ def _declared_draws(
     """Draws of the declared model's posterior; those of the final model where it is the same."""
     if outcome is None or not outcome.effects:
         return draws
-    return _within_signs(normal_draws(Posterior(declared, effective_share(declared)), options.seed))
+    draws = normal_draws(Posterior(declared, effective_share(declared)), options.seed)
+    return _within_signs(with_scale_drawn(draws, declared, options.seed))
 
 
 def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:

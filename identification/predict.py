@@ -3,7 +3,7 @@
     prediction = predict(json.loads(text), read_run("run.csv"))
 
 Only voltage, temperature and, where logged, angle of the run are used, and its first samples for
-the state in which it begins.
+the state in which it begins.  Where the temperature was not logged, it is one that fits the run.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from identification.effects.entry import term_of
 from identification.errors import InputError
 from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
+from identification.fit.temperature import with_own_temperatures
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
@@ -62,7 +63,6 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
     peaks = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
     hottest = max(peaks, default=-np.inf)
     records = records_of([run], len(before), hottest)
-    simulator = Simulator.fitting(model, records, values)
     noise = result.get("noise") or {}
     spread = np.maximum(np.std(np.column_stack([run.current, run.speed]), axis=0), 1e-12)
     deviation = np.array(
@@ -71,6 +71,8 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
             for name, size in zip(("current_A", "speed_rad_s"), spread, strict=True)
         ]
     )
+    records = list(with_own_temperatures(model, values, records, deviation))
+    simulator = Simulator.fitting(model, records, values)
     states = fitted_initial_states(simulator, values, deviation)
     if model.terms:
         simulator = accurate(simulator, values, states, deviation)

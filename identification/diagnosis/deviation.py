@@ -218,7 +218,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     """Entries of A, B and C' that are numbers, and for each record the others (n_sample, k)."""
     simulator = fit.simulator
     kept = [term for term in simulator.model.terms if not isinstance(term, AbstractDelay)]
-    model = MotorModel((*kept, MissingVoltage(), MissingTorque()), simulator.model.hold)
+    model = replace(simulator.model, terms=(*kept, MissingVoltage(), MissingTorque()))
     n, size = len(model.state_names), len(model.parameters)
     x, u, p = ca.SX.sym("x", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", size - 2)
     pushed = ca.SX.sym("e", 2)

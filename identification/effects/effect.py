@@ -74,6 +74,11 @@ class Survey:
         return tuple(sorted({record.run for record in self.records}))
 
     @property
+    def knows_temperatures(self) -> bool:
+        """Whether the temperature was logged in every training run."""
+        return all(record.expected is None for record in self.records)
+
+    @property
     def heated(self) -> float:
         """Range of the logged temperature over all training runs [K]."""
         columns = [record.column("temperature") for record in self.records]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -28,6 +28,10 @@ __all__ = [
 ]
 
 
+_LEAST_RISE: Final = 5.0
+"""Rise that is more than what the surroundings do to a winding without a thermometer [K]."""
+
+
 @dataclass(frozen=True)
 class SelfHeating(AbstractTemperature):
     """The winding is hotter than the log, by its own losses.
@@ -46,6 +50,7 @@ class SelfHeating(AbstractTemperature):
         speed_size: Natural speed w_0 [rad/s]; without one, iron has no loss.
         is_iron: Whether iron has a loss.
         bodies: One, or two with the winding apart.
+        least: Rise at the natural loss below which it is none [K].
     """
 
     power_size: float
@@ -54,6 +59,7 @@ class SelfHeating(AbstractTemperature):
     speed_size: float = 0.0
     is_iron: bool = False
     bodies: int = 1
+    least: float = 0.0
 
     name: ClassVar[str] = "self_heating"
     equation: ClassVar[str] = "thermal"
@@ -88,12 +94,12 @@ class SelfHeating(AbstractTemperature):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Thermal resistances and time constants, and the loss of the iron."""
 
-        def resistance(name: str, meaning: str) -> Parameter:
-            scale = 10.0 / self.power_size
-            return Parameter(name, "K/W", meaning, scale=scale, lower=0.0, prior_sd=20.0)
+        def resistance(name: str, meaning: str, least: float = 0.0) -> Parameter:
+            scale, lower = 10.0 / self.power_size, least / self.power_size
+            return Parameter(name, "K/W", meaning, scale=scale, lower=lower, prior_sd=20.0)
 
         found = [
-            resistance("resistance", "rise of the winding over its loss"),
+            resistance("resistance", "rise of the winding over its loss", self.least),
             shape("time_constant", "s", "time constant of the rise", self.fastest, self.slowest),
         ]
         if self.is_iron:
@@ -133,7 +139,8 @@ class SelfHeating(AbstractTemperature):
         """One structure, its time constant scanned."""
         power = float(survey.values[0]) * survey.current**2
         fastest, slowest = survey.duration / 300, survey.duration * 5
-        term = cls(power, fastest, slowest, survey.speed)
+        least = 0.0 if survey.knows_temperatures else _LEAST_RISE
+        term = cls(power, fastest, slowest, survey.speed, least=least)
         scanned = survey.duration * np.array([0.01, 0.05, 0.2, 1.0])
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
 

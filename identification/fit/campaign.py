@@ -11,6 +11,7 @@ from identification.errors import InputError
 from identification.fit.repeats import first_alike, repeat_warnings
 from identification.ingest.run import Run
 from identification.model.excitation import Record, records_of
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["Campaign", "campaign_of"]
 
@@ -43,9 +44,11 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
     Raises:
         InputError: Nothing moves in any run.
     """
-    records = records_of(training)
+    logged = [float(np.mean(run.temperature)) for run in training if run.temperature is not None]
+    expected = float(np.mean(logged)) if logged else REFERENCE_TEMPERATURE_DEGC
+    records = records_of(training, expected=expected)
     hottest = max(float(record.column("peak_temperature")[-1]) for record in records)
-    held_out = records_of(validation, len(training), hottest)
+    held_out = records_of(validation, len(training), hottest, expected)
     alike = first_alike([*training, *validation])
     warnings = list(repeat_warnings([*training, *validation], len(training), alike))
     stacked = np.concatenate([record.measured for record in records])
@@ -76,7 +79,7 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
     if all(run.temperature is None for run in training):
         warnings.append(
             "the runs have no temperature: Ra25 and Kt25 are those of the unknown temperature of "
-            "the runs, and the temperature coefficients are not identified"
+            f"{training[0].name}, and the temperature coefficients are not identified"
         )
     return Campaign(
         tuple(training),

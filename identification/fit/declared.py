@@ -17,6 +17,7 @@ from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
 from identification.fit.solve import Fit, Patience, solve
 from identification.fit.start import starting_values
+from identification.fit.temperature import unlogged_of, with_expected
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Coordinates
@@ -45,8 +46,8 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
     Raises:
         ComputationError: No start leads to a finite simulation.
     """
-    model = MotorModel(hold=hold)
-    ranked = _ranked(model, records, starting_values(records))
+    model = MotorModel(hold=hold, unlogged=unlogged_of(records))
+    ranked = _ranked(model, records, with_expected(model.unlogged, starting_values(records)))
     best: Fit | None = None
     for values in ranked[:_STARTS]:
         if best is not None and best.converged and _is_sharp(best):

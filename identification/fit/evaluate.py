@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
+from identification.fit.temperature import with_own_temperatures
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 
@@ -55,6 +56,9 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     """
     if not records:
         return []
+    records = with_own_temperatures(
+        fit.simulator.model, fit.values, records, fit.weighting.deviation
+    )
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, fit.values, deviation, whole=whole)

@@ -51,7 +51,9 @@ def starting_values(records: Sequence[Record]) -> Array:
     lowest = min(6.0 / longest, 0.25 / interval)
     cutoffs = np.geomspace(lowest, 1.0 / interval, _CUTOFFS)
     scales = _scales(records, interval)
-    found = [_regressed(records, cutoff, interval, scales) for cutoff in cutoffs]
+    # What was not logged is not known to a regression.
+    known = [record for record in records if record.expected is None] or records
+    found = [_regressed(known, cutoff, interval, scales) for cutoff in cutoffs]
     found.append(scales)
     return np.column_stack(found)
 

@@ -30,6 +30,7 @@ from identification.model.term import (
     Signals,
     Values,
 )
+from identification.model.unlogged import Unlogged
 
 __all__ = ["INPUTS", "Hold", "MotorModel"]
 
@@ -61,10 +62,12 @@ class MotorModel:
     Args:
         terms: What is added to the declared equations.
         hold: Behaviour of the voltage between samples.
+        unlogged: Runs whose temperature is a parameter.
     """
 
     terms: tuple[AbstractTerm, ...] = ()
     hold: Hold = "zoh"
+    unlogged: Unlogged = Unlogged()
 
     def adding(self, *terms: AbstractTerm) -> MotorModel:
         """This model with more terms."""
@@ -98,13 +101,13 @@ class MotorModel:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Declared parameters first, then those of each term; a term's are named term.name."""
+        """Declared ones first, then temperatures of runs, then those of each term, term.name."""
         added = [
             replace(parameter, name=f"{term.name}.{parameter.name}")
             for term in self.terms
             for parameter in term.parameters
         ]
-        return (*DECLARED, *added)
+        return (*self.unlogged.held(DECLARED), *self.unlogged.parameters, *added)
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -134,7 +137,7 @@ class MotorModel:
     ) -> tuple[Expression, Expression]:
         values, own_values = self._values(parameter)
         own_states = self._own_states(state)
-        signals = _signals(state, inputs)
+        signals = self._signals(state, inputs, parameter)
         parts = list(zip(self.terms, own_states, own_values, strict=True))
 
         voltage = signals.voltage
@@ -171,10 +174,25 @@ class MotorModel:
                 readings[term.channel] = term.logged(readings[term.channel], signals, s, v)
         return ca.vertcat(*rates), ca.vertcat(readings["current"], readings["speed"])
 
+    def _signals(self, state: Expression, inputs: Expression, parameter: Expression) -> Signals:
+        column = {name: inputs[k] for k, name in enumerate(INPUTS)}
+        first = len(DECLARED)
+        own = [parameter[first + k] for k in range(len(self.unlogged.parameters))]
+        return Signals(
+            current=state[0],
+            speed=state[1],
+            voltage=column["voltage"],
+            temperature=self.unlogged.of(column["temperature"], column["run"], own),
+            angle=column["angle"],
+            time=column["time"],
+            run=column["run"],
+            peak_temperature=column["peak_temperature"],
+        )
+
     def _values(self, parameter: Expression) -> tuple[Values, list[Values]]:
         names = [p.name for p in DECLARED]
         declared = {name: parameter[k] for k, name in enumerate(names)}
-        own, start = [], len(names)
+        own, start = [], len(names) + len(self.unlogged.parameters)
         for term in self.terms:
             named = {p.name: parameter[start + k] for k, p in enumerate(term.parameters)}
             own.append(SimpleNamespace(**declared, **named))
@@ -189,20 +207,6 @@ class MotorModel:
             )
             start += len(term.states)
         return own
-
-
-def _signals(state: Expression, inputs: Expression) -> Signals:
-    column = {name: inputs[k] for k, name in enumerate(INPUTS)}
-    return Signals(
-        current=state[0],
-        speed=state[1],
-        voltage=column["voltage"],
-        temperature=column["temperature"],
-        angle=column["angle"],
-        time=column["time"],
-        run=column["run"],
-        peak_temperature=column["peak_temperature"],
-    )
 
 
 def _temperatures(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS
+from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["Record", "records_of", "smooth_temperature"]
@@ -41,6 +42,7 @@ class Record:
         measured: (n_sample, 2) logged current and speed [A, rad/s].
         weight: (n_sample, 2) one where the sample counts, zero where the sensor was clipped.
         angle_logged: Whether the angle is logged, and not the integral of the logged speed.
+        expected: Temperature about which `RAMP` stands for it, where none was logged [degC].
     """
 
     run: int
@@ -51,6 +53,7 @@ class Record:
     measured: Array
     weight: Array
     angle_logged: bool = False
+    expected: float | None = None
 
     @property
     def rows(self) -> int:
@@ -78,24 +81,42 @@ class Record:
         return self.inputs[:, INPUTS.index(name)]
 
 
-def records_of(runs: Sequence[Run], first: int = 0, hottest: float = -np.inf) -> list[Record]:
+def records_of(
+    runs: Sequence[Run],
+    first: int = 0,
+    hottest: float = -np.inf,
+    expected: float = REFERENCE_TEMPERATURE_DEGC,
+) -> list[Record]:
     """Records of runs in the order in which they were recorded.
 
     Args:
         runs: The runs.
         first: Number of the first run, where others were recorded before.
         hottest: Highest temperature logged in those before [degC].
+        expected: Temperature of runs where none was logged, before it is known better [degC].
     """
     records: list[Record] = []
     peak = hottest
     for k, run in enumerate(runs):
-        temperature = smooth_temperature(run)
-        highest = np.maximum.accumulate(np.maximum(temperature, peak))
-        peak = float(highest[-1])
+        if run.temperature is None:
+            temperature = expected + RAMP * _passed(run)
+            highest = np.full(run.time.size, peak if np.isfinite(peak) else expected)
+        else:
+            temperature = smooth_temperature(run)
+            highest = np.maximum.accumulate(np.maximum(temperature, peak))
+            peak = float(highest[-1])
         for start, stop in run.segments:
             if stop - start >= 2:
-                records.append(_record(run, first + k, start, stop, temperature, highest))
+                made = _record(run, first + k, start, stop, temperature, highest)
+                unknown = expected if run.temperature is None else None
+                records.append(replace(made, expected=unknown))
     return records
+
+
+def _passed(run: Run) -> Array:
+    """Share of the run that has passed, less a half, (n_sample,) [-]."""
+    whole = max(float(run.time[-1] - run.time[0]), 1e-300)
+    return np.asarray((run.time - run.time[0]) / whole - 0.5)
 
 
 def _record(
@@ -150,8 +171,7 @@ def smooth_temperature(run: Run) -> Array:
     A motor's temperature moves over many samples while its logger steps by a tenth or a whole
     degree; a smooth curve through the means of short spans, its stiffness chosen by
     generalised cross-validation, follows the first and not the second.  A run without
-    temperature is taken to be at 25 degC throughout, which makes its Ra25 and Kt25 those of its
-    unknown temperature.
+    temperature is taken to be at 25 degC throughout.
     """
     if run.temperature is None:
         return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)

@@ -29,9 +29,10 @@ from identification.fit.identifiability import identified
 from identification.fit.noise import noise_deviation
 from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
+from identification.fit.temperature import estimated_temperatures
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
-from identification.quantities import DECLARED_PARAMETERS
+from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
@@ -42,7 +43,8 @@ Array = NDArray[np.float64]
 
 _CHANNELS = ("current", "speed")
 
-"""Noise ratio above which an error is called more than noise."""
+_TOLD = 12
+"""Runs of which a warning names the temperature."""
 
 
 @dataclass(frozen=True)
@@ -275,17 +277,38 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+def _temperatures(findings: Findings) -> list[str]:
+    """Temperatures that were not logged and on what they rest."""
+    unseen = [one.record for one in findings.simulated["after"]["validation"]]
+    found = estimated_temperatures(findings.final, unseen)
+    if not found:
+        return []
+    told = ", ".join(f"{name} ({value:.1f} degC)" for name, value in [*found.items()][:_TOLD])
+    told += f" and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
+    training = findings.campaign.training_runs
+    by = "the other runs"
+    if all(run.temperature is None for run in training):
+        by = f"{training[0].name}, called {REFERENCE_TEMPERATURE_DEGC:g} degC"
+        by += ", and the usual coefficient of a winding"
+    return [
+        f"the temperature was not logged in {told}: each run was taken at the one that its "
+        f"resistance and torque constant have by {by}"
+    ]
+
+
 def _warnings(findings: Findings) -> list[str]:
     campaign = findings.campaign
     runs = (*campaign.training_runs, *campaign.validation_runs)
     messages = [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
     messages += coarse_warnings(campaign.training_runs, findings.noise)
+    messages += _temperatures(findings)
     messages += findings.warnings
     messages += _missing(findings)
     known = identified(findings.final, findings.share)
     # A line that a curve may have is said by the declared parameter that it trades with.
     lines = {line.name for line in lines_of(findings.final)}
+    lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
     unknown = [name for name, found in known.items() if not found and name not in lines]
     if unknown:
         messages.append(

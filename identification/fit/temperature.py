@@ -1,0 +1,174 @@
+"""The temperature of runs in which none was logged.
+
+Runs that are fitted have it as a parameter of the model (`model.unlogged`).  A run that is only
+predicted has it fitted with all parameters held, as its initial state is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.initial import fitted_initial_states
+from identification.fit.solve import Fit
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator
+from identification.model.unlogged import RAMP, Unlogged
+from identification.model.weighting import Weighting
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+
+__all__ = [
+    "estimated_temperatures",
+    "unlogged_of",
+    "with_expected",
+    "with_own_temperatures",
+    "with_scale_drawn",
+]
+
+Array = NDArray[np.float64]
+
+_LEAST_SPAN: Final = 1.0
+"""Range of logged temperatures below which they do not tell what a kelvin does [K]."""
+_WIDEST: Final = 5.0
+"""Standard deviations of what is expected within which a temperature is looked for."""
+_LANES: Final = 16
+_ROUNDS: Final = 5
+"""The range shrinks to an eighth in each; it ends at a hundredth of a kelvin."""
+_AGAIN: Final = 3
+"""Rounds in which temperature, warming and initial state are fitted with the others held."""
+_ROUGH: Final = 0.1
+"""Share of the noise by which one interval may be wrong."""
+
+
+def unlogged_of(records: Sequence[Record]) -> Unlogged:
+    """The temperatures that a fit to records has to find.
+
+    Args:
+        records: Training records.
+    """
+    unknown = {record.run: record.expected for record in records if record.expected is not None}
+    if not unknown:
+        return Unlogged()
+    logged = [record.column("temperature") for record in records if record.expected is None]
+    span = float(np.ptp(np.concatenate(logged))) if logged else 0.0
+    runs = tuple(sorted(unknown))
+    reference = None if logged else runs[0]
+    return Unlogged(runs, unknown[runs[0]], reference, span < _LEAST_SPAN)
+
+
+def with_expected(unlogged: Unlogged, values: Array) -> Array:
+    """Values of the declared parameters (7, n_start), with temperatures as expected behind them."""
+    own = np.array([parameter.prior_mean for parameter in unlogged.parameters])
+    return np.concatenate([values, np.repeat(own[:, None], values.shape[1], axis=1)])
+
+
+def with_own_temperatures(
+    model: MotorModel, values: Array, records: Sequence[Record], deviation: Array
+) -> tuple[Record, ...]:
+    """Records with the temperature that fits them best where none was logged, one a run.
+
+    Args:
+        model: The model.
+        values: (n_parameter,) physical, which are held.
+        records: Records that were not fitted.
+        deviation: (2,) noise of current and speed [A, rad/s].
+    """
+    found = {
+        run: _temperature(model, values, [r for r in records if r.run == run], deviation)
+        for run in sorted({record.run for record in records if record.expected is not None})
+    }
+    return tuple(_at(record, found.get(record.run)) for record in records)
+
+
+def _temperature(
+    model: MotorModel, values: Array, records: Sequence[Record], deviation: Array
+) -> Array:
+    """(2,) what one run warms by [K] and its temperature in the middle [degC]."""
+    free = replace(model, unlogged=Unlogged((records[0].run,), float(records[0].expected or 0.0)))
+    known = dict(zip([p.name for p in model.parameters], values, strict=True))
+    unlogged = free.unlogged.parameters
+    known |= {parameter.name: parameter.prior_mean for parameter in unlogged}
+    at = [k for k, p in enumerate(free.parameters) if p in unlogged]
+    tried = np.repeat([[known[p.name]] for p in free.parameters], _LANES, axis=1)
+    records = tuple(records)
+    weighting = replace(Weighting.white(records), deviation=deviation)
+    for _ in range(_AGAIN):
+        here = tuple(_at(record, tried[at, 0]) for record in records)
+        states = fitted_initial_states(Simulator.fitting(model, here, values), values, deviation)
+        simulator = Simulator.fitting(free, records, tried[:, 0])
+        if model.terms:
+            simulator = simulator.divided_for(tried[:, 0], states, _ROUGH * deviation)
+        for row, own in reversed(list(zip(at, unlogged, strict=True))):
+            half = _WIDEST * own.scale
+            for _ in range(_ROUNDS):
+                middle = tried[row, 0]
+                tried[row] = np.linspace(middle - half, middle + half, _LANES)
+                sums = simulator.misfit(tried, states, weighting)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    cost = 0.5 * np.sum(sums / deviation[:, None] ** 2, axis=0)
+                    cost += 0.5 * ((tried[row] - own.prior_mean) / own.scale) ** 2
+                cost = np.where(np.isfinite(cost), cost, np.inf)
+                tried[row] = tried[row, np.argmin(cost)]
+                half *= 2.0 / (_LANES - 1)
+    return np.asarray(tried[at, 0])
+
+
+def _at(record: Record, own: Array | None) -> Record:
+    """The record with what it warms by and its temperature in the middle, where it has them."""
+    if own is None or record.expected is None:
+        return record
+    inputs = record.inputs.copy()
+    for name in ("temperature", "temperature_next"):
+        passed = (record.column(name) - record.expected) / RAMP
+        inputs[:, INPUTS.index(name)] = own[1] + own[0] * passed
+    return replace(record, inputs=inputs)
+
+
+def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, float]:
+    """Temperatures that were not logged, in the middle of runs, by the name of the run [degC].
+
+    Args:
+        fit: Fit of the final model.
+        unseen: Records of runs left out, as they were simulated.
+    """
+    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    names = {record.run: record.name for record in fit.simulator.records}
+    found = {}
+    for run in fit.simulator.model.unlogged.runs:
+        name = f"temperature_of_run_{run + 1}"
+        if name in values:
+            found[names[run]] = float(values[name])
+    late = [record for record in unseen if record.expected is not None]
+    return found | {r.name: float(np.mean(r.column("temperature"))) for r in late}
+
+
+def with_scale_drawn(draws: dict[str, Array], fit: Fit, seed: int) -> dict[str, Array]:
+    """Draws with the coefficient of the resistance that was held drawn from what is known of it.
+
+    Ratios between runs say how the two coefficients compare; resistance and torque constant stay
+    what they are where the temperature is known.
+
+    Args:
+        draws: Draws by name, of one shape each.
+        fit: The fit that they are of.
+        seed: Seed of the coefficient.
+    """
+    unlogged = fit.simulator.model.unlogged
+    if not unlogged.is_relative:
+        return draws
+    (own,) = [p for p in MotorModel().parameters if p.name == "alpha_Ra"]
+    rng = np.random.default_rng([seed, 1])
+    changed = dict(draws)
+    normal = rng.standard_normal(draws["alpha_Ra"].shape)
+    changed["alpha_Ra"] = own.prior_mean + own.prior_sd * own.scale * normal
+    changed["alpha_Kt"] = draws["alpha_Kt"] * changed["alpha_Ra"] / draws["alpha_Ra"]
+    heat = unlogged.expected - REFERENCE_TEMPERATURE_DEGC
+    for size, slope in (("Ra25", "alpha_Ra"), ("Kt25", "alpha_Kt")):
+        before, after = (1 + each[slope] * heat for each in (draws, changed))
+        changed[size] = draws[size] * np.where(after > 0, before / np.maximum(after, 1e-300), 1.0)
+    return changed
