@@ -103,7 +103,7 @@ class Posterior:
         fit = self.fit
         root = np.linalg.cholesky(self.covariance())
         normal = np.random.default_rng(0).standard_normal((_PROBES, root.shape[0]))
-        points = np.vstack([self.centre, self.centre + normal @ root.T])
+        points = self.mirrored(np.vstack([self.centre, self.centre + normal @ root.T]))
         exact: Array | None = None
         for simulator in coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation):
             exact = self._density(fit.simulator, points) if exact is None else exact
