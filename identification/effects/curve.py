@@ -28,7 +28,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["HEIGHTS", "REGRESSORS", "MissingTorque", "MissingVoltage"]
+__all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "MissingTorque", "MissingVoltage"]
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ HEIGHTS: Final = 9
 _STEEP: Final = 3e-3
 _FINE: Final = 2000
 
+STRAIGHT: Final = ("temperature", "time", "time in the run", "position")
+"""Signals that are not drawn together far from zero."""
 REGRESSORS: Final = ("current", "speed", "voltage")
 """What the linear parts are in proportion to."""
 
@@ -90,7 +92,7 @@ class _Curve(AbstractForced):
     @property
     def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
         """The signals, the one it runs along first, but what is multiplied with before that."""
-        along = self.along.removeprefix("size of ")
+        along = self.along.removeprefix("size of ").removesuffix(" in the run")
         carried = {"": (), "direction": ("speed",), "speed": ("speed",), "current": ("current",)}
         others = carried[self.carrier]
         both = (*others, along) if self.carrier == "current" else (along, *others)
@@ -156,7 +158,7 @@ class _Curve(AbstractForced):
     def grid(self, points: int) -> Array:
         """(n_point,) values of the signal, in its unit, dense where the knots are."""
         drawn = np.linspace(self.lower, self.upper, points)
-        if self.along in ("temperature", "time", "position"):
+        if self.along in STRAIGHT:
             return drawn
         return np.asarray(self.zero * np.sinh(drawn))
 
@@ -164,7 +166,7 @@ class _Curve(AbstractForced):
         """(n_point, n_height) basis functions over the signal, without a carrier."""
         x = ca.SX.sym("x")
         drawn = x
-        if self.along not in ("temperature", "time", "position"):
+        if self.along not in STRAIGHT:
             drawn = ca.log(x / self.zero + ca.sqrt((x / self.zero) ** 2 + 1))
         share = {"current": (1 / self.current, 0), "speed": (0, 1 / self.speed)}
         own = share.get(self.along, (0, 0))
@@ -183,6 +185,8 @@ class _Curve(AbstractForced):
                 begun = start - (self.starts[run - 1] if run else 0.0)
                 before = before + begun * (signals.run > run - 0.5)
             return signals.time + before
+        if self.along == "time in the run":
+            return signals.time
         if self.along == "position":
             return signals.angle
         value = getattr(signals, self.along.removeprefix("size of "))

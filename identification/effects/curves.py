@@ -36,8 +36,10 @@ _CURVES: Final = {
         ("size of current", "direction"),
         ("temperature", "direction"),
         ("time", "direction"),
+        ("time in the run", "direction"),
         ("position", "direction"),
         ("time", "speed"),
+        ("time in the run", "speed"),
     ),
     "electrical": (
         ("current", ""),
@@ -47,6 +49,7 @@ _CURVES: Final = {
         ("time", ""),
         ("size of speed", "current"),
         ("time", "current"),
+        ("time in the run", "current"),
         ("position", ""),
     ),
 }
@@ -82,8 +85,8 @@ def _curve(
     starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
     if along == "position":
         lower, upper = 0.0, 2 * np.pi
-    elif along == "time":
-        lower, upper = 0.0, float(np.sum(runs))
+    elif along.startswith("time"):
+        lower, upper = 0.0, float(np.sum(runs) if along == "time" else np.max(runs))
     else:
         seen = np.concatenate([_logged(record, signal) for record in survey.records])
         if along.startswith("size of "):

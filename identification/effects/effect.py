@@ -98,6 +98,8 @@ class Candidate:
             each record.  Such starts are scored record by record.
         by_run: Whether the term concerns one run, its field `run`.  It is scanned in all runs at
             once, with `run` None, and scored for each.
+        tried: (n_parameter, n_place) further places that a refit simulates, where no score tells
+            how good one is.
     """
 
     term: AbstractTerm
@@ -105,6 +107,7 @@ class Candidate:
     joint: int = 1
     fitted: AbstractTerm | None = None
     by_run: bool = False
+    tried: Array | None = None
 
     @property
     def lanes(self) -> int:

@@ -9,6 +9,7 @@ Source: Nordin and Gutman, Automatica 38 (2002), 1633-1649 (dead-zone model of b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar, Final
 
 import casadi as ca
@@ -27,6 +28,8 @@ __all__ = ["LoosePart"]
 
 _ROUNDED: Final = 0.05
 """Share of the play over which contact is made."""
+_PLAYS: Final = 12
+_CONTACTS: Final = 7
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,11 @@ class LoosePart(AbstractSecondInertia):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its play scanned with a contact as stiff as the sampling shows."""
+        """One structure, its play scanned with a contact as stiff as the sampling shows.
+
+        What the part does after it hit a stop depends on everything, so that a fit finds its place
+        only from near by: a refit looks at many places.
+        """
         reach = resonances(survey)
         narrowest = 0.1 * survey.speed * survey.interval
         widest = survey.speed * survey.duration
@@ -88,4 +95,8 @@ class LoosePart(AbstractSecondInertia):
         slowest, fastest = reach
         scanned = np.geomspace(5 * narrowest, widest / 10, 8)
         starts = [(s, play, 0.4 * fastest, 0.5) for s in (0.2, 0.5) for play in scanned]
-        return [Candidate(cls(slowest, fastest, narrowest, widest), columns(*starts))]
+        plays = np.geomspace(3 * narrowest, widest / 20, _PLAYS)
+        contacts = np.geomspace(2 * slowest, 0.5 * fastest, _CONTACTS)
+        tried = columns(*product((0.2, 0.4, 0.6), plays, contacts, (0.1, 0.4, 1.2)))
+        term = cls(slowest, fastest, narrowest, widest)
+        return [Candidate(term, columns(*starts), tried=tried)]

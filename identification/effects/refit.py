@@ -148,6 +148,8 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
             return fit
         before = fit
         fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, patience)
+        # Finer intervals may lead to a stiffer motor than the plan of the steps holds for.
+        fit = replanned(fit, patience)
         if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
             return fit
     return fit

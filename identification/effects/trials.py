@@ -26,6 +26,7 @@ from identification.effects.refit import (
 )
 from identification.effects.score import Score, gathered
 from identification.effects.screen import screened
+from identification.effects.start import Start
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
@@ -184,7 +185,10 @@ class Trials:
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
                 patience = self.patience(min(best + slack, hopeless), self.longest)
-                fit = refitted_with(current.fit, score.candidate.final, score.starts, patience)
+                starts = list(score.starts)
+                if score.candidate.tried is not None:
+                    starts += [Start(place) for place in score.candidate.tried.T]
+                fit = refitted_with(current.fit, score.candidate.final, starts, patience)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
             found.append((score, fit))

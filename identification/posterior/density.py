@@ -107,10 +107,10 @@ class Posterior:
         exact: Array | None = None
         for simulator in coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation):
             exact = self._density(fit.simulator, points) if exact is None else exact
-            error = self._density(simulator, points) - exact
             inside = np.isfinite(exact)
             fall = exact[inside] - exact[0]
-            error = error[inside] - error[0]
+            error = self._density(simulator, points)[inside] - exact[inside]
+            error = error - error[0]
             if np.sum(error**2) <= _LIKE**2 * np.sum(fall**2):
                 return simulator
         return fit.simulator

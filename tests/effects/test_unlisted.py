@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bench import EffectRequest, make_campaign
 from identification.effects.angular import AngularFriction
@@ -20,11 +23,13 @@ from identification.effects.ripple import ripples
 from identification.effects.search import search
 from identification.effects.tracing import missing_curves, traced
 from identification.effects.unlisted import unlisted_term
-from identification.fit.campaign import Campaign
+from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
 from tests.effects.hidden import records_of_bench
+from tests.motors import Motor, campaign, motor_named
 
 
 def _campaign(
@@ -77,7 +82,7 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
 
 def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
     """The same rub at half the size: the runs hardly tell it from a steep drag."""
-    rub = EffectRequest("rub_above_speed", 0.03, law="square")
+    rub = EffectRequest("rub_above_speed", 0.0285, law="square")
     campaign = _campaign("servo_150w", [rub], seed=25)
 
     (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
@@ -165,3 +170,39 @@ def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
     for k, start in enumerate(candidate.starts.T):
         expected = np.asarray(torque(speed[None, :], record.column("angle")[None, :], start))
         np.testing.assert_allclose(forces[:, k], expected[0], atol=1e-12)
+
+
+def run_in(motor: Motor, run: Run, rng: np.random.Generator) -> Run:
+    """The run with a dry friction that fades within it, from an integrator of SciPy."""
+    ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = motor.values
+    assert run.temperature is not None
+    resistance = ra * (1 + alpha_ra * (run.temperature - 25.0))
+    constant = kt * (1 + alpha_kt * (run.temperature - 25.0))
+
+    def rates(t: float, x: Any) -> list[float]:
+        n = min(int(t / motor.interval + 1e-9), run.rows - 1)
+        dry = 0.02 * (1 + 3 * np.exp(-t / 0.3)) * x[1] / np.hypot(x[1], 0.3)
+        return [
+            (run.voltage[n] - resistance[n] * x[0] - constant[n] * x[1]) / inductance,
+            (constant[n] * x[0] - friction * x[1] - dry) / inertia,
+        ]
+
+    span, step = (0.0, float(run.time[-1])), motor.interval / 2
+    solved = solve_ivp(rates, span, [0.0, 0.0], "RK23", run.time, max_step=step)
+    noise = np.array([[0.02], [0.3]]) * rng.standard_normal(solved.y.shape)
+    current, speed = solved.y + noise
+    return replace(run, current=current, speed=speed)
+
+
+def test_a_friction_that_runs_in_anew_is_traced_to_the_time_in_the_run() -> None:
+    """Dry friction that fades within each run, in the run left out as in the others."""
+    motor, rng = motor_named("servo 100 W"), np.random.default_rng(3)
+    clean = campaign(motor, seed=12, noise=0.0, runs=4, rows=1200)
+    runs = [run_in(motor, run, rng) for run in clean]
+    found = campaign_of(runs[:3], runs[3:])
+
+    outcome = search(fit_declared(found.training, "zoh"), found)
+
+    (term,) = [t for t in outcome.fit.simulator.model.terms if t.name == "unlisted"]
+    assert term.variant.startswith("time in the run carried by direction")
+    assert term.drivers == ("time", "speed")

@@ -55,7 +55,7 @@ def test_the_density_falls_as_that_of_the_fine_simulation_does(fit: Fit) -> None
     posterior = Posterior(fit, 1.0)
     root = np.linalg.cholesky(posterior.covariance())
     normal = np.random.default_rng(8).standard_normal((24, root.shape[0]))
-    points = np.vstack([posterior.centre, posterior.centre + normal @ root.T])
+    points = posterior.mirrored(np.vstack([posterior.centre, posterior.centre + normal @ root.T]))
 
     coarse = posterior(points)
     fine = posterior._density(fit.simulator, points)
