@@ -27,17 +27,21 @@ def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
         simulated: Training records beside their simulation.
         noise: (2,) noise of current and speed [A, rad/s].
     """
-    sentences = []
     names = list(dict.fromkeys(s.record.name for s in simulated))
+    told: dict[str, list[str]] = {}
     for channel, word in enumerate(("current", "speed")):
         ratios = _errors(simulated, channel) / max(float(noise[channel]), 1e-300)
         middles = _middles(ratios)
-        sentences += [
-            f"{names[k]}: does not fit the other runs: its {word} is off by {ratios[k]:.3g} times "
-            f"the noise, the others by {middles[k]:.3g}; look at that run, or leave it out"
-            for k in np.flatnonzero(ratios > np.maximum(_LEAST, _FAR * middles))
-        ]
-    return sentences
+        for k in np.flatnonzero(ratios > np.maximum(_LEAST, _FAR * middles)):
+            how = (
+                f"its {word} is off by {ratios[k]:.3g} times the noise, theirs by {middles[k]:.3g}"
+            )
+            told.setdefault(names[k], []).append(how)
+    return [
+        f"{name}: does not fit the other runs: {'; '.join(found)}; look at that run, or leave it "
+        "out"
+        for name, found in told.items()
+    ]
 
 
 def noise_of_most(simulated: Sequence[Simulated], noise: Array) -> Array:

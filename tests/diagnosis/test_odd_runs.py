@@ -1,0 +1,50 @@
+"""Runs that do not fit the others are named, and what they have is no noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
+from identification.fit.evaluate import Simulated
+from identification.model.excitation import records_of
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+NOISE = np.array([0.1, 1.0])
+
+
+def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
+    """Records whose residual is normal noise of these sizes, over the noise of the sensors."""
+    rng = np.random.default_rng(1)
+    runs = campaign(motor_named("servo 100 W"), seed=1, runs=len(scales), rows=2000)
+    return [
+        Simulated(record, record.measured - rng.standard_normal((record.rows, 2)) * NOISE * scale)
+        for record, scale in zip(records_of(runs), scales, strict=True)
+    ]
+
+
+def test_runs_that_differ_by_chance_are_not_told() -> None:
+    """Spread of thirty per cent between runs, and between two of them."""
+    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
+    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
+    assert odd_runs(simulated([(9.0, 9.0)]), NOISE) == []
+
+
+def test_a_run_that_is_far_off_is_told_once() -> None:
+    """In both channels: one sentence, with both."""
+    found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
+
+    (sentence,) = found
+    assert sentence.startswith("run1.csv: does not fit the other runs")
+    assert "current" in sentence
+    assert "speed" in sentence
+
+
+def test_noise_is_that_of_the_runs_that_fit() -> None:
+    """One of four is far off in current; noise of the speed is that of all."""
+    runs = simulated([(1.0, 1.0), (1.0, 1.0), (20.0, 1.0), (1.0, 1.0)])
+
+    noise = noise_of_most(runs, root_mean_square(runs))
+
+    np.testing.assert_allclose(noise, NOISE, rtol=0.05)
