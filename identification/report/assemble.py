@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 
 _CHANNELS = ("current", "speed")
 
+_GROSS = 1.5
+"""Error over the noise above which no colour of the noise explains it."""
 _TOLD = 12
 """Runs of which a warning names the temperature."""
 
@@ -110,16 +112,18 @@ class Findings:
     def noise(self) -> Array:
         """(2,) standard deviation of the noise of current and speed [A, rad/s].
 
-        Where the residual of the training runs is larger than noise can be, it is the noise with
-        the missing voltage and torque taken out: what the model lacks is no noise.  Nor is what
-        only runs have that do not fit the others.
+        Where the residual of the training runs is far larger than noise can be, it is the noise
+        with the missing voltage and torque taken out: what the model lacks is no noise.  Nor is
+        what only runs have that do not fit the others.  Where it is little larger, slow noise of a
+        sensor and a voltage that wanders may look alike.
         """
         training = self.simulated["after"]["training"]
         if self.after is None or self.left is None:
             return noise_of_most(training, noise_deviation(self.final))
         noise = root_mean_square(training)
         for k, channel in enumerate(_CHANNELS):
-            if any(check.is_too_large for check in self.after.of(channel, "training")):
+            checks = self.after.of(channel, "training")
+            if any(check.is_too_large and check.noise_ratio > _GROSS for check in checks):
                 noise[k] = min(noise[k], self.left.noise[k])
         return noise_of_most(training, noise)
 
@@ -187,10 +191,11 @@ def _missing(findings: Findings) -> list[str]:
         errors = _errors(simulated, findings.noise) or {}
         for channel, entry in errors.items():
             ratio = entry["noise_ratio"]
-            checks = findings.after.of(channel, role)
-            if ratio is not None and any(check.is_too_large for check in checks):
+            checks = [c for c in findings.after.of(channel, role) if c.is_too_large]
+            if ratio is not None and checks:
+                off = max(ratio, checks[0].noise_ratio)
                 messages.append(
-                    f"the {channel} of the {role} runs is off by {ratio:.2f} times its noise: the "
+                    f"the {channel} of the {role} runs is off by {off:.2f} times its noise: the "
                     "model lacks something there"
                 )
     odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
