@@ -94,15 +94,15 @@ def search(
             is_exhausted = True
             break
         _enrich(state, round_)
-        if round_ == 1:
-            if _leaves_more(state):
-                alone = _curve_alone(state, first)
-            if alone is not None and _is_far_better(alone, state.current, first):
-                if not _closes_the_gap(state, alone):
-                    break
-            continue
-        if alone is not None and _replaces(alone, state.current):
+        # Curves that promise more than the kind did, or anything beside two, may replace them.
+        if alone is None and (
+            (round_ == 1 and _leaves_more(state)) or (round_ == 2 and _is_left(state))
+        ):
+            alone = _curve_alone(state, first)
+        if alone is not None and _ends(state, round_, alone, first):
             break
+        if round_ == 1:
+            continue
         _backward(state)
         _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
@@ -310,6 +310,14 @@ def _is_strained(fit: Fit) -> bool:
     spread = np.sqrt(np.diag(fit.equations.covariance())[shapes])
     near = np.maximum(_AT * (upper - lower), _WITHIN * spread)
     return bool(np.any(np.minimum(position - lower, upper - position) < near))
+
+
+def _ends(state: _State, round_: int, alone: Judged, declared: Judged) -> bool:
+    """Whether a curve does so much better than what was found that more kinds would not help."""
+    if round_ > 1:
+        return _replaces(alone, state.current)
+    is_far = _is_far_better(alone, state.current, declared)
+    return is_far and not _closes_the_gap(state, alone)
 
 
 def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:

@@ -171,8 +171,8 @@ class _Lag(AbstractTemperature):
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Temperature of the body [degC]."""
-        return states.temperature
+        """Temperature of the body [degC]: what else warms it stays on top of the lag."""
+        return before + states.temperature - signals.temperature
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rate of the body's temperature [K/s]."""
