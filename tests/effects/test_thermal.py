@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.effects.thermal import SelfHeating, WindingLag
 from identification.model.composite import MotorModel
@@ -10,6 +11,8 @@ from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
 
 
 def test_a_winding_that_lags_is_heated_by_its_losses_all_the_same() -> None:
@@ -19,7 +22,7 @@ def test_a_winding_that_lags_is_heated_by_its_losses_all_the_same() -> None:
     heats, lags = SelfHeating(1.0, 0.01, 10.0), WindingLag(0.01, 10.0)
     values = {"self_heating": [2.0, 0.3], "winding_lag": [0.2]}
 
-    def current(*terms: AbstractTerm) -> np.ndarray:  # type: ignore[type-arg]
+    def current(*terms: AbstractTerm) -> Array:
         model = MotorModel(terms)
         own = np.array([*motor.vector, *[v for term in terms for v in values[term.name]]])
         simulator = Simulator.fitting(model, records, own)
