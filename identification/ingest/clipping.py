@@ -31,6 +31,11 @@ _JOLT = 0.3
 _MANY_STAYS = 10
 _ORDER = 8
 _GROWTH = 1.5
+_LEFT_OUT = "a sensor at its limit does; these samples are left out"
+_TOLD = {
+    "voltage_V": "a drive at its limit does, which is no fault; it is taken as logged",
+}
+"""What is said of a channel at a limit, where its samples are not left out."""
 
 
 def find_clipped(
@@ -58,7 +63,7 @@ def find_clipped(
                 places.warning(
                     "clipped_channel",
                     f"stands at its {word} value {limit:.6g} in {int(at_limit.sum())} samples, as "
-                    "a sensor at its limit does; these samples are marked as clipped",
+                    f"{_TOLD.get(name, _LEFT_OUT)}",
                     name,
                     int(np.argmax(at_limit)),
                 )
