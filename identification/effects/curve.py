@@ -152,6 +152,8 @@ class _Curve(AbstractForced):
         else:
             grid, table = _table(self)
             hats = np.column_stack([np.interp(drawn, grid, hat) for hat in table])
+            for k, slope in [] if self.along in STRAIGHT else self._ends(drawn):
+                hats[:, k] += slope
         imitated = np.array(self.imitated) @ np.array([current / self.current, speed / self.speed])
         return np.asarray(hats * carried[:, None] - imitated.T)
 
@@ -220,7 +222,19 @@ class _Curve(AbstractForced):
         for k in range(HEIGHTS):
             off = ca.fabs((inside - self.lower) / width - (k - 1))
             found.append((ca.fmax(2 - off, 0) ** 3 - 4 * ca.fmax(1 - off, 0) ** 3) / 6)
+        if self.along not in STRAIGHT:
+            # Beyond what was seen it goes on with its last slope.
+            for k, slope in self._ends(along):
+                found[k] = found[k] + slope
         return found
+
+    def _ends(self, along: Any) -> list[tuple[int, Any]]:
+        """What the slopes at both ends add to basis functions beyond them."""
+        twice = 2 * (self.upper - self.lower) / (HEIGHTS - 3)
+        is_array = isinstance(along, np.ndarray)
+        least, most = (np.minimum, np.maximum) if is_array else (ca.fmin, ca.fmax)
+        below, above = least(along - self.lower, 0) / twice, most(along - self.upper, 0) / twice
+        return [(0, -below), (2, below), (HEIGHTS - 3, -above), (HEIGHTS - 1, above)]
 
 
 @dataclass(frozen=True)

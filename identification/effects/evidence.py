@@ -190,6 +190,15 @@ class Judged:
                 return term.flaw(own)
         return ""
 
+    def predicts_worse(self, other: Judged) -> bool:
+        """Whether the runs left out prefer another model by twenty to one."""
+        if self.unseen is None or other.unseen is None:
+            return False
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = 0.5 * np.log(other.unseen.square / self.unseen.square)
+        counted = (ratio * self.unseen.count)[self.fit.weighting.counts > 0]
+        return bool(max(self.share, other.share) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
+
     def score(self, share: float) -> float:
         """Half the Bayesian information criterion; smaller is better.
 

@@ -285,8 +285,10 @@ def _replaces(alone: Judged, listed: Judged) -> bool:
     """Whether a curve stands in the place of the effects of the catalogue.
 
     Of a single one only where the error is smaller by what counts as a size: a free form that does
-    as well as a kind is that kind, unless the kind is strained.
+    as well as a kind is that kind, unless the kind is strained.  Never where it predicts worse.
     """
+    if alone.predicts_worse(listed):
+        return False
     fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
     must_be_smaller = len(listed.fit.simulator.model.terms) == 1 and not _is_strained(listed.fit)
     return _is_better(alone, listed) and not (must_be_smaller and float(np.sum(fall)) < LEAST_SIZE)

@@ -1,0 +1,75 @@
+"""A curve is smooth, and goes on beyond what was seen as it ended there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.effects.curves import curves
+from identification.effects.effect import survey_of
+from identification.fit.declared import fit_declared
+from identification.model.excitation import records_of
+from identification.model.term import Signals
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def term() -> MissingTorque | MissingVoltage:
+    """A curve in the speed, nothing taken away from it."""
+    fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+    for candidate in curves(survey_of(fit)):
+        found = candidate.term
+        if isinstance(found, MissingTorque) and (found.along, found.carrier) == ("speed", ""):
+            return replace(found, imitated=((0.0, 0.0),) * HEIGHTS)
+    raise AssertionError("no curve in the speed")
+
+
+def basis(term: MissingTorque | MissingVoltage, speed: Array) -> Array:
+    """Basis functions by the expressions that are simulated, (n_sample, n_height)."""
+    w = ca.SX.sym("w")
+    none = [ca.SX(0)] * 6
+    signals = Signals(none[0], w, *none)
+    function = ca.Function("b", [w], [ca.vertcat(*term.basis_of(term.along_of(signals)))])
+    found: Array = np.asarray(function(speed[None, :])).T
+    return found
+
+
+def speeds(term: MissingTorque | MissingVoltage, beyond: float) -> Array:
+    """Speeds over what was seen and a share of it beyond, even in the drawn coordinate."""
+    reach = term.upper - term.lower
+    drawn = np.linspace(term.lower - beyond * reach, term.upper + beyond * reach, 900)
+    return np.asarray(term.zero * np.sinh(drawn))
+
+
+def test_heights_that_are_all_alike_are_a_constant_everywhere(
+    term: MissingTorque | MissingVoltage,
+) -> None:
+    """Beyond the ends as well."""
+    np.testing.assert_allclose(basis(term, speeds(term, 0.3)).sum(axis=1), 1.0, atol=1e-12)
+
+
+def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque | MissingVoltage) -> None:
+    """In the coordinate in which it is drawn second differences vanish there, without a jump."""
+    found = basis(term, speeds(term, 0.3))
+
+    bend = np.abs(np.diff(found, 2, axis=0)).max(axis=1)
+    assert bend[:150].max() < 1e-9
+    assert bend[-150:].max() < 1e-9
+    assert bend.max() < 3e-3
+
+
+def test_what_is_scored_is_what_is_simulated(term: MissingTorque | MissingVoltage) -> None:
+    """Tables and expressions give the same basis, within what was seen and beyond."""
+    (record, *_) = records_of(campaign(motor_named("servo 100 W"), seed=4))
+    speed = np.interp(np.arange(record.rows), np.linspace(0, record.rows, 900), speeds(term, 0.3))
+
+    scored = term.columns(record, np.zeros(record.rows), speed)
+
+    np.testing.assert_allclose(scored, basis(term, speed), atol=1e-5)
