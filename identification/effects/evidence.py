@@ -6,7 +6,8 @@ pass three gates, none of which was tuned on a simulator:
 
 1. *Chance.*  Twice the gain of the log likelihood, counted in effective samples (the share that
    correlated residuals leave), has to exceed what the best of all prototypes reaches by chance:
-   k log N (Schwarz) plus twice the logarithm of the number of prototypes tried (union bound).
+   k log N (Schwarz) plus twice the logarithm of the number of prototypes tried (union bound); the
+   time of an event counts twice, since it may be at any sample (Zhang and Siegmund).
 2. *Size.*  The simulation error has to fall by at least two per cent, summed over the two channels;
    less, a hundredth of each, is of no use to anybody and within the reach of what is left of other
    imperfections: an inexact law, a smoothed temperature.
@@ -22,8 +23,9 @@ Models are compared by half the Bayesian information criterion.  Two that differ
 are alike; the one whose kinds come first in the catalogue, commoner things first, is then named,
 and the other is listed beside it.
 
-Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Kass and Raftery, J. American Statistical
-Association 90 (1995), 773-795 (probabilities from differences of BIC).
+Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
+22-32; Kass and Raftery, J. American Statistical Association 90 (1995), 773-795 (probabilities from
+differences of BIC).
 """
 
 from __future__ import annotations
@@ -157,6 +159,8 @@ class Judged:
         samples = max(float(counts.sum()) * self.share, 2.0)
         names = {t.name for t in self.fit.simulator.model.terms}
         names -= {t.name for t in simpler.fit.simulator.model.terms}
+        terms = self.fit.simulator.model.terms
+        more += sum(len(term.moments) for term in terms if term.name in names)
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
             fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)

@@ -95,6 +95,7 @@ class LoadStep(AbstractTorque):
     name: ClassVar[str] = "load_step"
     equation: ClassVar[str] = "mechanical"
     drivers: ClassVar[tuple[str, ...]] = ("time",)
+    moments: ClassVar[tuple[str, ...]] = ("start", "stop")
     source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property

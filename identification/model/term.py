@@ -116,6 +116,7 @@ class AbstractTerm(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     states: ClassVar[tuple[State, ...]] = ()
     defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range makes the kind what it is
+    moments: ClassVar[tuple[str, ...]] = ()  # times of events, which any sample may be
 
     @property
     def variant(self) -> str:

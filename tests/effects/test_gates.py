@@ -9,8 +9,10 @@ import pytest
 
 from bench import make_campaign
 from identification.effects import trials
-from identification.effects.evidence import Gates, Judged, scores_of
-from identification.effects.refit import refitted_without
+from identification.effects.evidence import Gates, Judged, Unseen, scores_of
+from identification.effects.load import LoadStep
+from identification.effects.refit import refitted_with, refitted_without
+from identification.effects.start import Start
 from identification.effects.trials import Trials
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, Patience, solve
@@ -108,3 +110,29 @@ def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
 
     assert judged.unseen is None
     assert work.scores(judged) == []
+
+
+def test_the_times_of_an_event_count_twice_by_chance() -> None:
+    """A load has a size and two times; of 4500 samples each time takes another half logarithm."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    simpler = Judged(fit, 1.0)
+    load = LoadStep(0, 0.1, 2e-3, 1.5)
+    loaded = refitted_with(fit, load, [Start(np.array([0.001, 0.3, 0.6]))])
+
+    gates = Judged(loaded, 1.0).gates(simpler, tried=100)
+
+    samples = fit.weighting.counts.sum()
+    assert gates.needed == pytest.approx(0.5 * 5 * np.log(samples) + np.log(100))
+
+
+def test_a_model_that_predicts_worse_is_told() -> None:
+    """Errors on runs left out that are a tenth larger, and alike."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    square, count = np.array([0.01, 1.0]), np.array([1500.0, 1500.0])
+    one = Judged(fit, 1.0, Unseen(square, count, np.zeros(2)))
+    other = Judged(fit, 1.0, Unseen(1.21 * square, count, np.zeros(2)))
+
+    assert other.predicts_worse(one)
+    assert not one.predicts_worse(other)
+    assert not one.predicts_worse(one)
+    assert not Judged(fit, 1.0).predicts_worse(one)
