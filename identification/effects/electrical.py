@@ -210,6 +210,12 @@ class InductanceSaturation(_Saturation):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, from where saturation begins to where little but leakage is left."""
+        """One structure, from where saturation begins to where little but leakage is left.
+
+        The declared inductance is that of the usual current, far from the one at rest: few of the
+        places show at first what a fit from them gains.
+        """
         term = cls(1.5 * survey.current)
-        return [Candidate(term, columns((0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (5.0, 2.0, 0.15)))]
+        starts = [(0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (1.0, 1.3, 0.4), (1.0, 2.5, 0.1)]
+        starts += [(3.0, 1.3, 0.4), (3.0, 2.5, 0.4), (5.0, 2.0, 0.15)]
+        return [Candidate(term, columns(*starts))]

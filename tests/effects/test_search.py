@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from bench import EffectRequest, make_campaign
+from bench import EffectRequest, Noise, make_campaign
 from identification.effects.cogging import CoggingTorque
 from identification.effects.outcome import Outcome
 from identification.effects.search import search
+from identification.effects.trials import Trials
 from identification.fit.declared import fit_declared
 from tests.effects.hidden import records_of_bench
 
@@ -97,3 +98,19 @@ def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 
     assert outcome.effects[0].name == "brush_drop"
+
+
+def test_an_inductance_that_falls_far_promises_enough_to_be_fitted() -> None:
+    """To a third at the usual current, which is what the declared model takes for all of it."""
+    request = EffectRequest("inductance_saturation", 0.174, law="exponential")
+    measured = make_campaign(
+        7_010_102, [request], seed=7_000_102, rows=1500, noise=Noise(kind="coloured")
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+
+    gains = {score.candidate.term.name: score.gain for score in reversed(trials.scores(declared))}
+
+    assert gains["inductance_saturation"] > trials.worth_a_refit(declared)
+    assert gains["inductance_saturation"] > 0.5 * max(gains.values())
