@@ -90,6 +90,15 @@ class Gates:
         return not self.refusal
 
     @property
+    def refines(self) -> bool:
+        """Whether a richer form of an effect that is there is real; it claims nothing new.
+
+        However little it does to the error, parameters beside it may be off by many deviations.
+        """
+        is_foretold = self.validation is None or self.validation > _SCATTER
+        return self.passed or (self.gain > self.needed and is_foretold and not self.flaw)
+
+    @property
     def refusal(self) -> str:
         """Which gate refused it, in words; empty where none did."""
         if self.flaw:

@@ -174,9 +174,9 @@ def _enrich(state: _State, round_: int) -> None:
             richer = state.trials.enriched(state.current, term)
             gates = richer.gates(state.current, state.trials.tried)
             state.searched.append(
-                Searched(term.name, round_, gates.gain, gates, gates.passed, term.variant)
+                Searched(term.name, round_, gates.gain, gates, gates.refines, term.variant)
             )
-            if gates.passed:
+            if gates.refines:
                 state.current, left = richer, list(term.richer)
 
 

@@ -136,3 +136,13 @@ def test_a_model_that_predicts_worse_is_told() -> None:
     assert not one.predicts_worse(other)
     assert not one.predicts_worse(one)
     assert not Judged(fit, 1.0).predicts_worse(one)
+
+
+def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
+    """It claims nothing new: half a per cent is enough, if it is far from chance and foretold."""
+    small = replace(REAL, training=0.005, validation=0.1)
+
+    assert not small.passed
+    assert small.refines
+    assert not replace(small, gain=11.0).refines
+    assert not replace(small, validation=-0.01).refines
