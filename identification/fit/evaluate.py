@@ -57,7 +57,7 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     if not records:
         return []
     records = with_own_temperatures(
-        fit.simulator.model, fit.values, records, fit.weighting.deviation
+        fit.simulator.model, fit.values, records, fit.weighting.deviation, whole=whole
     )
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     deviation = fit.weighting.deviation

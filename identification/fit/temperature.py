@@ -68,7 +68,12 @@ def with_expected(unlogged: Unlogged, values: Array) -> Array:
 
 
 def with_own_temperatures(
-    model: MotorModel, values: Array, records: Sequence[Record], deviation: Array
+    model: MotorModel,
+    values: Array,
+    records: Sequence[Record],
+    deviation: Array,
+    *,
+    whole: bool = False,
 ) -> tuple[Record, ...]:
     """Records with the temperature that fits them best where none was logged, one a run.
 
@@ -77,16 +82,17 @@ def with_own_temperatures(
         values: (n_parameter,) physical, which are held.
         records: Records that were not fitted.
         deviation: (2,) noise of current and speed [A, rad/s].
+        whole: Whether initial states are looked for in whole records, as a phase has to be.
     """
     found = {
-        run: _temperature(model, values, [r for r in records if r.run == run], deviation)
+        run: _temperature(model, values, [r for r in records if r.run == run], deviation, whole)
         for run in sorted({record.run for record in records if record.expected is not None})
     }
     return tuple(_at(record, found.get(record.run)) for record in records)
 
 
 def _temperature(
-    model: MotorModel, values: Array, records: Sequence[Record], deviation: Array
+    model: MotorModel, values: Array, records: Sequence[Record], deviation: Array, whole: bool
 ) -> Array:
     """(2,) what one run warms by [K] and its temperature in the middle [degC]."""
     free = replace(model, unlogged=Unlogged((records[0].run,), float(records[0].expected or 0.0)))
@@ -99,7 +105,8 @@ def _temperature(
     weighting = replace(Weighting.white(records), deviation=deviation)
     for _ in range(_AGAIN):
         here = tuple(_at(record, tried[at, 0]) for record in records)
-        states = fitted_initial_states(Simulator.fitting(model, here, values), values, deviation)
+        start = Simulator.fitting(model, here, values)
+        states = fitted_initial_states(start, values, deviation, whole=whole)
         simulator = Simulator.fitting(free, records, tried[:, 0])
         if model.terms:
             simulator = simulator.divided_for(tried[:, 0], states, _ROUGH * deviation)
