@@ -84,6 +84,13 @@ def with_own_temperatures(
         deviation: (2,) noise of current and speed [A, rad/s].
         whole: Whether initial states are looked for in whole records, as a phase has to be.
     """
+    if model.unlogged.is_relative and len(model.unlogged.runs) == 1:
+        # One run has no other to be compared with; a temperature found here would hide what the
+        # model lacks.
+        return tuple(
+            record if record.expected is None else _at(record, np.array([0.0, record.expected]))
+            for record in records
+        )
     found = {
         run: _temperature(model, values, [r for r in records if r.run == run], deviation, whole)
         for run in sorted({record.run for record in records if record.expected is not None})
