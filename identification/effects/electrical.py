@@ -31,13 +31,13 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractVoltage):
     """Voltage lost at the brush contacts, with the sign of the current.
 
-        v = -V_b (s + a |s|),   |s|^p = 1 - (1 + |i / i_b|^p / k)^(-k)      [V]
+        v = -V_b (s + a |s|),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
 
     with s of the sign of i.  `i_b` is where the knee lies: far below the current the drop is a
     step, near it a contact whose resistance falls as the current grows.  `p` says how sharp the
-    knee is, `k` how soon the drop is full beyond it: i / (i + i_b) has both at one,
-    i / sqrt(i^2 + i_b^2) two and one, 1 - exp(-i / i_b) one and a large k, and tanh, erf and arctan
-    come within a thousandth.  `a` says how far the two directions differ.
+    knee is, `o` how far beyond it the drop is still open: i / (i + i_b) has both at one,
+    i / sqrt(i^2 + i_b^2) two and one, 1 - exp(-i / i_b) one and an o near zero, and tanh, erf and
+    arctan come within a thousandth.  `a` says how far the two directions differ.
 
     Args:
         voltage_size: Natural voltage [V].
@@ -67,17 +67,26 @@ class BrushDrop(AbstractVoltage):
                 1.5 * self.current_size,
             ),
             shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
-            shape("fullness", "-", "how soon the drop is full beyond the knee", 0.4, 25.0),
+            # Not its inverse, nor a logarithm: the posterior of this is nearly normal.
+            Parameter(
+                "openness",
+                "-",
+                "how far beyond the knee the drop is still open",
+                lower=0.04,
+                upper=2.5,
+                prior_mean=1.0,
+                prior_sd=1.5,
+            ),
             asymmetry(),
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage lost [V]."""
-        power, fullness = values.sharpness, values.fullness
+        power, openness = values.sharpness, values.openness
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
-        left = ca.exp(-fullness * ca.log(1 + size / fullness))
-        nearly_straight = 1 - (fullness + 1) / (2 * fullness) * size
+        left = ca.exp(-ca.log(1 + openness * size) / openness)
+        nearly_straight = 1 - 0.5 * (1 + openness) * size
         bent = ca.if_else(size < _STRAIGHT, nearly_straight, (1 - left) / size)
         share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND

@@ -2,7 +2,8 @@
 
 The question is put to the data alone, without the priors: the curvature of the likelihood.  A
 parameter is called identified where its standard deviation by the data is small against the
-quantity itself or, for temperature coefficients, against the coefficients that materials have.
+quantity itself or, for temperature coefficients and for shapes that may lie anywhere between two
+bounds, against what is known of them beforehand.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ def identified(fit: Fit, share: float) -> dict[str, bool]:
     answer = {}
     for k, parameter in enumerate(fit.coordinates.parameters):
         physical = deviations[k] * slopes[k]
-        if parameter.search == "log" or parameter.lower >= 0.0:
+        is_size = parameter.lower >= 0.0 and (parameter.vanishes or np.isinf(parameter.upper))
+        if parameter.search == "log" or is_size:
             answer[parameter.name] = bool(physical < _RELATIVE * abs(fit.values[k]))
         else:
             answer[parameter.name] = bool(

@@ -58,14 +58,14 @@ def test_knees_of_every_usual_law_are_met(law: Callable[[Any], Any], tolerance: 
 
 
 @pytest.mark.parametrize("sharpness", [0.6, 2.0, 8.0])
-@pytest.mark.parametrize("fullness", [0.4, 1.0, 25.0])
-def test_near_no_current_brushes_are_a_resistance(sharpness: float, fullness: float) -> None:
+@pytest.mark.parametrize("openness", [0.04, 1.0, 2.5])
+def test_near_no_current_brushes_are_a_resistance(sharpness: float, openness: float) -> None:
     """Whatever the shape, the drop is odd and without a gap where its series takes over."""
     current = np.geomspace(3e-3, 3.0, 4000)
 
-    drop = drop_of(current, 1.0, 1.0, sharpness, fullness, 0.0)
+    drop = drop_of(current, 1.0, 1.0, sharpness, openness, 0.0)
 
-    np.testing.assert_allclose(drop_of(-current, 1.0, 1.0, sharpness, fullness, 0.0), -drop)
+    np.testing.assert_allclose(drop_of(-current, 1.0, 1.0, sharpness, openness, 0.0), -drop)
     slope = np.diff(drop) / np.diff(current)
     assert np.all(slope > -1e-9)
     assert np.all(np.diff(slope) < 1e-4)

@@ -122,7 +122,7 @@ def test_loop_with_friction_drop_and_cogging_is_that_of_an_independent_integrati
         ]
 
     known = {
-        "brush_drop": {"voltage": drop, "knee": knee, "sharpness": 2.0, "fullness": 1.0},
+        "brush_drop": {"voltage": drop, "knee": knee, "sharpness": 2.0, "openness": 1.0},
         "coulomb_friction": {"torque": dry},
         "cogging_torque": {"order": order, "sine": size},
     }
@@ -169,7 +169,7 @@ def fits() -> tuple[Fit, Fit]:
     runs = campaign(motor_named("servo 100 W"), seed=4)
     declared = fit_declared(records_of(runs), "zoh")
     drop = BrushDrop(24.0, 10.0)
-    sizes = {"voltage": 1e-9, "knee": 1.0, "sharpness": 2.0, "fullness": 1.0}
+    sizes = {"voltage": 1e-9, "knee": 1.0, "sharpness": 2.0, "openness": 1.0}
     start = np.array([sizes.get(p.name, 0.0) for p in drop.parameters])
     return declared, refitted_with(declared, drop, [Start(start)])
 

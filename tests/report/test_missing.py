@@ -86,7 +86,7 @@ def test_a_voltage_is_drawn_as_its_law(declared: Fit) -> None:
 def test_dots_lie_on_the_curve_though_resistance_had_soaked_part_of_it_up(declared: Fit) -> None:
     """The trace of a brush drop beside a resistance 30 % too high: drop plus 0.3 Ra i."""
     term = BrushDrop(24.0, 10.0)
-    sizes = {"voltage": 0.8, "knee": 0.4, "sharpness": 2.0, "fullness": 1.0}
+    sizes = {"voltage": 0.8, "knee": 0.4, "sharpness": 2.0, "openness": 1.0}
     bare = path_of(declared, term, [sizes.get(p.name, 0.0) for p in term.parameters])
     logged = bare.final.simulator.states(bare.final.values[:, None], bare.final.states)
     current = [states[:, 0, 0] for states in logged]
