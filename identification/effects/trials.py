@@ -126,14 +126,15 @@ class Trials:
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit = current.fit
+            fit, hopeless = current.fit, current.fit.cost + _SLACK
             (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
             for form in (*term.leads(before), term):
-                led = refitted_as(fit, form, self.patience())
+                led = refitted_as(fit, form, self.patience(hopeless))
                 if led.cost > fit.cost and fit is not current.fit:
                     break
                 fit = led
-            known = self.judge(self._finished(fit), current.share)
+            fit = self._finished(fit) if fit.cost < hopeless else fit
+            known = self.judge(fit, current.share)
         return known
 
     def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:

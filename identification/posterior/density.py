@@ -4,7 +4,8 @@ Sampled are the search coordinates of the parameters, sheared where their poster
 ridge, and the logarithms of the two noise
 deviations.  The initial state of each record is not: given the parameters its likelihood is normal
 (exactly so for a linear motor), so it is integrated out by following its conditional optimum,
-which moves with the parameters as the normal equations say.  A campaign of a hundred runs is
+which moves with the parameters as the normal equations say, and along a bent ridge as it was found
+there.  A campaign of a hundred runs is
 thereby sampled in as few dimensions as one of two.
 
 Where the fit needs its sample intervals in parts, the posterior is simulated more coarsely as far
@@ -23,7 +24,8 @@ from numpy.typing import NDArray
 from identification.fit.solve import Fit
 from identification.model.simulate import Simulator
 from identification.posterior.coarse import coarser
-from identification.posterior.ridge import Ridge, ridge_of
+from identification.posterior.ridge import Ridge
+from identification.posterior.trace import ridge_of
 
 __all__ = ["Posterior"]
 
@@ -65,7 +67,7 @@ class Posterior:
     @cached_property
     def ridge(self) -> Ridge:
         """The shear between sampled and search coordinates."""
-        return ridge_of(self.fit)
+        return ridge_of(self.fit, self.share)
 
     def covariance(self) -> Array:
         """(n_dim, n_dim) of the normal approximation at the optimum."""
@@ -129,7 +131,9 @@ class Posterior:
         safe = np.where(inside, position, fit.position[:, None])
         moved = safe - fit.position[:, None]
         states = [
-            start[:, None] + fit.equations.state_response(k) @ moved
+            start[:, None]
+            + fit.equations.state_response(k) @ moved
+            + self.ridge.state_shift(k, safe)
             for k, start in enumerate(fit.states)
         ]
         values = fit.coordinates.values(safe)

@@ -1,15 +1,13 @@
 """Sampling of the posterior with emcee.
 
-The ensemble starts from the normal approximation of the fit, and a good share of the proposals
-comes from there too (independent draws from a multivariate t around the optimum): for the nearly
-normal posteriors of long records they decorrelate in two steps where the stretch move takes fifty.
-Differential evolution and stretch moves keep the sampler right where the posterior is bent or runs
-into a bound.  How much is left to them depends on how well the normal approximation weighs the
-walkers that start from it.
+The ensemble starts from the normal approximation of the fit, and most of the proposals come from
+there too (independent draws from a multivariate t around the optimum): for the nearly normal
+posteriors of long records they decorrelate in two steps where the stretch move takes fifty.  Where
+the posterior is bent, cut off or has a long tail, most are draws along its ridge as that was
+traced.  Differential evolution and stretch moves keep the sampler right where neither holds.
 
 Source: Foreman-Mackey et al., PASP 125 (2013), 306 (emcee); ter Braak, Statistics and Computing 16
-(2006), 239-249 (differential evolution); Tierney, Annals of Statistics 22 (1994), 1701-1728
-(independence chains).
+(2006), 239-249 (differential evolution).
 """
 
 from __future__ import annotations
@@ -26,6 +24,7 @@ from numpy.typing import NDArray
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.convergence import Convergence, convergence_of
 from identification.posterior.density import Posterior
+from identification.posterior.proposal import AlongRidge, Independent
 from identification.posterior.resume import chain_key, kept_backend, state_of
 
 __all__ = ["Sample", "sample"]
@@ -35,7 +34,6 @@ Array = NDArray[np.float64]
 _NARROW: Final = (200.0, 1.02)
 _WIDE: Final = (5.0, 1.1)
 """Degrees of freedom of proposals, and their covariance over that of the normal approximation."""
-_NORMAL: Final = 0.5
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _LENGTHS: Final = 50.0
@@ -94,7 +92,7 @@ def sample(
         n_dim,
         posterior,
         vectorize=True,
-        moves=_moves(posterior.centre, covariance, start, density),
+        moves=_moves(posterior, covariance),
         backend=kept_backend(checkpoint, key, walkers, n_dim),
     )
     state = emcee.State(
@@ -138,51 +136,19 @@ def _burn_in(done: int, tau: float) -> int:
     return int(np.clip(3 * tau, done // 10, done // 2)) if np.isfinite(tau) else done // 2
 
 
-def _moves(
-    centre: Array, covariance: Array, start: Array, density: Array
-) -> list[tuple[object, float]]:
+def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]]:
+    centre, ridge = posterior.centre, posterior.ridge
     narrow, wide = (
-        moves.MHMove(_Independent(centre, inflation * covariance, freedom))
+        moves.MHMove(Independent(centre, inflation * covariance, freedom))
         for freedom, inflation in (_NARROW, _WIDE)
     )
-    if _efficiency(centre, covariance, start, density) > _NORMAL:
-        return [(narrow, 0.75), (wide, 0.1), (moves.DEMove(), 0.1), (moves.StretchMove(), 0.05)]
-    return [(narrow, 0.1), (wide, 0.4), (moves.DEMove(), 0.3), (moves.StretchMove(), 0.2)]
-
-
-def _efficiency(centre: Array, covariance: Array, start: Array, density: Array) -> float:
-    """Share of draws from the normal approximation that count as draws of the posterior [-].
-
-    Source: Kong, A note on importance sampling using standardized weights, University of Chicago
-    Technical Report 348 (1992).
-    """
-    root = np.linalg.cholesky(covariance)
-    scaled = np.linalg.solve(root, (start - centre).T)
-    weights = density + 0.5 * np.sum(scaled**2, axis=0)
-    weights = np.exp(weights - weights.max())
-    return float(weights.sum() ** 2 / np.sum(weights**2) / weights.size)
-
-
-class _Independent:
-    """Draws from a multivariate t around the optimum, whatever the walker's place."""
-
-    def __init__(self, centre: Array, covariance: Array, freedom: float) -> None:
-        self._centre = centre
-        self._root = np.linalg.cholesky(covariance)
-        self._freedom = freedom
-
-    def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        n_walker, n_dim = coordinates.shape
-        normal = random.randn(n_walker, n_dim)
-        size = np.sqrt(self._freedom / random.chisquare(self._freedom, size=n_walker))
-        proposed = self._centre + (normal * size[:, None]) @ self._root.T
-        return proposed, self._log_density(coordinates) - self._log_density(proposed)
-
-    def _log_density(self, points: Array) -> Array:
-        scaled = np.linalg.solve(self._root, (points - self._centre).T)
-        distance = np.sum(scaled**2, axis=0)
-        power = -0.5 * (self._freedom + points.shape[1])
-        return np.asarray(power * np.log1p(distance / self._freedom))
+    others = [(wide, 0.1), (moves.DEMove(), 0.1), (moves.StretchMove(), 0.05)]
+    if ridge.is_straight:
+        return [(narrow, 0.75), *others]
+    n = ridge.centre.size
+    noise_sd = np.sqrt(np.diag(covariance)[n:])
+    along = moves.MHMove(AlongRidge(ridge, centre[n:], noise_sd))
+    return [(along, 0.6), (narrow, 0.15), *others]
 
 
 def _start(

@@ -2,17 +2,53 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bench import make_campaign
+from benchmarks.coverage import run_of
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import survey_of
+from identification.effects.electrical import BrushDrop
+from identification.effects.refit import refined, refitted_with
+from identification.effects.start import Start
+from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.normal_equations import normal_equations
+from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
-from identification.posterior.ridge import Ridge, ridge_of
+from identification.posterior.ridge import Ridge
+from identification.posterior.sample import sample
+from identification.posterior.trace import ridge_of
 from tests.motors import Motor, campaign, motor_named
 from tests.posterior.test_sample import WHITE, servo_fit
 
+Array = NDArray[np.float64]
+
 SERVO = motor_named("servo 100 W")
+
+
+def with_shifts(ridge: Ridge, shifts: Array) -> Ridge:
+    """The ridge, with shifts (5, n_parameter) at two deviations to either side."""
+    states = tuple(np.zeros((5, own.shape[1])) for own in ridge.states)
+    return replace(ridge, way=np.linspace(-2.0, 2.0, 5), shifts=shifts, states=states)
+
+
+@pytest.fixture(scope="module")
+def brushes() -> Fit:
+    """Brushes that are as soon full as the law allows: a shape is at its bound."""
+    measured = make_campaign(
+        "servo_150w", [("brush_drop", 0.03)], seed=5, rows=1500, training=2, validation=1
+    )
+    runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
+    declared = fit_declared(campaign_of(runs, []).training, "zoh")
+    (candidate,) = BrushDrop.candidates(survey_of(declared))
+    return refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 0])]))
 
 
 def test_a_ridge_ends_where_the_motor_cannot_be_simulated() -> None:
@@ -22,9 +58,10 @@ def test_a_ridge_ends_where_the_motor_cannot_be_simulated() -> None:
     fit = fit_declared(records_of(campaign(motor, seed=3, noise=0.05, rows=500)), "zoh")
 
     with np.errstate(over="ignore", invalid="ignore"):
-        ridge = ridge_of(fit)
+        ridge = ridge_of(fit, WHITE)
 
     assert np.isfinite(ridge.shifts).all()
+    assert np.isfinite(ridge.log_density).all()
 
 
 def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
@@ -34,11 +71,10 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
     place = fit.coordinates.names.index("L")
     shifts = np.zeros((5, fit.position.size))
     shifts[:, place] = (fit.coordinates.lower - fit.position)[place] * np.array([6, 2, 0, 2, 6])
-    straight = ridge_of(fit)
+    straight = ridge_of(fit, WHITE)
     along = straight.along.copy()
     along[place] = 0.0
-    bent = Ridge(fit.position, along, np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), shifts)
-    posterior.__dict__["ridge"] = bent
+    posterior.__dict__["ridge"] = with_shifts(replace(straight, along=along), shifts)
 
     draws = normal_draws(posterior, seed=5)
 
@@ -48,13 +84,67 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
 def test_straightening_takes_back_what_bending_did() -> None:
     """A shear leaves the way along the ridge as it is, so that it has an inverse."""
     fit = servo_fit()
-    straight = ridge_of(fit)
+    straight = ridge_of(fit, WHITE)
     shifts = np.random.default_rng(1).standard_normal((5, fit.position.size))
     tangent = np.linalg.pinv(straight.along[None, :])[:, 0]
     shifts -= np.outer(shifts @ straight.along, tangent)
-    ridge = Ridge(fit.position, straight.along, np.linspace(-2, 2, 5), shifts)
+    ridge = with_shifts(straight, shifts)
     points = fit.position[:, None] + np.random.default_rng(2).standard_normal(
         (fit.position.size, 9)
     )
 
     np.testing.assert_allclose(ridge.straightened(ridge.bent(points)), points, rtol=1e-6, atol=1e-6)
+
+
+def test_a_nearly_normal_posterior_has_no_ridge() -> None:
+    """Nothing is traced, and nothing is paid for it."""
+    assert ridge_of(servo_fit(), WHITE).is_straight
+
+
+def test_from_a_bound_the_ridge_goes_inwards(brushes: Fit) -> None:
+    """One parameter leaves its bound, and the others are at their best all the way."""
+    (bound,) = np.flatnonzero(brushes.position <= brushes.coordinates.lower)
+
+    ridge = ridge_of(brushes, WHITE)
+
+    assert brushes.coordinates.names[bound] == "brush_drop.openness"
+    assert ridge.way[0] == 0.0
+    assert ridge.way.size > 4
+    assert np.all(np.diff(ridge.shifts[:, bound] + ridge.way * ridge.tangent[bound]) > 0)
+
+
+def test_along_the_ridge_parameters_and_initial_states_are_the_best(brushes: Fit) -> None:
+    """The gradient of the whole cost has no part across the ridge, in standard deviations."""
+    ridge = ridge_of(brushes, WHITE)
+
+    for k, way in enumerate(ridge.way):
+        position = brushes.position + way * ridge.tangent + ridge.shifts[k]
+        moved = position - brushes.position
+        states = [
+            start + brushes.equations.state_response(r) @ moved + ridge.state_shift(r, position)
+            for r, start in enumerate(brushes.states)
+        ]
+        found = normal_equations(
+            brushes.simulator, brushes.coordinates, position, states, brushes.weighting
+        )
+        across = ridge.basis.T @ found.gradient
+        step = np.linalg.solve(ridge.basis.T @ found.matrix @ ridge.basis, across)
+        assert np.sqrt(across @ step) < 0.4
+        for matrix, gradient in zip(found.state_matrices, found.state_gradients, strict=True):
+            assert np.sqrt(gradient @ np.linalg.solve(matrix, gradient)) < 0.4
+
+
+def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
+    """A drag that trades with the friction; around the optimum alone a draw took 19 steps."""
+    measured = make_campaign(
+        "servo_150w", [("quadratic_drag", 0.03)], seed=5, rows=800, training=2, validation=1
+    )
+    runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
+    declared = fit_declared(campaign_of(runs, []).training, "zoh")
+    candidate = CATALOGUE["quadratic_drag"].candidates(survey_of(declared))[0]
+    fit = refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 0])]))
+
+    convergence = sample(Posterior(fit, WHITE), seed=0, most_steps=600).convergence
+
+    assert convergence.reached
+    assert convergence.autocorrelation_time < 10.0

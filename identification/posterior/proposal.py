@@ -1,0 +1,119 @@
+"""Independent proposals: draws of what the posterior is taken for, wherever a walker is.
+
+Source: Tierney, Annals of Statistics 22 (1994), 1701-1728 (independence chains).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from identification.posterior.ridge import Ridge
+
+__all__ = ["AlongRidge", "Independent"]
+
+Array = NDArray[np.float64]
+
+_FREEDOM: Final = 50.0
+_INFLATION: Final = 1.05
+"""Degrees of freedom of proposals across a ridge, and their covariance over the traced one."""
+_GRID: Final = 100
+"""Parts of the way between two traced points in which its density is taken as linear."""
+
+
+class Independent:
+    """Draws from a multivariate t around the optimum.
+
+    Args:
+        centre: (n_dim,).
+        covariance: (n_dim, n_dim).
+        freedom: Degrees of freedom.
+    """
+
+    def __init__(self, centre: Array, covariance: Array, freedom: float) -> None:
+        self._centre = centre
+        self._root = np.linalg.cholesky(covariance)
+        self._freedom = freedom
+
+    def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Proposed places (n_walker, n_dim) and the logarithms of the ratio of proposals."""
+        n_walker, n_dim = coordinates.shape
+        normal = random.randn(n_walker, n_dim)
+        size = np.sqrt(self._freedom / random.chisquare(self._freedom, size=n_walker))
+        proposed = self._centre + (normal * size[:, None]) @ self._root.T
+        return proposed, self._log_density(coordinates) - self._log_density(proposed)
+
+    def _log_density(self, points: Array) -> Array:
+        scaled = np.linalg.solve(self._root, (points - self._centre).T)
+        return _student(np.sum(scaled**2, axis=0), points.shape[1], self._freedom)
+
+
+class AlongRidge:
+    """Draws of the way along a traced ridge, and of a multivariate t across it there.
+
+    Args:
+        ridge: The ridge, traced.
+        noise: (n_noise,) centre of the dimensions that the ridge does not have.
+        noise_sd: (n_noise,) their deviations.
+    """
+
+    def __init__(self, ridge: Ridge, noise: Array, noise_sd: Array) -> None:
+        self._ridge, self._noise, self._noise_sd = ridge, noise, noise_sd
+        # One more step to both sides, on which the density goes on as it did.
+        way, height = (
+            np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
+            for x in (ridge.way, ridge.log_density)
+        )
+        grid = np.linspace(float(way[0]), float(way[-1]), _GRID * way.size)
+        log_density = PchipInterpolator(way, height)(grid)
+        density = np.exp(log_density - log_density.max())
+        parts = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
+        self._grid, self._share = grid, np.concatenate([[0.0], np.cumsum(parts) / parts.sum()])
+        self._log_share = np.log(parts / parts.sum() / np.diff(grid))
+
+    def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Proposed places (n_walker, n_dim) and the logarithms of the ratio of proposals."""
+        n_walker, n_dim = coordinates.shape
+        ridge, split = self._ridge, self._ridge.centre.size
+        way = np.interp(random.rand(n_walker), self._share, self._grid)
+        size = np.sqrt(_INFLATION * _FREEDOM / random.chisquare(_FREEDOM, size=n_walker))
+        normal = random.randn(n_walker, n_dim - 1) * size[:, None]
+        across = np.einsum("wij,wj->wi", self._roots(way), normal[:, : split - 1])
+        proposed = np.column_stack(
+            [
+                ridge.centre + way[:, None] * ridge.tangent + across @ ridge.basis.T,
+                self._noise + normal[:, split - 1 :] * self._noise_sd,
+            ]
+        )
+        return proposed, self.log_density(coordinates) - self.log_density(proposed)
+
+    def log_density(self, points: Array) -> Array:
+        """Log density (n_walker,) of proposals at points (n_walker, n_dim), up to a constant."""
+        ridge, split = self._ridge, self._ridge.centre.size
+        way = ridge.way_of(points[:, :split].T)
+        roots = self._roots(way)
+        away = points[:, :split] - ridge.centre - way[:, None] * ridge.tangent
+        across = np.linalg.solve(roots, (away @ ridge.basis)[:, :, None])[:, :, 0]
+        noise = (points[:, split:] - self._noise) / self._noise_sd
+        distance = (np.sum(across**2, axis=1) + np.sum(noise**2, axis=1)) / _INFLATION
+        place = np.searchsorted(self._grid, way) - 1
+        inside = (place >= 0) & (place < self._log_share.size)
+        along = np.where(inside, self._log_share[np.where(inside, place, 0)], -np.inf)
+        volume = np.sum(np.log(np.diagonal(roots, axis1=1, axis2=2)), axis=1)
+        return np.asarray(along - volume + _student(distance, points.shape[1] - 1, _FREEDOM))
+
+    def _roots(self, way: Array) -> Array:
+        """(n_walker, n_parameter - 1, n_parameter - 1) between those of the traced points."""
+        points, roots = self._ridge.way, self._ridge.roots
+        place = np.clip(np.searchsorted(points, way) - 1, 0, points.size - 2)
+        share = (way - points[place]) / (points[place + 1] - points[place])
+        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        return np.asarray((1.0 - share) * roots[place] + share * roots[place + 1])
+
+
+def _student(distance: Array, size: int, freedom: float) -> Array:
+    """Log density of a multivariate t at squared scaled distances, up to a constant."""
+    return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))

@@ -1,0 +1,260 @@
+"""Tracing the ridge of a posterior: all other directions are optimised while one runs.
+
+The direction is that of the few least certain ones along which the posterior is least like a normal
+one: bent, cut off by a bound, or with a longer tail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import null_space
+
+from identification.fit.normal_equations import NormalEquations, normal_equations
+from identification.fit.solve import Fit
+from identification.posterior.ridge import Ridge
+
+__all__ = ["ridge_of"]
+
+Array = NDArray[np.float64]
+
+_STEP: Final = 0.5
+_LONGER: Final = 1.5
+_GENTLE: Final = 0.5
+"""Way between the first two points in deviations, and its growth where the density falls less."""
+_MOST: Final = 14
+_ENOUGH: Final = 9.0
+"""Most points to one side, and the fall of the log density after which nothing is sampled."""
+_STEPS: Final = 5
+_FAR: Final = 0.1
+"""Squared Gauss-Newton step, in deviations, after which a point is near enough to the ridge."""
+_DIRECTIONS: Final = 3
+_PROBE: Final = 2.0
+_BENT: Final = 0.5
+_CUT: Final = 2.0
+"""How unlike a normal density one is that a bound cuts off at the probe."""
+_STIFF: Final = 1e8
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A point of the ridge: its place, the best initial states, and the precision there."""
+
+    position: Array
+    states: tuple[Array, ...]
+    precision: Array
+
+
+@dataclass(frozen=True)
+class _Direction:
+    """A way that a ridge may take.
+
+    Args:
+        tangent: (n_parameter,) a way on which the log density falls by about a half.
+        along: (n_parameter,) the functional that measures the way, one for the tangent.
+        free: (n_parameter,) which parameters move; others stay at their bounds.
+    """
+
+    tangent: Array
+    along: Array
+    free: NDArray[np.bool_]
+
+
+def ridge_of(fit: Fit, share: float) -> Ridge:
+    """The ridge through the optimum; straight where the posterior is as good as normal.
+
+    Args:
+        fit: The optimum.
+        share: Effective share of the samples.
+    """
+    directions = _directions(fit, share)
+    excess = _excess(fit, share, directions)
+    direction = directions[int(np.argmax(excess))]
+    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, share))}
+    if excess.max() > _BENT:
+        for sign in (1.0, -1.0):
+            points |= _traced(fit, share, direction, sign)
+    return _ridge(fit, share, direction, points)
+
+
+def _precision(equations: NormalEquations, share: float) -> Array:
+    """Inverse covariance of the posterior, (n_parameter, n_parameter)."""
+    return np.asarray(equations.matrix - (1.0 - share) * equations.information)
+
+
+def _directions(fit: Fit, share: float) -> list[_Direction]:
+    """The least certain directions, and from each bound that the optimum is at the way inwards."""
+    coordinates, precision = fit.coordinates, _precision(fit.equations, share)
+    lower, upper = fit.position <= coordinates.lower, fit.position >= coordinates.upper
+    free = ~(lower | upper)
+    root = _scaled_root(precision[np.ix_(free, free)])
+    size = np.sqrt(np.sum(root**2, axis=1))
+    values, vectors = np.linalg.eigh(root @ root.T / np.outer(size, size))
+    found = []
+    for k in range(size.size - 1, max(size.size - 1 - _DIRECTIONS, -1), -1):
+        tangent = np.zeros(free.size)
+        tangent[free] = vectors[:, k] * np.sqrt(values[k]) * size
+        along = precision @ tangent
+        found.append(_Direction(tangent, along / float(along @ tangent), free))
+    for bound in np.flatnonzero(~free):
+        moving = free.copy()
+        moving[bound] = True
+        root = _scaled_root(precision[np.ix_(moving, moving)])
+        deviation = (root @ root.T)[:, np.flatnonzero(moving) == bound][:, 0]
+        tangent = np.zeros(free.size)
+        tangent[moving] = deviation / np.sqrt(deviation[np.flatnonzero(moving) == bound])
+        tangent = tangent if lower[bound] else -tangent
+        # The slope there makes the density fall sooner than its curvature does.
+        slope = max(-float(fit.equations.gradient @ tangent), 0.0)
+        tangent = tangent * (np.hypot(slope, 1.0) - slope)
+        along = np.zeros(free.size)
+        along[bound] = 1.0 / tangent[bound]
+        found.append(_Direction(tangent, along, moving))
+    return found
+
+
+def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:
+    """(n_direction,) how far the log density two deviations away is from a normal one's."""
+    count = len(directions)
+    tangents = _PROBE * np.array([direction.tangent for direction in directions]).T
+    steps = np.hstack([tangents, -tangents])
+    position = fit.position[:, None] + steps
+    states = [
+        start[:, None] + fit.equations.state_response(k) @ steps
+        for k, start in enumerate(fit.states)
+    ]
+    falls = _falls(fit, share, position, states)
+    unlike = np.abs(falls - 0.5 * _PROBE**2)
+    unlike = np.where(np.isinf(fit.coordinates.log_prior(position)), _CUT, unlike)
+    unlike = np.where(np.isfinite(unlike), unlike, np.inf)
+    return np.asarray(np.maximum(unlike[:count], unlike[count:]))
+
+
+def _falls(fit: Fit, share: float, position: Array, states: list[Array]) -> Array:
+    """(n_point,) how far the log density is below that of the optimum."""
+    points = np.column_stack([fit.position, position])
+    starts = [np.column_stack([own, x]) for own, x in zip(fit.states, states, strict=True)]
+    sums = fit.simulator.misfit(fit.coordinates.values(points), starts, fit.weighting)
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = 0.5 * np.sum(sums / fit.weighting.deviation[:, None] ** 2, axis=0)
+        height = fit.coordinates.log_prior(points) - share * misfit
+        return np.asarray(height[0] - height[1:])
+
+
+def _traced(fit: Fit, share: float, direction: _Direction, sign: float) -> dict[float, _Point]:
+    """Points of the ridge to one side, by their way."""
+    found: dict[float, _Point] = {}
+    way, step, fall = 0.0, _STEP, 0.0
+    slope = direction.tangent
+    here = _Point(fit.position, fit.states, _precision(fit.equations, share))
+    while len(found) < _MOST and fall < _ENOUGH:
+        way += sign * step
+        # Straight on from the last two points of the ridge.
+        ahead = here.position + sign * step * slope
+        point = _optimised(fit, share, ahead, here.states, direction, way)
+        if point is None:
+            break
+        before, states = fall, [x[:, None] for x in point.states]
+        fall = float(_falls(fit, share, point.position[:, None], states)[0])
+        if not fall < 2.0 * _ENOUGH:
+            break
+        slope = (point.position - here.position) / (sign * step)
+        here = found[float(way)] = point
+        # A long tail is followed to its end.
+        step *= _LONGER if fall - before < _GENTLE else 1.0
+    return found
+
+
+def _optimised(
+    fit: Fit,
+    share: float,
+    position: Array,
+    states: tuple[Array, ...],
+    direction: _Direction,
+    way: float,
+) -> _Point | None:
+    """The best point at a given way along the ridge; None where there is none inside the bounds."""
+    coordinates, free = fit.coordinates, direction.free
+    far = np.inf
+    for _ in range(_STEPS):
+        inside = (position > coordinates.lower) & (position < coordinates.upper)
+        if not np.all(inside[free]):
+            return None
+        equations = normal_equations(fit.simulator, coordinates, position, states, fit.weighting)
+        if not equations.is_finite:
+            return None
+        precision = _precision(equations, share)
+        if far < _FAR:
+            return _Point(position, states, precision)
+        short = way - float(direction.along @ (position - fit.position))
+        step = np.zeros_like(position)
+        step[free] = _step(equations, direction.along, short, free)
+        far = float(step @ precision @ step)
+        position = position + step
+        states = tuple(
+            x + np.linalg.solve(m, g - c @ step)
+            for x, m, g, c in zip(
+                states,
+                equations.state_matrices,
+                equations.state_gradients,
+                equations.couplings,
+                strict=True,
+            )
+        )
+    return None
+
+
+def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[np.bool_]) -> Array:
+    """The Gauss-Newton step of the free parameters to the best point at a way that is `short`."""
+    matrix, gradient = equations.matrix[np.ix_(free, free)], equations.gradient[free]
+    along = along[free]
+    scale = float(np.max(np.diag(matrix))) * _STIFF / float(along @ along)
+    matrix = matrix + scale * np.outer(along, along)
+    right = gradient + scale * short * along
+    size = np.sqrt(np.diag(matrix))
+    return np.asarray(
+        np.linalg.lstsq(matrix / np.outer(size, size), right / size, rcond=1e-14)[0] / size
+    )
+
+
+def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
+    """What was traced, in the order of the way."""
+    tangent, along = direction.tangent, direction.along
+    way = np.array(sorted(points))
+    traced = [points[w] for w in way]
+    moved = np.array([point.position - fit.position for point in traced])
+    states = tuple(
+        np.array([point.states[k] for point in traced])
+        - start
+        - moved @ fit.equations.state_response(k).T
+        for k, start in enumerate(fit.states)
+    )
+    basis = null_space(along[None, :] / np.linalg.norm(along))
+    roots, log_density = [], []
+    for point in traced:
+        root = _scaled_root(basis.T @ point.precision @ basis)
+        fall = _falls(fit, share, point.position[:, None], [x[:, None] for x in point.states])
+        roots.append(root)
+        log_density.append(float(np.sum(np.log(np.diag(root)))) - float(fall[0]))
+    return Ridge(
+        centre=fit.position,
+        tangent=tangent,
+        along=along,
+        way=way,
+        shifts=moved - np.outer(way, tangent),
+        states=states,
+        log_density=np.array(log_density),
+        roots=np.array(roots),
+        basis=basis,
+    )
+
+
+def _scaled_root(precision: Array) -> Array:
+    """Cholesky factor of the inverse of a precision, scaled to unit diagonal on the way."""
+    size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
+    values, vectors = np.linalg.eigh(precision / np.outer(size, size))
+    values = np.maximum(values, 1e-14)
+    return np.linalg.cholesky((vectors / values) @ vectors.T / np.outer(size, size))
