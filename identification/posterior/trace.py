@@ -41,11 +41,19 @@ _STIFF: Final = 1e8
 
 @dataclass(frozen=True)
 class _Point:
-    """A point of the ridge: its place, the best initial states, and the precision there."""
+    """A point of the ridge.
+
+    Args:
+        position: (n_parameter,) search coordinates.
+        states: For each record (n_state,) the best initial state.
+        precision: (n_parameter, n_parameter) inverse covariance there.
+        fall: How far the log density is below that of the optimum.
+    """
 
     position: Array
     states: tuple[Array, ...]
     precision: Array
+    fall: float
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,7 @@ def ridge_of(fit: Fit, share: float) -> Ridge:
     directions = _directions(fit, share)
     excess = _excess(fit, share, directions)
     direction = directions[int(np.argmax(excess))]
-    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, share))}
+    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, share), 0.0)}
     if excess.max() > _BENT:
         for sign in (1.0, -1.0):
             points |= _traced(fit, share, direction, sign)
@@ -147,24 +155,20 @@ def _falls(fit: Fit, share: float, position: Array, states: list[Array]) -> Arra
 def _traced(fit: Fit, share: float, direction: _Direction, sign: float) -> dict[float, _Point]:
     """Points of the ridge to one side, by their way."""
     found: dict[float, _Point] = {}
-    way, step, fall = 0.0, _STEP, 0.0
+    way, step = 0.0, _STEP
     slope = direction.tangent
-    here = _Point(fit.position, fit.states, _precision(fit.equations, share))
-    while len(found) < _MOST and fall < _ENOUGH:
+    here = _Point(fit.position, fit.states, _precision(fit.equations, share), 0.0)
+    while len(found) < _MOST and here.fall < _ENOUGH:
         way += sign * step
         # Straight on from the last two points of the ridge.
         ahead = here.position + sign * step * slope
         point = _optimised(fit, share, ahead, here.states, direction, way)
-        if point is None:
-            break
-        before, states = fall, [x[:, None] for x in point.states]
-        fall = float(_falls(fit, share, point.position[:, None], states)[0])
-        if not fall < 2.0 * _ENOUGH:
+        if point is None or not point.fall < 2.0 * _ENOUGH:
             break
         slope = (point.position - here.position) / (sign * step)
-        here = found[float(way)] = point
         # A long tail is followed to its end.
-        step *= _LONGER if fall - before < _GENTLE else 1.0
+        step *= _LONGER if point.fall - here.fall < _GENTLE else 1.0
+        here = found[way] = point
     return found
 
 
@@ -188,7 +192,8 @@ def _optimised(
             return None
         precision = _precision(equations, share)
         if far < _FAR:
-            return _Point(position, states, precision)
+            fall = _falls(fit, share, position[:, None], [x[:, None] for x in states])
+            return _Point(position, states, precision, float(fall[0]))
         short = way - float(direction.along @ (position - fit.position))
         step = np.zeros_like(position)
         step[free] = _step(equations, direction.along, short, free)
@@ -236,9 +241,8 @@ def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _P
     roots, log_density = [], []
     for point in traced:
         root = _scaled_root(basis.T @ point.precision @ basis)
-        fall = _falls(fit, share, point.position[:, None], [x[:, None] for x in point.states])
         roots.append(root)
-        log_density.append(float(np.sum(np.log(np.diag(root)))) - float(fall[0]))
+        log_density.append(float(np.sum(np.log(np.diag(root)))) - point.fall)
     return Ridge(
         centre=fit.position,
         tangent=tangent,
@@ -256,5 +260,5 @@ def _scaled_root(precision: Array) -> Array:
     """Cholesky factor of the inverse of a precision, scaled to unit diagonal on the way."""
     size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
     values, vectors = np.linalg.eigh(precision / np.outer(size, size))
-    values = np.maximum(values, 1e-14)
-    return np.linalg.cholesky((vectors / values) @ vectors.T / np.outer(size, size))
+    upper = np.linalg.qr((vectors / np.sqrt(np.maximum(values, 1e-14))).T, mode="r")
+    return np.asarray((upper * np.sign(np.diag(upper))[:, None]).T / size[:, None])
