@@ -100,6 +100,8 @@ class Candidate:
             once, with `run` None, and scored for each.
         tried: (n_parameter, n_place) further places that a refit simulates, where no score tells
             how good one is.
+        traded: Further places of the same kind, each with the factors by which parameters that are
+            in the model already change there: what had taken the effect's part gives it back.
     """
 
     term: AbstractTerm
@@ -108,6 +110,7 @@ class Candidate:
     fitted: AbstractTerm | None = None
     by_run: bool = False
     tried: Array | None = None
+    traded: tuple[tuple[Array, dict[str, float]], ...] = ()
 
     @property
     def lanes(self) -> int:

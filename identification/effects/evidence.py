@@ -19,7 +19,9 @@ pass three gates, none of which was tuned on a simulator:
    Amplitudes that every record has for itself are fitted to the runs left out: a phase is no
    prediction.
 
-Models are compared by half the Bayesian information criterion.  Two that differ by less than one
+Models are compared by half the Bayesian information criterion of the training runs and by what
+they foretell of the runs left out: the chain rule of probability, in which the second factor asks
+for no penalty since nothing was fitted to it.  Two that differ by less than one
 are alike; the one whose kinds come first in the catalogue, commoner things first, is then named,
 and the other is listed beside it.
 
@@ -213,7 +215,10 @@ class Judged:
         return bool(max(self.share, other.share) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
 
     def score(self, share: float) -> float:
-        """Half the Bayesian information criterion; smaller is better.
+        """What speaks against the model; smaller is better.
+
+        Half the Bayesian information criterion of the training runs, and the negative log
+        likelihood of the runs left out, foretold from there.
 
         Args:
             share: Effective share of the samples, the same for all that are compared.
@@ -221,7 +226,16 @@ class Judged:
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
-        return share * self.fit.cost + 0.5 * size * float(np.log(samples)) + chance
+        trained = self.fit.cost if self.unseen is None else self.fit.cost + self._foretold()
+        return share * trained + 0.5 * size * float(np.log(samples)) + chance
+
+    def _foretold(self) -> float:
+        """Negative log likelihood of the runs left out, their noise unknown, up to a constant."""
+        assert self.unseen is not None
+        seen = self.fit.weighting.counts > 0
+        with np.errstate(divide="ignore"):
+            terms = 0.5 * self.unseen.count * np.log(self.unseen.square)
+        return float(np.sum(terms[seen & (self.unseen.count > 0)]))
 
 
 def _lasting(fit: Fit) -> int:

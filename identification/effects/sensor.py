@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 _DRIFTING = "from run to run"
 _FEWEST_RUNS = 3
+_INDUCTANCES = (0.5, 0.2, 0.05)
+"""Shares of a fitted inductance that may be left of it beside a filter of the current."""
 
 
 def _forms(survey: Survey) -> tuple[bool, ...]:
@@ -229,9 +231,22 @@ class _Filter(AbstractSensor):
         scanned = [f * survey.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * survey.interval, 300 * survey.interval
         return [
-            Candidate(cls(*ends), columns(*[(time,) for time in scanned])),
-            Candidate(cls(*ends, 2), columns(*[(time, 0.4) for time in scanned])),
+            Candidate(
+                cls(*ends), columns(*[(time,) for time in scanned]), traded=cls._traded(survey, ())
+            ),
+            Candidate(
+                cls(*ends, 2),
+                columns(*[(time, 0.4) for time in scanned]),
+                traded=cls._traded(survey, (0.4,)),
+            ),
         ]
+
+    @classmethod
+    def _traded(
+        cls, survey: Survey, shape: tuple[float, ...]
+    ) -> tuple[tuple[Array, dict[str, float]], ...]:
+        """Places at which declared parameters give back what they had taken of the lag."""
+        return ()
 
 
 @dataclass(frozen=True)
@@ -262,6 +277,16 @@ class CurrentFilter(_Filter):
     drivers: ClassVar[tuple[str, ...]] = ("current",)
     channel: ClassVar[str] = "current"
     unit: ClassVar[str] = "A"
+
+    @classmethod
+    def _traded(
+        cls, survey: Survey, shape: tuple[float, ...]
+    ) -> tuple[tuple[Array, dict[str, float]], ...]:
+        """A current that lags looks like a larger inductance: the two lags L / R + tau are kept."""
+        lag = float(survey.values[6] / survey.values[0])
+        return tuple(
+            (np.array([(1.0 - share) * lag, *shape]), {"L": share}) for share in _INDUCTANCES
+        )
 
 
 @dataclass(frozen=True)

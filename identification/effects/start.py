@@ -19,13 +19,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.effect import Candidate
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
-__all__ = ["Along", "Start", "begun", "has_odd_coefficients", "with_usual_coefficients"]
+__all__ = [
+    "Along",
+    "Start",
+    "begun",
+    "has_odd_coefficients",
+    "traded",
+    "with_usual_coefficients",
+]
 
 Array = NDArray[np.float64]
 Place = tuple[Array, list[Array]]
@@ -142,6 +150,22 @@ def _shorter(
             moved = np.where(is_size, share, 1.0) * position + share * way.position
             ends = [state + share * move for state, move in zip(states, way.states, strict=True)]
             found.append((np.clip(moved, coordinates.lower, coordinates.upper), ends))
+    return found
+
+
+def traded(fit: Fit, candidate: Candidate) -> list[Start]:
+    """Starts at which parameters of the fit give back what they had taken of an effect.
+
+    Args:
+        fit: The model that is added to.
+        candidate: What is added.
+    """
+    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    rest = tuple(np.zeros_like(state) for state in fit.states)
+    found = []
+    for place, factors in candidate.traded:
+        after = np.array([values[name] * factors.get(name, 1.0) for name in values])
+        found.append(Start(place, along=Along(fit.coordinates.of(after) - fit.position, rest)))
     return found
 
 

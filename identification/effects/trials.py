@@ -26,7 +26,7 @@ from identification.effects.refit import (
 )
 from identification.effects.score import Score, gathered
 from identification.effects.screen import screened
-from identification.effects.start import Start
+from identification.effects.start import Start, traded
 from identification.effects.tracing import missing_curves
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
@@ -189,6 +189,7 @@ class Trials:
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
                     starts += [Start(place) for place in score.candidate.tried.T]
+                starts += traded(current.fit, score.candidate)
                 fit = refitted_with(current.fit, score.candidate.final, starts, patience)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)

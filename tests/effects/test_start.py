@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench import EffectRequest, make_campaign
+from bench import EffectRequest, Noise, make_campaign
 from identification.effects import screen
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import survey_of
@@ -15,8 +15,8 @@ from identification.effects.electrical import BrushDrop
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.screen import screened
-from identification.effects.sensor import ChannelDelay, VoltageOffset
-from identification.effects.start import Start, begun, has_odd_coefficients
+from identification.effects.sensor import ChannelDelay, CurrentFilter, VoltageOffset
+from identification.effects.start import Start, begun, has_odd_coefficients, traded
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
@@ -149,3 +149,28 @@ def test_a_winding_that_heats_itself_is_fitted_though_resistance_seemed_to_fall(
     assert has_odd_coefficients(declared)
     assert fit.values[1] > 0.5 * measured.truth["parameters"]["alpha_Ra"]
     assert fit.weighting.deviation[0] < 0.2 * declared.weighting.deviation[0]
+
+
+def test_an_inductance_gives_back_the_lag_it_had_taken_of_a_filter() -> None:
+    """From the five-fold inductance of the declared fit the filter ended at seven noises."""
+    measured = make_campaign(
+        8_010_110,
+        [EffectRequest("current_filter", size=0.2276)],
+        seed=8_000_110,
+        rows=600,
+        noise=Noise(kind="spiky"),
+        position="incremental",
+    )
+    declared = fit_declared(records_of_bench(measured).training, "zoh")
+    candidate = CurrentFilter.candidates(survey_of(declared))[0]
+    (score,) = screened(declared, [candidate])[:1]
+
+    without = refitted_with(declared, candidate.term, score.starts)
+    fit = refitted_with(declared, candidate.term, [*score.starts, *traded(declared, candidate)])
+
+    truth = measured.truth["parameters"]["L"]
+    noise = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
+    at = fit.coordinates.names.index("L")
+    assert np.all(fit.weighting.deviation < 1.3 * np.array(noise))
+    assert fit.values[at] == pytest.approx(truth, rel=0.05)
+    assert without.values[at] > 2.0 * truth
