@@ -201,7 +201,8 @@ def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
         residual = (record.measured - logged[k])[:, :, None]
         targets = np.concatenate([residual, tangents[k][:, :, :n]], axis=2) / noise[:, None]
         spread = spreads[k] / units**2
-        pieces.append(Piece(record, rows[k], targets, record.weight, spread))
+        weight = np.where(record.weight > 0, 1.0, 0.0)
+        pieces.append(Piece(record, rows[k], targets, weight, spread))
     prior = 1.0 / fit.coordinates.prior_sd**2
     offset = np.where(prior > 0, fit.coordinates.prior_mean - fit.position, 0.0)
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in simulator.records])))

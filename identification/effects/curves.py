@@ -160,4 +160,5 @@ def _every(record: Record, step: int) -> Record:
         inputs=record.inputs[::step],
         measured=record.measured[::step],
         weight=record.weight[::step],
+        whole=None,
     )

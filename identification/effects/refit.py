@@ -117,7 +117,7 @@ def _refitted(
     known = {p.name: p for p in fit.coordinates.parameters}
     coordinates = Coordinates([known.get(p.name, p) for p in model.parameters])
     weighting = replace(
-        Weighting.white(fit.simulator.records),
+        Weighting.white([record.within(model.edges) for record in fit.simulator.records]),
         deviation=fit.weighting.deviation,
         robust=fit.weighting.robust,
     )

@@ -333,8 +333,10 @@ class ChannelDelay(AbstractDelay):
         """One structure a channel."""
         depth = 8
         starts = columns(*[(f * survey.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
+        # A current may jump with every sample of the voltage: each interval has an optimum.
+        tried = survey.interval * np.arange(0.5, depth, 0.5)[None, :]
         return [
-            Candidate(cls(channel, depth, survey.interval), starts)
+            Candidate(cls(channel, depth, survey.interval), starts, tried=tried)
             for channel in ("current", "speed", "voltage")
         ]
 

@@ -65,4 +65,6 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     if fit.simulator.divisions is not None:
         simulator = accurate(simulator, fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
-    return [Simulated(record, y[:, :, 0]) for record, y in zip(records, logged, strict=True)]
+    return [
+        Simulated(record, y[:, :, 0]) for record, y in zip(simulator.records, logged, strict=True)
+    ]

@@ -102,4 +102,5 @@ def _head(record: Record, share: float) -> Record:
         inputs=inputs,
         measured=record.measured[:rows],
         weight=record.weight[:rows],
+        whole=None,
     )

@@ -94,6 +94,19 @@ class MotorModel:
         """Samples by which the voltage runs ahead of the log."""
         return sum(int(term.depth) for term in self.delays if term.channel == "voltage")
 
+    @property
+    def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Samples at both ends of a record, for each channel, that hang on what is beyond it.
+
+        They are as many as a delay may be long.
+        """
+        first, last = {"current": 0, "speed": 0}, self.advance
+        for term in self.delays:
+            for channel in ("current", "speed"):
+                if term.channel in (channel, "voltage"):
+                    first[channel] = max(first[channel], int(term.depth))
+        return (first["current"], last), (first["speed"], last)
+
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
         """Delay of the channels of `term` in sample intervals, from all parameters [-]."""
         own = self._values(parameter)[1]

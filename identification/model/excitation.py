@@ -25,6 +25,8 @@ __all__ = ["Record", "records_of", "smooth_temperature"]
 
 Array = NDArray[np.float64]
 
+_MANY: Final = 10
+"""Times the edges that a record has to be long to do without them."""
 _KNOTS: Final = 200
 _STIFFNESSES: Final = np.geomspace(1e-3, 1e10, 80)
 
@@ -43,6 +45,7 @@ class Record:
         weight: (n_sample, 2) one where the sample counts, zero where the sensor was clipped.
         angle_logged: Whether the angle is logged, and not the integral of the logged speed.
         expected: Temperature about which `RAMP` stands for it, where none was logged [degC].
+        whole: (n_sample, 2) the weights with the edges of the record, where they were taken away.
     """
 
     run: int
@@ -54,6 +57,7 @@ class Record:
     weight: Array
     angle_logged: bool = False
     expected: float | None = None
+    whole: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -79,6 +83,27 @@ class Record:
     def column(self, name: str) -> Array:
         """One input (n_sample,)."""
         return self.inputs[:, INPUTS.index(name)]
+
+    def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
+        """The record without samples at its edges, for which the others count the more.
+
+        So a model that cannot know the edges compares with one that can.  A record that is not
+        many times longer is kept as it is.
+
+        Args:
+            edges: For each channel the samples at the beginning and at the end.
+        """
+        whole = self.weight if self.whole is None else self.whole
+        if not any(any(pair) for pair in edges):
+            return self if self.whole is None else replace(self, weight=whole, whole=None)
+        weight = whole.copy()
+        for channel, (first, last) in enumerate(edges):
+            if self.rows > _MANY * (first + last):
+                weight[:first, channel] = 0.0
+                weight[self.rows - last :, channel] = 0.0
+                left = float(weight[:, channel].sum())
+                weight[:, channel] *= whole[:, channel].sum() / left if left > 0 else 1.0
+        return replace(self, weight=weight, whole=whole)
 
 
 def records_of(

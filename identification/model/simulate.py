@@ -168,7 +168,8 @@ class Simulator:
         """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
         rate = Simulator.rate(model, records, values)
         plan = plan_for(margin * rate, linear=not model.terms)
-        return Simulator(model, tuple(records), plan, divisions)
+        known = tuple(record.within(model.edges) for record in records)
+        return Simulator(model, known, plan, divisions)
 
     def divided_for(
         self,
