@@ -82,7 +82,7 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
 
 def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
     """The same rub at half the size: the runs hardly tell it from a steep drag."""
-    rub = EffectRequest("rub_above_speed", 0.0285, law="square")
+    rub = EffectRequest("rub_above_speed", 0.027, law="square")
     campaign = _campaign("servo_150w", [rub], seed=25)
 
     (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
