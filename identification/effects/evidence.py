@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
-from identification.model.term import State
+from identification.model.term import AbstractTerm, State
 
 __all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities", "scores_of"]
 
@@ -193,15 +193,16 @@ class Judged:
             possible=possible,
             log_odds=log_odds,
             local=bool(names) and names <= LOCAL,
-            flaw=self._flaw(names),
+            # A richer form is no other kind, and may be flawed all the same.
+            flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
         )
 
-    def _flaw(self, names: set[str]) -> str:
+    def _flaw(self, terms: Sequence[AbstractTerm]) -> str:
         """Why one of these terms is not what its kind is; empty where all are."""
         values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
-        for term in self.fit.simulator.model.terms:
+        for term in terms:
             own = {p.name: float(values[f"{term.name}.{p.name}"]) for p in term.parameters}
-            if term.name in names and term.flaw(own):
+            if term.flaw(own):
                 return term.flaw(own)
         return ""
 

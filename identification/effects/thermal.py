@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
@@ -111,6 +112,15 @@ class SelfHeating(AbstractTemperature):
             found.append(resistance("resistance_2", "rise of the winding over the second body"))
             found.append(shape("quickness", "-", "its time constant over the other", 5e-3, 0.5))
         return tuple(found)
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """A second body must not be quicker than any single one may be."""
+        if self.bodies == 1:
+            return ""
+        quick = values["quickness"] * values["time_constant"]
+        if quick >= self.fastest:
+            return ""
+        return f"a body that is warm within {quick:.3g} s is a voltage with the current, no heat"
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values

@@ -11,8 +11,9 @@ from bench import make_campaign
 from identification.effects import trials
 from identification.effects.evidence import Gates, Judged, Unseen, scores_of
 from identification.effects.load import LoadStep
-from identification.effects.refit import refitted_with, refitted_without
+from identification.effects.refit import refitted_as, refitted_with, refitted_without
 from identification.effects.start import Start
+from identification.effects.thermal import SelfHeating
 from identification.effects.trials import Trials
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, Patience, solve
@@ -146,3 +147,22 @@ def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
     assert small.refines
     assert not replace(small, gain=11.0).refines
     assert not replace(small, validation=-0.01).refines
+
+
+def test_a_second_body_that_is_warm_within_a_sample_is_no_heat() -> None:
+    """A loss with the square of the current was taken for heat of a millisecond; ten are asked."""
+    declared = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    heated = SelfHeating(power_size=10.0, fastest=0.01, slowest=100.0)
+    single = refitted_with(declared, heated, [Start(np.array([1.0, 1.0]))], Patience(1))
+    richer = refitted_as(single, replace(heated, bodies=2), Patience(1))
+    at = richer.coordinates.names.index("self_heating.quickness")
+
+    def flaw(quick: float) -> str:
+        position = richer.position.copy()
+        position[at] = np.log(quick / richer.values[at - 2])
+        assert richer.coordinates.names[at - 2] == "self_heating.time_constant"
+        judged = Judged(replace(richer, position=position), 1.0)
+        return judged.gates(Judged(single, 1.0), tried=1).flaw
+
+    assert "0.001 s" in flaw(1e-3)
+    assert flaw(2e-2) == ""
