@@ -18,16 +18,21 @@ from identification.posterior.density import Posterior
 from identification.posterior.sample import sample
 
 
-@pytest.fixture(scope="module")
-def fit() -> Fit:
-    """A tenth of the rated voltage is lost at brushes with a smooth knee."""
+def brushes_fitted(size: float, seed: int) -> Fit:
+    """A servo motor whose brushes take this share of the rated voltage."""
     measured = make_campaign(
-        "servo_150w", [("brush_drop", 0.06)], seed=6, rows=1500, training=2, validation=1
+        "servo_150w", [("brush_drop", size)], seed=seed, rows=1500, training=2, validation=1
     )
     runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
     declared = fit_declared(campaign_of(runs, []).training, "zoh")
     (candidate,) = BrushDrop.candidates(survey_of(declared))
     return refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 0])]))
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    """Brushes with a smooth knee."""
+    return brushes_fitted(0.06, seed=6)
 
 
 def test_their_chain_is_short(fit: Fit) -> None:

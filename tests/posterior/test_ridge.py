@@ -12,7 +12,6 @@ from bench import make_campaign
 from benchmarks.coverage import run_of
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import survey_of
-from identification.effects.electrical import BrushDrop
 from identification.effects.refit import refined, refitted_with
 from identification.effects.start import Start
 from identification.fit.campaign import campaign_of
@@ -26,6 +25,7 @@ from identification.posterior.ridge import Ridge
 from identification.posterior.sample import sample
 from identification.posterior.trace import ridge_of
 from tests.motors import Motor, campaign, motor_named
+from tests.posterior.test_brushes import brushes_fitted
 from tests.posterior.test_sample import WHITE, servo_fit
 
 Array = NDArray[np.float64]
@@ -42,13 +42,7 @@ def with_shifts(ridge: Ridge, shifts: Array) -> Ridge:
 @pytest.fixture(scope="module")
 def brushes() -> Fit:
     """Brushes that are as soon full as the law allows: a shape is at its bound."""
-    measured = make_campaign(
-        "servo_150w", [("brush_drop", 0.03)], seed=5, rows=1500, training=2, validation=1
-    )
-    runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
-    declared = fit_declared(campaign_of(runs, []).training, "zoh")
-    (candidate,) = BrushDrop.candidates(survey_of(declared))
-    return refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 0])]))
+    return brushes_fitted(0.03, seed=5)
 
 
 def test_a_ridge_ends_where_the_motor_cannot_be_simulated() -> None:
