@@ -227,12 +227,16 @@ class Judged:
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
-        trained = self.fit.cost if self.unseen is None else self.fit.cost + self._foretold()
-        return share * trained + 0.5 * size * float(np.log(samples)) + chance
+        return (
+            share * (self.fit.cost + self._foretold())
+            + 0.5 * size * float(np.log(samples))
+            + chance
+        )
 
     def _foretold(self) -> float:
         """Negative log likelihood of the runs left out, their noise unknown, up to a constant."""
-        assert self.unseen is not None
+        if self.unseen is None:
+            return 0.0
         seen = self.fit.weighting.counts > 0
         with np.errstate(divide="ignore"):
             terms = 0.5 * self.unseen.count * np.log(self.unseen.square)

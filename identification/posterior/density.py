@@ -131,10 +131,10 @@ class Posterior:
         safe = np.where(inside, position, fit.position[:, None])
         moved = safe - fit.position[:, None]
         states = [
-            start[:, None]
-            + fit.equations.state_response(k) @ moved
-            + self.ridge.state_shift(k, safe)
-            for k, start in enumerate(fit.states)
+            start[:, None] + fit.equations.state_response(k) @ moved + shift
+            for k, (start, shift) in enumerate(
+                zip(fit.states, self.ridge.state_shifts(safe), strict=True)
+            )
         ]
         values = fit.coordinates.values(safe)
         sums = simulator.misfit(values, states, fit.weighting)

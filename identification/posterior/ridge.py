@@ -15,6 +15,7 @@ states of the records go along with it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,36 +62,37 @@ class Ridge:
 
     def bent(self, straight: Array) -> Array:
         """Search coordinates (n_parameter, ...) of sheared ones."""
-        if self.is_straight:
-            return straight
-        return np.asarray(straight + self._beyond(self.shifts, self.way_of(straight)))
+        return straight if self.is_straight else straight + self._shift(straight)[0]
 
     def straightened(self, bent: Array) -> Array:
         """Sheared coordinates (n_parameter, ...) of search coordinates; what `bent` takes back."""
         # The shear does not move a point along the ridge, l . s = 0.
-        if self.is_straight:
-            return bent
-        return np.asarray(bent - self._beyond(self.shifts, self.way_of(bent)))
+        return bent if self.is_straight else bent - self._shift(bent)[0]
 
-    def state_shift(self, record: int, position: Array) -> Array:
-        """What the best initial state of a record has beside its slopes, (n_state, ...).
+    def state_shifts(self, position: Array) -> list[Array]:
+        """What the best initial state of each record has beside its slopes, (n_state, ...).
 
         Args:
-            record: Number of the record.
             position: (n_parameter, ...) search coordinates.
         """
-        shifts = self.states[record]
         if self.is_straight:
-            return np.zeros((shifts.shape[1], *position.shape[1:]))
-        return self._beyond(shifts, self.way_of(position))
+            rest = position.shape[1:]
+            return [np.zeros((own.shape[1], *rest)) for own in self.states]
+        return self._shift(position)[1:]
 
     def way_of(self, points: Array) -> Array:
         """The way along the ridge (...) of points (n_parameter, ...), sheared or not."""
         return np.asarray(np.tensordot(self.along, (points.T - self.centre).T, axes=1))
 
-    def _beyond(self, values: Array, way: Array) -> Array:
-        """Values (n_point, n_value) of the traced points at other ways (...), (n_value, ...)."""
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        """Shifts of the parameters, then those of the states of each record, over the way."""
+        return CubicSpline(self.way, np.hstack([self.shifts, *self.states]), bc_type="natural")
+
+    def _shift(self, points: Array) -> list[Array]:
+        """Shifts of the parameters, and of the states of each record, where the points are."""
+        way = self.way_of(points)
         inside = np.clip(way, self.way[0], self.way[-1])
-        spline = CubicSpline(self.way, values, bc_type="natural")
-        found = spline(inside) + spline(inside, 1) * (way - inside)[..., None]
-        return np.asarray(np.moveaxis(found, -1, 0))
+        found = self._spline(inside) + self._spline(inside, 1) * (way - inside)[..., None]
+        ends = np.cumsum([self.shifts.shape[1], *(own.shape[1] for own in self.states)])
+        return list(np.split(np.moveaxis(found, -1, 0), ends[:-1]))

@@ -115,8 +115,10 @@ def test_along_the_ridge_parameters_and_initial_states_are_the_best(brushes: Fit
         position = brushes.position + way * ridge.tangent + ridge.shifts[k]
         moved = position - brushes.position
         states = [
-            start + brushes.equations.state_response(r) @ moved + ridge.state_shift(r, position)
-            for r, start in enumerate(brushes.states)
+            start + brushes.equations.state_response(r) @ moved + shift
+            for r, (start, shift) in enumerate(
+                zip(brushes.states, ridge.state_shifts(position), strict=True)
+            )
         ]
         found = normal_equations(
             brushes.simulator, brushes.coordinates, position, states, brushes.weighting
@@ -126,6 +128,31 @@ def test_along_the_ridge_parameters_and_initial_states_are_the_best(brushes: Fit
         assert np.sqrt(across @ step) < 0.4
         for matrix, gradient in zip(found.state_matrices, found.state_gradients, strict=True):
             assert np.sqrt(gradient @ np.linalg.solve(matrix, gradient)) < 0.4
+
+
+def test_the_density_takes_the_initial_states_along_the_ridge() -> None:
+    """Two deviations along it the runs start elsewhere than slopes lead; written out."""
+    fit = servo_fit()
+    posterior = Posterior(fit, WHITE)
+    straight = ridge_of(fit, WHITE)
+    ridge = with_shifts(straight, np.zeros((5, fit.position.size)))
+    off = [np.outer([0, 0, 0, 0, 1], 30.0 * fit.weighting.deviation) for _ in fit.states]
+    posterior.__dict__["ridge"] = replace(ridge, states=tuple(off))
+    away = np.append(fit.position + 2.0 * straight.tangent, posterior.centre[-2:])
+
+    density = posterior(np.array([posterior.centre, away]))
+
+    moved = 2.0 * straight.tangent
+    states = [
+        (start + fit.equations.state_response(k) @ moved + off[k][4])[:, None]
+        for k, start in enumerate(fit.states)
+    ]
+    values = fit.coordinates.values((fit.position + moved)[:, None])
+    sums = fit.simulator.misfit(values, states, fit.weighting)[:, 0]
+    rest = fit.weighting.sums_of_squares(fit.residuals())
+    fall = 0.5 * np.sum((sums - rest) / fit.weighting.deviation**2)
+    assert density[0] - density[1] == pytest.approx(fall, rel=1e-6)
+    assert fall > 100.0
 
 
 def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
