@@ -99,10 +99,13 @@ class Record:
         weight = whole.copy()
         for channel, (first, last) in enumerate(edges):
             if self.rows > _MANY * (first + last):
-                weight[:first, channel] = 0.0
-                weight[self.rows - last :, channel] = 0.0
-                left = float(weight[:, channel].sum())
-                weight[:, channel] *= whole[:, channel].sum() / left if left > 0 else 1.0
+                inner = whole[first : self.rows - last, channel]
+                # What counts at the edges alone counts there.
+                if inner.sum() > 0:
+                    weight[:, channel] = 0.0
+                    weight[first : self.rows - last, channel] = inner * (
+                        whole[:, channel].sum() / inner.sum()
+                    )
         return replace(self, weight=weight, whole=whole)
 
 

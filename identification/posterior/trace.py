@@ -117,7 +117,7 @@ def _directions(fit: Fit, share: float) -> list[_Direction]:
         tangent = tangent if lower[bound] else -tangent
         # The slope there makes the density fall sooner than its curvature does.
         slope = max(-float(fit.equations.gradient @ tangent), 0.0)
-        tangent = tangent * (np.hypot(slope, 1.0) - slope)
+        tangent = tangent / (np.hypot(slope, 1.0) + slope)
         along = np.zeros(free.size)
         along[bound] = 1.0 / tangent[bound]
         found.append(_Direction(tangent, along, moving))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,20 @@ def test_a_lag_comes_down_to_the_noise_whatever_was_before_the_run(
     for s in simulate_unseen(fit, records_of_bench(measured).validation):
         error = np.sqrt(np.sum(s.record.weight * s.residual**2, axis=0) / s.record.weight.sum(0))
         assert np.all(error < 1.2 * noise)
+
+
+def test_a_channel_that_counts_at_the_edges_alone_counts_there() -> None:
+    """Eight good samples at the beginning are all there are of the current."""
+    _, declared, _ = late("current", 8_010_348, 0.2505)
+    record = declared.simulator.records[0]
+    weight = record.weight.copy()
+    weight[8:, 0] = 0.0
+
+    kept = replace(record, weight=weight).within(((8, 0), (8, 3)))
+
+    np.testing.assert_allclose(kept.weight.sum(axis=0), weight.sum(axis=0))
+    np.testing.assert_array_equal(kept.weight[:, 0], weight[:, 0])
+    assert np.all(kept.weight[:8, 1] == 0.0)
 
 
 def test_samples_that_a_lag_cannot_know_count_again_without_it() -> None:
