@@ -19,9 +19,24 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from app.arguments import SeveralWords, decimal, whole
+from app.arguments import SeveralWords
 from app.exits import Stopped, failed
 from app.logging import warnings_logged
+from app.option_types import (
+    AsJson,
+    Controllers,
+    DataDir,
+    Effort,
+    MappingFile,
+    MapWords,
+    NoEffects,
+    NoPosterior,
+    Quiet,
+    Runs,
+    Seed,
+    Temperatures,
+    TimeLimit,
+)
 
 __all__ = ["app", "main"]
 
@@ -51,62 +66,6 @@ app = typer.Typer(
 )
 keys = typer.Typer(help="API keys of the HTTP service.", rich_markup_mode=None)
 app.add_typer(keys, name="keys")
-
-Runs = Annotated[
-    list[Path], typer.Argument(metavar="RUN...", help="Run files, as they were recorded.")
-]
-MappingFile = Annotated[
-    Path | None,
-    typer.Option("--mapping", metavar="FILE", help="JSON file: which column is which channel."),
-]
-MapWords = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--map",
-        metavar="CHANNEL=HEADER",
-        help="The same for one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA'; may be "
-        "repeated.",
-    ),
-]
-Temperatures = Annotated[
-    list[float] | None,
-    typer.Option(
-        "--temperature",
-        parser=decimal,
-        metavar="DEGC...",
-        help="Temperatures of the speed loop.  [default: 25 125]",
-    ),
-]
-Controllers = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--controller",
-        metavar="C...",
-        help="Controllers: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
-    ),
-]
-Seed = Annotated[
-    int,
-    typer.Option(
-        parser=whole,
-        metavar="<int>",
-        help="Seed of the sampler; the same seed, the same result.",
-    ),
-]
-NoPosterior = Annotated[
-    bool,
-    typer.Option("--no-posterior", help="Intervals from the fit's covariance; no posterior.nc."),
-]
-NoEffects = Annotated[
-    bool, typer.Option("--no-effects", help="Stop at the declared model; look for no effect.")
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="A summary for scripts on standard output, as JSON.")
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-DataDir = Annotated[
-    Path | None, typer.Option(help="Directory of the service's database, runs and results.")
-]
 
 
 def _version(asked: bool) -> None:
@@ -142,6 +101,8 @@ def fit(
     hold: Annotated[
         str, typer.Option(help="Voltage between samples: auto (the data decide), zoh or foh.")
     ] = "auto",
+    effort: Effort = "normal",
+    time_limit: TimeLimit = None,
     temperature: Temperatures = None,
     controller: Controllers = None,
     mapping: MappingFile = None,
@@ -160,7 +121,16 @@ def fit(
         runs,
         validation or [],
         out,
-        commands.fit_options(seed, no_posterior, no_effects, hold, temperature, controller),
+        commands.fit_options(
+            seed,
+            no_posterior,
+            no_effects,
+            hold=hold,
+            effort=effort,
+            time_limit=time_limit,
+            temperature=temperature,
+            controller=controller,
+        ),
         mapping=commands.mapping_of(mapping, map or []),
         show=commands.Show(as_json=json, quiet=quiet),
     )
@@ -243,6 +213,8 @@ def batch(
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
     no_effects: NoEffects = False,
+    effort: Effort = "normal",
+    time_limit: TimeLimit = None,
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -259,7 +231,7 @@ def batch(
     run_batch(
         manifest,
         out,
-        commands.fit_options(seed, no_posterior, no_effects, "auto", None, None),
+        commands.fit_options(seed, no_posterior, no_effects, effort=effort, time_limit=time_limit),
         at_once=jobs or cores(),
         server=server,
         key=key,
@@ -278,6 +250,8 @@ def demo(
     ] = None,
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
+    effort: Effort = "normal",
+    time_limit: TimeLimit = None,
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -289,7 +263,7 @@ def demo(
         training,
         validation,
         out or Path("out") / campaign,
-        commands.fit_options(seed, no_posterior, False, "auto", None, None),
+        commands.fit_options(seed, no_posterior, effort=effort, time_limit=time_limit),
         show=commands.Show(as_json=json, quiet=quiet),
     )
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from app import console
 from app.arguments import mapping_of, values_by_name
 from app.outputs import writable_directory, writable_file
+from identification.effort import EffortName
 from identification.errors import InputError, OptionError, UnreadableFile
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.options import FitOptions
@@ -58,10 +59,13 @@ class Show:
 def fit_options(
     seed: int,
     no_posterior: bool,
-    no_effects: bool,
-    hold: str,
-    temperature: Sequence[float] | None,
-    controller: Sequence[str] | None,
+    no_effects: bool = False,
+    *,
+    hold: str = "auto",
+    effort: str = "normal",
+    time_limit: float | None = None,
+    temperature: Sequence[float] | None = None,
+    controller: Sequence[str] | None = None,
 ) -> FitOptions:
     """Options of a fit from the words of the command line, all checked.
 
@@ -73,6 +77,8 @@ def fit_options(
         posterior=not no_posterior,
         effects=not no_effects,
         hold=cast(Literal["auto", "zoh", "foh"], hold),
+        effort=cast(EffortName, effort),
+        time_limit=time_limit,
         temperatures=tuple(temperature or (25.0, 125.0)),
         controllers=tuple(controller or ("P:1",)),
     )

@@ -34,19 +34,19 @@ from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.gauge import with_linear_parts
 from identification.effects.search import search
+from identification.effort import EFFORTS
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
+from identification.work import metered
 
 __all__ = ["main", "plan", "tried"]
 
 KINDS = ("white", "coloured", "spiky")
 POSITIONS = ("none", "absolute", "none", "incremental")
-SECONDS = 60.0
-"""Time that a search may take; what it found until then counts."""
 _APART = 1_000_000
 
 
@@ -120,7 +120,9 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
     )
     began = time.perf_counter()
     declared = fit_declared(campaign.training, "zoh")
-    outcome = search(declared, campaign, seconds=SECONDS)
+    samples = sum(record.rows for record in campaign.training)
+    with metered():
+        outcome = search(declared, campaign, work=EFFORTS["normal"].search_of(samples))
     seconds = time.perf_counter() - began
     noise_sd = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
     equations = {

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
+from identification.effort import EffortName
 from identification.errors import OptionError
 
 __all__ = ["FitOptions"]
@@ -21,6 +23,9 @@ class FitOptions:
         hold: Behaviour of the voltage between samples; ``auto`` lets the data decide.
         temperatures: Temperatures of the feedback metrics [degC].
         controllers: Controllers of the feedback metrics: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``.
+        effort: How much is computed at most: ``quick``, ``normal`` or ``thorough``.
+        time_limit: Time after which the search and the sampler stop with what they have [s]; None
+            for no limit, and then no clock has a part in the result.
     """
 
     seed: int = 0
@@ -29,6 +34,8 @@ class FitOptions:
     hold: Literal["auto", "zoh", "foh"] = "auto"
     temperatures: tuple[float, ...] = (25.0, 125.0)
     controllers: tuple[str, ...] = ("P:1",)
+    effort: EffortName = "normal"
+    time_limit: float | None = None
 
     def __post_init__(self) -> None:
         if self.hold not in ("auto", "zoh", "foh"):
@@ -37,6 +44,16 @@ class FitOptions:
             raise OptionError(
                 f"seed is {self.seed}; expected a whole number from 0 to 4294967295",
                 value=self.seed,
+            )
+        if self.effort not in get_args(EffortName):
+            raise OptionError(
+                f"effort is {self.effort!r}; expected quick, normal or thorough", value=self.effort
+            )
+        if self.time_limit is not None and not 0.0 < self.time_limit < math.inf:
+            raise OptionError(
+                f"time_limit is {self.time_limit} s; expected a positive number of seconds, or "
+                "leave it out for none",
+                value=self.time_limit,
             )
         for temperature in self.temperatures:
             if not -273.15 < temperature < 400.0:

@@ -7,6 +7,7 @@ identification.write(Path("out"))
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.outcome import Outcome
 from identification.effects.search import search
+from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
@@ -36,6 +38,8 @@ from identification.posterior.normal import normal_draws
 from identification.posterior.sample import Sample, sample
 from identification.report.assemble import Findings, assemble
 from identification.report.gather import write_outputs
+from identification.threads import repeatable_algebra
+from identification.work import metered, was_interrupted
 
 __all__ = ["FitOptions", "Identification", "Progress", "identify"]
 
@@ -44,8 +48,6 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of the whole job that is done."""
 
 _LEAST_ROWS = 50
-_SEARCH_SECONDS = 75.0
-"""Time after which the search for effects begins nothing new; a result says so."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,18 @@ def identify(
         ComputationError: No model can be simulated over the runs.
     """
     try:
-        return _identified(training, validation, options, progress, checkpoint)
+        with metered(_limit(options.time_limit)), repeatable_algebra():
+            return _identified(training, validation, options, progress, checkpoint)
     except ComputationError as error:
         raise ComputationError(f"{error}{_suspects([*training, *validation])}") from error
+
+
+def _limit(seconds: float | None) -> Callable[[], bool] | None:
+    """Whether the time that a user allowed is over; None where no clock matters."""
+    if seconds is None:
+        return None
+    until = time.monotonic() + seconds
+    return lambda: time.monotonic() > until
 
 
 def _identified(
@@ -121,8 +132,12 @@ def _identified(
     if options.effects:
         found = localise(declared)
         tell("effects", 0.15)
+        rows = sum(record.rows for record in campaign.training)
         outcome = search(
-            declared, campaign, lambda done: tell("effects", 0.15 + 0.35 * done), _SEARCH_SECONDS
+            declared,
+            campaign,
+            lambda done: tell("effects", 0.15 + 0.35 * done),
+            EFFORTS[options.effort].search_of(rows),
         )
     tell("fit", 0.5)
     closed = with_noise_model(outcome.fit if outcome else declared)
@@ -162,6 +177,7 @@ def _identified(
         loops=tuple(simulated_loops(final, draws, options.temperatures, options.controllers)),
         localisation=found,
         left=left,
+        interrupted=was_interrupted(),
         before=detect(declared, campaign, left.noise) if left else None,
         after=detect(final, campaign, left.noise) if left else None,
     )
@@ -208,7 +224,15 @@ def _drawn(
     if not options.posterior:
         draws = with_scale_drawn(normal_draws(posterior, options.seed), posterior.fit, options.seed)
         return None, with_lines_drawn(draws, lines, options.seed)
-    chain = sample(posterior, options.seed, progress=progress, checkpoint=checkpoint)
+    effort = EFFORTS[options.effort]
+    chain = sample(
+        posterior,
+        options.seed,
+        most_steps=effort.steps,
+        work=effort.sampling,
+        progress=progress,
+        checkpoint=checkpoint,
+    )
     if lines or posterior.fit.simulator.model.unlogged.is_relative:
         draws = {name: chain.chain[:, :, k] for k, name in enumerate(chain.names)}
         draws = with_scale_drawn(draws, posterior.fit, options.seed)

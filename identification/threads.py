@@ -1,4 +1,4 @@
-"""How many threads a calculation uses: as many as there are cores, or as it was told.
+"""Number of threads of a calculation: as many as there are cores, or as it was told.
 
 Several calculations on one machine share its cores; whoever starts them knows how many they are,
 and says it to each.
@@ -7,8 +7,12 @@ and says it to each.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["cores", "threads", "use_threads"]
+from threadpoolctl import threadpool_limits
+
+__all__ = ["cores", "repeatable_algebra", "threads", "use_threads"]
 
 _told: int | None = None
 
@@ -35,3 +39,13 @@ def use_threads(most: int) -> None:
     if most < 1:
         raise ValueError(f"most is {most}; expected at least one thread")
     _told = most
+
+
+@contextmanager
+def repeatable_algebra() -> Iterator[None]:
+    """One thread for linear algebra, whose sums else depend in their last digit on the threads.
+
+    The simulation loops keep all threads: each lane is computed by one of them alone.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        yield

@@ -144,7 +144,8 @@ class Client:
             training: Runs to fit, or their ids, in the order of recording.
             validation: Runs to check the model on.
             motor: Which motor it is.
-            options: `seed`, `posterior`, `effects`, `hold`, `temperatures`, `controllers`.
+            options: `seed`, `posterior`, `effects`, `hold`, `temperatures`, `controllers`,
+                `effort`, `time_limit`.
             idempotency_key: Word under which the same request is the same fit; a new one is made
                 for each call where not given.
         """

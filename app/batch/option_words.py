@@ -3,6 +3,8 @@
 seed            3
 posterior       false, no or 0
 hold            zoh
+effort          quick
+time_limit      60
 temperatures    25;125            a list in YAML
 controllers     P:1;PI:2,0.5      a list in YAML
 """
@@ -81,8 +83,10 @@ def _checked(name: str, value: object, place: Place) -> object:
     """A value of the right type; lists become tuples, and whole numbers may be temperatures."""
     expected = _EXPECTED[name]
     match name, value:
-        case ("posterior" | "effects", bool()) | ("hold", str()):
+        case ("posterior" | "effects", bool()) | ("hold" | "effort", str()):
             return value
+        case "time_limit", int() | float() if _is_number(value):
+            return float(value)
         case "seed", int() if not isinstance(value, bool):
             return value
         case "temperatures", list() | tuple() if value and all(map(_is_number, value)):
@@ -106,6 +110,8 @@ _OF_WORD: dict[str, Callable[[str], object]] = {
     "posterior": lambda word: _TRUTH[word.lower()],
     "effects": lambda word: _TRUTH[word.lower()],
     "hold": str,
+    "effort": str,
+    "time_limit": decimal_of,
     "temperatures": lambda word: tuple(decimal_of(part) for part in _parts(word)),
     "controllers": lambda word: tuple(_parts(word)),
 }
@@ -114,6 +120,8 @@ _EXPECTED = {
     "posterior": "true or false",
     "effects": "true or false",
     "hold": "auto, zoh or foh",
+    "effort": "quick, normal or thorough",
+    "time_limit": "a positive number of seconds",
     "temperatures": "temperatures in degC",
     "controllers": "controllers such as P:1 or PI:2,0.5",
 }

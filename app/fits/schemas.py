@@ -11,6 +11,7 @@ from app.fits.request import FitRequest
 from app.fits.service import Fit
 from app.runs.schemas import moment
 from app.tables import FitRow
+from identification.effort import EffortName
 from identification.options import FitOptions
 
 __all__ = [
@@ -87,6 +88,17 @@ class FitOptionsIn(BaseModel):
         max_length=20,
         description="Controllers of the feedback metrics: `P:kp`, `PI:kp,ki`, `PID:kp,ki,kd`.",
         examples=[["P:1", "PI:2,0.5"]],
+    )
+    effort: EffortName = Field(
+        default=_DEFAULT.effort,
+        description="How much is computed at most; a level gives the same answer on any machine.",
+    )
+    time_limit: float | None = Field(
+        default=_DEFAULT.time_limit,
+        gt=0.0,
+        allow_inf_nan=False,
+        description="Time after which the fit stops with the best found so far [s]; its result "
+        "then depends on the machine.",
     )
 
 

@@ -35,10 +35,14 @@ from identification.model.term import (
     State,
     Values,
 )
+from identification.work import TOUCH, charge
 
 __all__ = ["responses"]
 
 Array = NDArray[np.float64]
+
+_PASSES = 4.0
+"""How often a response reads or writes each force."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,7 @@ def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iter
 
 def _response(output: Array, n: int, force: Array, counts: Counts | None, stride: int) -> Array:
     """The response in one record from its transitions, at every so many samples."""
+    charge(_PASSES * TOUCH * (output.size + force.size))
     transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
     logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
     first = np.arange(force.shape[0]) if counts is None else begins(counts)

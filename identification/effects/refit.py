@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -18,6 +17,7 @@ from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
+from identification.work import operations
 
 __all__ = [
     "as_declared",
@@ -44,15 +44,17 @@ def refitted_with(
     Args:
         fit: Fit of the current model.
         term: What is added; a thermal one also starts from the usual temperature coefficients where
-            those of the fit are odd, and has as much time again for that.
+            those of the fit are odd, and has the same budget again for that.
         starts: Where it may start; the fit goes on from the best of them.
         patience: When to give up.
     """
     model, patience = fit.simulator.model.adding(term), patience or Patience(_STEPS)
-    began = time.monotonic()
+    began = operations()
     found = _refitted(fit, model, starts, patience)
     if term.equation == "thermal" and has_odd_coefficients(fit):
-        again = replace(patience, until=patience.until + time.monotonic() - began)
+        again = patience
+        if patience.budget is not None:
+            again = replace(patience, budget=patience.budget.longer(operations() - began))
         other = _refitted(with_usual_coefficients(fit), model, starts, again)
         found = min(found, other, key=lambda one: one.cost)
     return found

@@ -28,6 +28,7 @@ from identification.fit.solve import Fit
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
+from identification.work import TOUCH, charge
 
 __all__ = ["screened"]
 
@@ -37,6 +38,9 @@ _MANY = 1_000_000
 _ENOUGH = 20_000
 """Samples at which deviations are compared with the residual; an effect that changes the error by
 two per cent gains hundreds in log likelihood on so many."""
+
+_PASSES = 6.0
+"""How often a product reads or writes each deviation."""
 
 _PARTS = 2
 """Parts of a sample interval at most; which effect it is shows without its sharpest moments."""
@@ -299,6 +303,7 @@ def _normal(
     crossed = np.zeros((n, count))
     moved = []
     for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
+        charge(_PASSES * TOUCH * deviation.size)
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
         both = np.zeros((n + fit.simulator.n_state, count))

@@ -15,7 +15,6 @@ taken in its place have to pass again beside it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -31,6 +30,7 @@ from identification.effects.tracing import traced
 from identification.effects.trials import UNDERSTATED, Trials, promising
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
+from identification.work import Budget
 
 __all__ = ["search"]
 
@@ -45,7 +45,7 @@ _FAR_LESS: Final = 0.1
 """Share of the best promise below which nothing is refitted."""
 _LISTED_SHARE: Final = 0.75
 _REFIT_SHARE: Final = 0.06
-"""Shares of the time that the catalogue and a single refit may take."""
+"""Shares of the budget that the catalogue and a single refit may take."""
 _MOST_EFFECTS: Final = 4
 _KEPT: Final = 0.005
 _ALIKE: Final = 1.0
@@ -68,27 +68,26 @@ def search(
     declared: Fit,
     campaign: Campaign,
     progress: Callable[[float], None] | None = None,
-    seconds: float = np.inf,
+    work: float = np.inf,
 ) -> Outcome:
     """Search the catalogue for what the declared model lacks.
 
     Args:
         declared: Fit of the declared model.
         campaign: Records of training and of runs left out.
-        progress: Told the fraction done.
-        seconds: Time after which nothing new is begun; what passed until then stands [s].
+        progress: Called with the fraction done.
+        work: Operations after which nothing new is begun; what passed until then stands.
     """
     tell = progress or (lambda fraction: None)
-    began = time.monotonic()
-    trials = Trials(campaign, until=began + seconds, longest=_REFIT_SHARE * seconds)
-    listed_until = began + _LISTED_SHARE * seconds
+    trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work)
+    listed = Budget(_LISTED_SHARE * work)
     first = trials.judge(declared)
     state = _State(trials, first)
     alone: Judged | None = None
     is_exhausted = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
-        if time.monotonic() > listed_until:
+        if listed.spent:
             break
         if not _forward(state, round_):
             is_exhausted = True
@@ -106,7 +105,7 @@ def search(
         _backward(state)
         _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
-    if is_exhausted and time.monotonic() < listed_until:
+    if is_exhausted and not listed.spent:
         _second_thoughts(state)
     _unlisted(state, first, alone, is_exhausted)
     complete = not trials.over

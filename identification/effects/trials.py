@@ -7,7 +7,6 @@ of it, so that looking again costs nothing.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -33,6 +32,7 @@ from identification.fit.declared import replanned
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
+from identification.work import Budget
 
 __all__ = ["UNDERSTATED", "Trials", "promising"]
 
@@ -56,13 +56,13 @@ class Trials:
 
     Args:
         campaign: Records of training and of runs left out.
-        until: Moment of the monotonic clock at which nothing new is begun [s].
-        longest: Time after which a first refit is given up; the best are finished later [s].
+        budget: Operations after which nothing new is begun.
+        longest: Operations after which a first refit is given up; the best are finished later.
         tried: Number of prototypes that were scored in one round.
     """
 
     campaign: Campaign
-    until: float = np.inf
+    budget: Budget = field(default_factory=Budget)
     longest: float = np.inf
     tried: int = 1
     _judged: dict[Key, Judged] = field(default_factory=dict)
@@ -73,17 +73,17 @@ class Trials:
 
     @property
     def over(self) -> bool:
-        """Whether the time is up."""
-        return time.monotonic() > self.until
+        """Whether the budget is spent."""
+        return self.budget.spent
 
     def patience(self, hopeless: float = np.inf, longest: float = np.inf) -> Patience:
         """What a refit may take.
 
         Args:
             hopeless: Cost of a rival; the fit stops where it is not going to come near it.
-            longest: Time after which it is given up [s].
+            longest: Operations after which it is given up.
         """
-        return Patience(_STEPS, hopeless, min(self.until, time.monotonic() + longest))
+        return Patience(_STEPS, hopeless, Budget(longest, within=self.budget))
 
     def judge(self, fit: Fit, share: float | None = None) -> Judged:
         """The fit with its errors on the runs left out; the first of a model is kept.

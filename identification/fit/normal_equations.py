@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
+from identification.work import TOUCH, charge
 
 __all__ = ["NormalEquations", "gradient_of", "normal_equations", "products", "state_precision"]
 
@@ -26,6 +27,9 @@ Array = NDArray[np.float64]
 
 _LARGEST = 1e100
 """Entry above which a derivative is that of a simulation that does not stay finite."""
+
+_PASSES = 4.0
+"""How often a product reads or writes each derivative."""
 
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest of the matrix."""
@@ -247,6 +251,7 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)
     weights = weighting.sample_weights(k)
+    charge(_PASSES * TOUCH * tangent.size)
     for channel in range(2):
         root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
         jacobian = weighting.whitened(tangent[:, channel, :], channel) * root[:, None]
@@ -265,6 +270,7 @@ def gradient_of(residual: Array, tangent: Array, weighting: Weighting, k: int) -
     """
     right = np.zeros((tangent.shape[2], *residual.shape[2:]))
     weights = weighting.sample_weights(k)
+    charge(_PASSES * TOUCH * (tangent.size + residual.size))
     for channel in range(2):
         scale = weights[:, channel] / weighting.deviation[channel] ** 2
         white = weighting.whitened(residual[:, channel], channel)

@@ -16,7 +16,6 @@ steps are bent along it (geodesic acceleration), which turns hundreds of short s
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -28,6 +27,7 @@ from identification.fit.normal_equations import NormalEquations, normal_equation
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
+from identification.work import Budget
 
 __all__ = ["Fit", "Patience", "solve"]
 
@@ -53,17 +53,17 @@ class Patience:
     Args:
         steps: Steps after which to stop in any case.
         hopeless: Cost of a rival; the fit stops where it is not going to come near it.
-        until: Moment of the monotonic clock at which to stop [s].
+        budget: Operations that it may take; None for no limit.
     """
 
     steps: int = 60
     hopeless: float = np.inf
-    until: float = np.inf
+    budget: Budget | None = None
 
     @property
     def over(self) -> bool:
-        """Whether the time is up."""
-        return time.monotonic() > self.until
+        """Whether the budget is spent."""
+        return self.budget is not None and self.budget.spent
 
 
 @dataclass(frozen=True)

@@ -35,14 +35,18 @@ import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.loop import lower
+from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
 from identification.threads import threads
+from identification.work import charge, charge_once
 
 __all__ = ["LANES", "Effort", "Scan", "scan_of"]
 
 Array = NDArray[np.float64]
 Effort = Literal["once", "some", "most"]
+
+_COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}
+"""Operations that take as long as compiling one instruction."""
 
 _SIGNATURE: Final = ctypes.CFUNCTYPE(
     None,
@@ -81,6 +85,9 @@ class Scan:
         if prepare is not None:
             self._check_prepared(prepare)
             self.n_parameter = prepare.size1_in(2)
+        own = step.n_instructions()
+        self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
+        self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._engine, self._kernel = _compile(lower(step, prepare), effort)
 
     def _check_prepared(self, prepare: ca.Function) -> None:
@@ -135,6 +142,9 @@ class Scan:
                 )
             finals.append(carry[:, :n_lane])
             outputs.append(output[:, :, :n_lane])
+        charge_once(self, self._preparation)
+        for rows, start in zip(inputs, carries, strict=True):
+            charge(self.work(rows.shape[0], start.shape[1]))
         if len(tasks) == 1 or threads() == 1:
             for task in tasks:
                 self._kernel(*task)
@@ -142,6 +152,10 @@ class Scan:
             for _ in _workers(threads()).map(lambda task: self._kernel(*task), tasks):
                 pass
         return finals, outputs
+
+    def work(self, rows: int, lanes: int) -> float:
+        """Operations of one pass over so many rows with so many lanes."""
+        return self._operations * rows * LANES * -(-lanes // LANES)
 
     def _check(self, rows: Array, parameters: Array, carry: Array) -> None:
         found = (rows.shape[1], parameters.shape[0], carry.shape[0])

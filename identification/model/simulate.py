@@ -117,10 +117,8 @@ class Simulator:
         shifted = [self._shifted(record.inputs) for record in self.records]
         if self.divisions is None:
             return shifted
-        return [
-            divided(inputs, counts, self.model.held)
-            for inputs, counts in zip(shifted, self.divisions, strict=True)
-        ]
+        pairs = zip(shifted, self.divisions, strict=True)
+        return [divided(inputs, counts, self.model.held) for inputs, counts in pairs]
 
     @cached_property
     def _begins(self) -> list[NDArray[np.intp]] | None:
@@ -262,6 +260,11 @@ class Simulator:
         sums = np.zeros((loop.scan.n_carry - own, values.shape[1]))
         finals, _ = loop.scan(rows, values, [np.concatenate([x, sums]) for x in starts])
         return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
+
+    def misfit_work(self, lanes: int, weighting: Weighting) -> float:
+        """Operations of one call of `misfit` with so many lanes."""
+        loop, rows = self._compared(weighting)
+        return sum(loop.scan.work(each.shape[0], lanes) for each in rows)
 
     def _compared(self, weighting: Weighting) -> tuple[MisfitLoop, list[Array]]:
         """The loop for a noise model, and what it reads of each record.

@@ -117,6 +117,10 @@ class Posterior:
                 return simulator
         return fit.simulator
 
+    def work(self, walkers: int) -> float:
+        """Operations of the density of so many points."""
+        return self.simulator.misfit_work(walkers, self.fit.weighting)
+
     def __call__(self, points: Array) -> Array:
         """Log posterior density of points (n_walker, n_dim), (n_walker,)."""
         return self._density(self.simulator, points)

@@ -26,6 +26,7 @@ from identification.posterior.convergence import Convergence, convergence_of
 from identification.posterior.density import Posterior
 from identification.posterior.proposal import AlongRidge, Independent
 from identification.posterior.resume import chain_key, kept_backend, state_of
+from identification.work import was_interrupted
 
 __all__ = ["Sample", "sample"]
 
@@ -68,6 +69,7 @@ def sample(
     posterior: Posterior,
     seed: int,
     most_steps: int = 3000,
+    work: float = np.inf,
     progress: Callable[[float], None] | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Sample:
@@ -77,6 +79,7 @@ def sample(
         posterior: The density.
         seed: Seed; the same seed gives the same chain.
         most_steps: Steps after which to stop in any case; `Convergence.reached` says so.
+        work: Operations after which to stop, counted in whole chunks of steps.
         progress: Called with the fraction done.
         checkpoint: Where the chain is kept while it grows, and taken up again.
     """
@@ -101,6 +104,7 @@ def sample(
         random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
     )
     done, tau = sampler.iteration, np.inf
+    most_steps = min(most_steps, max(_LEAST_STEPS, int(work / posterior.work(walkers))))
     if done:
         state = sampler.get_last_sample()
     while done < most_steps:
@@ -112,6 +116,8 @@ def sample(
             progress(min(1.0, done / min(goal, most_steps)))
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
+            break
+        if was_interrupted():
             break
         if checkpoint is not None and checkpoint.is_due():
             checkpoint.save(key, state_of(sampler.backend))

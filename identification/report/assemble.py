@@ -71,6 +71,7 @@ class Findings:
         left: The same beside the final model.
         before: Whether the declared model leaves something, None where it was not looked for.
         after: Whether the final model does.
+        interrupted: Whether the time limit stopped a stage.
         warnings: What the stages noticed.
     """
 
@@ -90,6 +91,7 @@ class Findings:
     left: Localisation | None = None
     before: Detection | None = None
     after: Detection | None = None
+    interrupted: bool = False
     warnings: tuple[str, ...] = field(default=())
 
     @cached_property
@@ -216,6 +218,8 @@ def _options(findings: Findings) -> dict[str, object]:
         "hold": options.hold,
         "temperatures": list(options.temperatures),
         "controllers": list(options.controllers),
+        "effort": options.effort,
+        "time_limit": options.time_limit,
     }
 
 
@@ -325,10 +329,12 @@ def _warnings(findings: Findings) -> list[str]:
             "the fit stopped before it converged; its values are the best found, and its intervals "
             "may be too narrow"
         )
+    effort = findings.options.effort
+    limit = f"the time limit of {findings.options.time_limit} s" if findings.interrupted else ""
     if findings.outcome is not None and not findings.outcome.complete:
         messages.append(
-            "the search for effects ran out of time; there may be effects that it did not reach, "
-            "and alternatives to those it names"
+            f"the search for effects stopped at {limit or _budget(effort)}; there may be effects "
+            f"that it did not reach, and alternatives to those it names{_more(effort, limit)}"
         )
     sample = findings.sample
     if sample is not None and not sample.convergence.reached:
@@ -336,5 +342,19 @@ def _warnings(findings: Findings) -> list[str]:
             f"the sampler stopped after {sample.convergence.steps} steps, "
             f"{sample.convergence.steps / sample.convergence.autocorrelation_time:.0f} "
             "autocorrelation times; expected at least 50"
+            + (f"; it met {limit}" if limit else _more(effort, limit))
         )
     return messages
+
+
+def _budget(effort: str) -> str:
+    return f"the budget of --effort {effort}"
+
+
+def _more(effort: str, limit: str) -> str:
+    """What a user may do for a stage that ended by its budget."""
+    if limit:
+        return "; allow more time"
+    if effort == "thorough":
+        return "; shorter or fewer runs need less"
+    return "; --effort thorough allows ten times as much"
