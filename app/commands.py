@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from app import console
 from app.arguments import mapping_of, values_by_name
 from app.outputs import writable_directory, writable_file
+from app.regular import open_regular
 from identification.effort import EffortName
 from identification.errors import InputError, OptionError, UnreadableFile
 from identification.feedback import feedback_metrics, parse_controllers
@@ -235,7 +236,8 @@ def read_result(path: Path) -> dict[str, Any]:
         InputError: The file cannot be read or is no result of ``motorid fit``.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with open_regular(path) as file:
+            text = file.read().decode("utf-8-sig")
     except OSError as error:
         raise UnreadableFile(
             f"cannot be opened ({error.strerror}); expected a result.json of 'motorid fit'",

@@ -16,19 +16,21 @@ its turn at the start, where waiting is harmless, and never fails in the middle.
 
 from __future__ import annotations
 
+import json
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import sqlalchemy
 from sqlalchemy import event
-from sqlalchemy.engine import Connection, Engine
-from sqlalchemy.exc import ArgumentError, InterfaceError, OperationalError
+from sqlalchemy.engine import Connection, Engine, ExceptionContext
+from sqlalchemy.exc import ArgumentError, DatabaseError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
+from app.damage import DamagedDatabase, corrupt, is_damaged
 from app.migrations import NEWEST
 from app.space import is_full
 from identification.errors import OptionError
@@ -57,28 +59,37 @@ class Database:
 
     def __init__(self, url: str) -> None:
         self.url = _parsed(url)
+        self.is_damaged = False
         if self.url.get_backend_name() == "sqlite":
-            self._readers = _sqlite(self.url, begin="BEGIN", pool_size=8, max_overflow=32)
-            self._writer = _sqlite(self.url, begin="BEGIN IMMEDIATE", pool_size=1, max_overflow=0)
+            one, many = {"pool_size": 1, "max_overflow": 0}, {"pool_size": 8, "max_overflow": 32}
+            json_of = self._from_json
+            self._readers = _sqlite(self.url, begin="BEGIN", from_json=json_of, **many)
+            self._writer = _sqlite(self.url, begin="BEGIN IMMEDIATE", from_json=json_of, **one)
         else:
             self._writer = _postgresql(self.url)
             # One consistent state for all queries of a session, as SQLite has it.
             self._readers = self._writer.execution_options(
                 isolation_level="REPEATABLE READ", postgresql_readonly=True
             )
+        for engine in (self._readers, self._writer):
+            event.listen(engine, "handle_error", self._note_damage)
 
     def migrate(self) -> None:
         """Bring the tables to the newest version; a new database gets them all.
 
         Raises:
             OptionError: The database does not answer, or a newer motorid has made it.
+            DamagedDatabase: Its file is no database, or is damaged.
             OperationalError: No space is left.
         """
         try:
             if self._version() != NEWEST:
                 self._upgrade()
-        except OperationalError as error:
-            if is_full(error):
+        except DatabaseError as error:
+            if is_damaged(error):
+                state = f"is damaged ({_first_line(error)})"
+                raise DamagedDatabase(self.url.database, state) from error
+            if is_full(error) or not isinstance(error, OperationalError):
                 raise
             raise OptionError(
                 f"database_url: {self._place} does not answer ({_first_line(error)}); start the "
@@ -92,6 +103,19 @@ class Database:
             return f"{self.url.get_backend_name()} database {self.url.database}"
         port = f":{self.url.port}" if self.url.port else ""
         return f"{self.url.get_backend_name()}://{self.url.host}{port}/{self.url.database or ''}"
+
+    def _note_damage(self, context: ExceptionContext) -> None:
+        """Remember for as long as the service runs that a page was found damaged."""
+        self.is_damaged = self.is_damaged or is_damaged(context.original_exception)
+
+    def _from_json(self, text: str) -> Any:
+        """A column of JSON; where its page was overwritten, the error that other columns give."""
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            self.is_damaged = True
+            reason = corrupt("a column that holds JSON holds none")
+            raise DatabaseError(None, None, reason) from error
 
     def _upgrade(self) -> None:
         # Imported where it is needed: it costs each start a second, and most find nothing to do.
@@ -188,11 +212,18 @@ def _postgresql(url: sqlalchemy.URL) -> Engine:
         ) from error
 
 
-def _first_line(error: OperationalError) -> str:
+def _first_line(error: DatabaseError) -> str:
     return str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "no reason given"
 
 
-def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: int) -> Engine:
+def _sqlite(
+    url: sqlalchemy.URL,
+    *,
+    begin: str,
+    from_json: Callable[[str], Any],
+    pool_size: int,
+    max_overflow: int,
+) -> Engine:
     engine = sqlalchemy.create_engine(
         url,
         poolclass=sqlalchemy.QueuePool,
@@ -201,6 +232,7 @@ def _sqlite(url: sqlalchemy.URL, *, begin: str, pool_size: int, max_overflow: in
         pool_timeout=_BUSY_S,
         # Errors are logged, and among the parameters are hashes of keys.
         hide_parameters=True,
+        json_deserializer=from_json,
         connect_args={"check_same_thread": False, "timeout": _BUSY_S},
     )
     journal = "WAL" if sqlite3.sqlite_version_info >= _FIRST_SAFE_WAL else "TRUNCATE"

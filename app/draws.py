@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from app.regular import open_regular
 from identification.errors import InputError
 from identification.quantities import DECLARED_PARAMETERS
 
@@ -51,7 +52,7 @@ def _chain(path: Path, most: int) -> dict[str, Array]:
     import h5netcdf
 
     try:
-        with h5netcdf.File(path, "r") as file:
+        with open_regular(path) as content, h5netcdf.File(content, "r") as file:
             group = file.groups["posterior"]
             draws = {name: np.asarray(group[name][...]).T.ravel() for name in DECLARED_PARAMETERS}
     except (OSError, KeyError, ValueError) as error:

@@ -24,7 +24,9 @@
     │   └── BatchQuota         the batch alone has more fits than may wait
     ├── RunInUse               a run of a fit that has not ended cannot be deleted
     └── Unavailable            not now: the service stops or its storage does not answer
-        └── StorageFull        no space is left
+        ├── StorageFull        no space is left
+        ├── FileLost           a stored file is missing or damaged
+        └── DatabaseDamaged    the database file is
 
 The words for the caller stand here, the HTTP statuses in `app.problems`.
 """
@@ -41,7 +43,9 @@ __all__ = [
     "BodyTooSlow",
     "BytesQuota",
     "CrossSite",
+    "DatabaseDamaged",
     "FieldRefused",
+    "FileLost",
     "KeyReused",
     "NotAcceptable",
     "NotFound",
@@ -272,3 +276,15 @@ class StorageFull(Unavailable):
     """No space is left for what was sent."""
 
     code: ClassVar[str] = "storage_full"
+
+
+class FileLost(Unavailable):
+    """A file that the service stored is missing, or is not what was written."""
+
+    code: ClassVar[str] = "file_lost"
+
+
+class DatabaseDamaged(Unavailable):
+    """The file of the database is damaged."""
+
+    code: ClassVar[str] = "database_damaged"

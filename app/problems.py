@@ -10,6 +10,7 @@ Content-Type: application/problem+json
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Mapping
 from http import HTTPStatus
@@ -19,17 +20,26 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from app import errors
+from app.damage import is_damaged
 from app.database import NO_ANSWER
 from app.logging import request_id
 from app.space import is_full
 from identification.errors import InputError
 
-__all__ = ["MEDIA_TYPE", "STATUS", "Problem", "add_problem_handlers", "problem_of", "responses"]
+__all__ = [
+    "MEDIA_TYPE",
+    "STATUS",
+    "Problem",
+    "add_problem_handlers",
+    "database_error",
+    "problem_of",
+    "responses",
+]
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -65,6 +75,7 @@ _WORDS = {
     HTTPStatus.UNSUPPORTED_MEDIA_TYPE: "media_type",
 }
 _MOST_ERRORS = 20
+_log = logging.getLogger(__name__)
 
 
 class FieldProblem(BaseModel):
@@ -142,7 +153,8 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
     if status == HTTPStatus.REQUEST_TIMEOUT:
         # The rest of the body would be taken for the next request.
         headers["Connection"] = "close"
-    if status == HTTPStatus.SERVICE_UNAVAILABLE:
+    is_lasting = isinstance(error, errors.FileLost | errors.DatabaseDamaged)
+    if status == HTTPStatus.SERVICE_UNAVAILABLE and not is_lasting:
         headers["Retry-After"] = "5"
     if status == HTTPStatus.TOO_MANY_REQUESTS:
         headers["Retry-After"] = str(math.ceil(getattr(error, "retry_after_s", 1.0)))
@@ -157,10 +169,24 @@ def add_problem_handlers(application: FastAPI) -> None:
     application.add_exception_handler(InputError, _service)
     application.add_exception_handler(RequestValidationError, _validation)
     application.add_exception_handler(HTTPException, _http)
-    for kind in NO_ANSWER:
+    for kind in (*NO_ANSWER, DatabaseError):
         application.add_exception_handler(kind, _database)
+    application.add_exception_handler(OSError, _system)
     application.add_exception_handler(ClientDisconnect, _gone)
     application.add_exception_handler(Exception, _unexpected)
+
+
+def database_error(error: SQLAlchemyError) -> errors.Unavailable | None:
+    """What an error of the database means to a caller; None where it is a fault of the service."""
+    if is_damaged(error):
+        return errors.DatabaseDamaged(
+            "the database is damaged; the operator has to restore it from a backup"
+        )
+    if is_full(error):
+        return errors.StorageFull("no space is left for the database; have some made, then retry")
+    if isinstance(error, NO_ANSWER):
+        return errors.Unavailable("the database does not answer; try again in some seconds")
+    return None
 
 
 def _response(
@@ -226,11 +252,23 @@ async def _http(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _database(request: Request, error: Exception) -> JSONResponse:
-    if isinstance(error, OperationalError) and is_full(error):
-        return problem_of(
-            errors.StorageFull("no space is left for the database; have some made, then try again")
-        )
-    return problem_of(errors.Unavailable("the database does not answer; try again in some seconds"))
+    assert isinstance(error, SQLAlchemyError)
+    found = database_error(error)
+    if found is None:
+        raise error
+    if isinstance(found, errors.DatabaseDamaged):
+        _log.critical("the database is damaged", exc_info=error)
+    return problem_of(found)
+
+
+async def _system(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, OSError)
+    if is_full(error):
+        return problem_of(errors.StorageFull("no space is left; have some made, then try again"))
+    _log.error("the system refused", exc_info=error)
+    return problem_of(
+        errors.Unavailable(f"the data directory cannot be used now ({error.strerror}); try again")
+    )
 
 
 async def _gone(request: Request, error: Exception) -> JSONResponse:

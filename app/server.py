@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from types import FrameType
 
 import uvicorn
@@ -45,14 +46,15 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     Raises:
         OptionError: The data directory cannot be used, another server uses it, or the database
             does not answer.
+        DamagedDatabase: The file of the database is damaged or missing.
     """
     configure_logging(settings.log_level)
     application = create_app(settings)
     services: Services = application.state.services
-    # Taken here and not in the lifespan, where an error would come as a traceback.
-    services.storage.prepare()
-    services.storage.lock()
-    services.database.migrate()
+    # Here and not in the lifespan, where an error would come as a traceback.
+    services.open()
+    if listening is not None:
+        _show_address(listening)
     server = _Server(
         uvicorn.Config(
             application,
@@ -71,3 +73,10 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     )
     server.services = services
     server.run(sockets=None if listening is None else [listening])
+
+
+def _show_address(listening: socket.socket) -> None:
+    """Say where the service is, once it is certain that it will be there."""
+    address, number = listening.getsockname()[:2]
+    shown = f"[{address}]" if ":" in address else address
+    print(f"motorid: http://{shown}:{number}", file=sys.stderr, flush=True)  # noqa: T201

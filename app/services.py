@@ -12,6 +12,7 @@ from app.access.quotas import Quotas
 from app.access.service import AccessService
 from app.batches.service import BatchService
 from app.confine import Limits
+from app.damage import check_file, check_present
 from app.database import Database
 from app.fits.engine import AbstractEngine, LocalEngine
 from app.fits.service import FitService
@@ -106,15 +107,37 @@ class Services:
             reading=CapacityLimiter(settings.readers),
         )
 
-    def start(self) -> None:
-        """Open the data directory and the database, and begin to work.
+    def open(self) -> None:
+        """Open the data directory and the database, unless that was done.
 
         Raises:
-            OptionError: The data directory cannot be used, or another server uses it.
+            OptionError: The data directory cannot be used, another server uses it, or the database
+                does not answer.
+            DamagedDatabase: The file of the database is damaged or missing.
         """
+        if self.storage.is_locked:
+            return
         self.storage.prepare()
         self.storage.lock()
-        self.database.migrate()
+        file = self.settings.sqlite_file
+        try:
+            if file is not None:
+                check_present(file, self.storage.stored())
+                check_file(file)
+            self.database.migrate()
+        except BaseException:
+            self.database.close()
+            self.storage.unlock()
+            raise
+
+    def start(self) -> None:
+        """Open what is not open yet, and begin to work.
+
+        Raises:
+            OptionError: As `open`.
+            DamagedDatabase: As `open`.
+        """
+        self.open()
         self.storage.sweep_incoming()
         self.retention.sweep()
         self.nursery.start()

@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from sqlalchemy.exc import DatabaseError
+
 from app.access.service import AccessService
+from app.damage import DamagedDatabase, check_present, is_damaged
 from app.database import Database
 from app.settings import Settings, load_settings
 from app.storage import Storage
@@ -38,11 +41,8 @@ def serve(
     # The key commands need none of this.
     from app.server import serve as run
 
-    address, number = listening.getsockname()[:2]
-    shown = f"[{address}]" if ":" in address else address
-    print(f"motorid: http://{shown}:{number}", file=sys.stderr, flush=True)  # noqa: T201
     # Ctrl-C is how a server is meant to end; by then it has stopped in good order.
-    with suppress(KeyboardInterrupt), _for_the_owner():
+    with listening, suppress(KeyboardInterrupt), _for_the_owner():
         run(settings, listening)
 
 
@@ -114,11 +114,18 @@ def _for_the_owner() -> Iterator[None]:
 def _access(data_dir: Path | None) -> Iterator[AccessService]:
     settings = load_settings(data_dir=data_dir)
     with _for_the_owner():
-        Storage(settings.data_dir, settings.node).prepare()
+        storage = Storage(settings.data_dir, settings.node)
+        storage.prepare()
+        if settings.sqlite_file is not None:
+            check_present(settings.sqlite_file, storage.stored())
         database = Database(settings.sqlalchemy_url)
         try:
             database.migrate()
             yield AccessService(database)
+        except DatabaseError as error:
+            if not is_damaged(error):
+                raise
+            raise DamagedDatabase(database.url.database, f"is damaged ({error.orig})") from error
         finally:
             database.close()
 

@@ -262,7 +262,12 @@ class Settings(BaseSettings):
     @property
     def sqlalchemy_url(self) -> str:
         """Address of the database."""
-        return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'motorid.sqlite3'}"
+        return self.database_url or f"sqlite:///{self.sqlite_file}"
+
+    @property
+    def sqlite_file(self) -> Path | None:
+        """The database in the data directory; None where another one is named."""
+        return None if self.database_url else self.data_dir.absolute() / "motorid.sqlite3"
 
     @property
     def node(self) -> str:

@@ -15,7 +15,6 @@ between the two; `sweep` removes it once it is too old to belong to a request th
 from __future__ import annotations
 
 import fcntl
-import functools
 import os
 import re
 import secrets
@@ -24,11 +23,12 @@ import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
 
 from app.errors import StorageFull
 from app.fits.job import CHECKPOINTS
 from app.identifiers import Kind, is_id
+from app.locking import NodeLock
+from app.regular import open_regular, remove_entry, sha256_of
 from app.space import is_full
 from identification.errors import OptionError
 
@@ -40,6 +40,7 @@ RESTORING = ".restoring"
 _OLD_S = 3600.0
 _SCRATCH = ".backup-"  # no machine's name begins with a dot
 _HELD = "held"
+_TRIED_BYTES = 1 << 16
 
 
 class Storage:
@@ -53,7 +54,7 @@ class Storage:
     def __init__(self, directory: Path, node: str) -> None:
         self.directory = directory.absolute()
         self.node = re.sub(r"[^A-Za-z0-9.-]", "_", node).lstrip(".") or "node"
-        self._lock: BinaryIO | None = None
+        self._lock = NodeLock(self.directory / "nodes" / f"{self.node}.lock")
 
     @property
     def incoming(self) -> Path:
@@ -78,59 +79,46 @@ class Storage:
                 part.mkdir(exist_ok=True, mode=0o700)
         except OSError as error:
             raise OptionError(
-                f"data_dir: {self.directory} cannot be used ({error.strerror}); "
+                f"data_dir: {error.filename or self.directory} cannot be used ({error.strerror}); "
                 "name a directory that can be written"
             ) from error
+
+    @property
+    def is_locked(self) -> bool:
+        """Whether this process has the data directory."""
+        return self._lock.is_held
 
     def lock(self) -> None:
         """Take the data directory for this process, until it ends.
 
         Raises:
-            OptionError: Another server on this machine has it.
+            OptionError: Another server on this machine has it, or the lock file is no file.
         """
-        if self._lock is not None:
-            return
-        file = self._lock_file.open("ab")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            file.close()
-            raise OptionError(
-                f"data_dir: another server already uses {self.directory}; stop it or name another"
-            ) from error
-        self._lock = file
-
-    @functools.cached_property
-    def place(self) -> str:
-        """Name of this machine's part of this data directory, the same at each start.
-
-        Whoever holds the lock may take it that all who were called so before are gone.  The name of
-        the machine alone would not do: two servers of a machine, each with a directory of its own,
-        may share a database, and machines may share a name.
-        """
-        with self._lock_file.open("a+", encoding="ascii") as file:
-            file.seek(0)
-            known = file.read().strip()
-            if not known:
-                known = secrets.token_hex(8)
-                file.write(known)
-                file.flush()
-                os.fsync(file.fileno())
-        return f"{self.node}-{known}"
+        self._lock.take()
 
     @property
-    def _lock_file(self) -> Path:
-        return self.directory / "nodes" / f"{self.node}.lock"
+    def place(self) -> str:
+        """Name of this machine's part of this data directory, the same at each start."""
+        return f"{self.node}-{self._lock.name}"
 
     def unlock(self) -> None:
         """Give the data directory back."""
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
+        self._lock.release()
 
     def is_writable(self) -> bool:
-        """Whether a file can be made."""
-        return os.access(self.incoming, os.W_OK)
+        """Whether a file of some kilobytes can be written, as the journal of a transaction is."""
+        try:
+            with tempfile.TemporaryFile(dir=self.incoming, buffering=0) as file:
+                return file.write(bytes(_TRIED_BYTES)) == _TRIED_BYTES
+        except OSError:
+            return False
+
+    def stored(self) -> int:
+        """Number of runs and fits that have files."""
+        runs, fits = (_entries(self.directory / name) for name in ("runs", "fits"))
+        return sum(is_id("run", entry.name) for entry in runs) + sum(
+            is_id("fit", entry.name) for entry in fits
+        )
 
     def new_incoming(self) -> Path:
         """A path for an upload, where no file is yet."""
@@ -146,12 +134,29 @@ class Storage:
 
     def keep_run(self, incoming: Path, run_id: str) -> None:
         """Move an upload that was accepted to its place, so that a loss of power keeps it."""
+        if self.run(run_id).is_dir():
+            # A file system that was repaired may have left one; a file does not replace it.
+            remove_entry(self.run(run_id))
         os.replace(incoming, self.run(run_id))
         sync_directory(self.directory / "runs")
 
+    def has_run(self, run_id: str, size: int, sha256: str) -> bool:
+        """Whether the bytes of a run are there as they were uploaded.
+
+        Args:
+            run_id: Id of the run.
+            size: Number of the bytes.
+            sha256: Their hash, in hexadecimal.
+        """
+        try:
+            with open_regular(self.run(run_id)) as file:
+                return os.fstat(file.fileno()).st_size == size and sha256_of(file) == sha256
+        except OSError:
+            return False
+
     def remove_run(self, run_id: str) -> None:
         """Remove the bytes of a run."""
-        self.run(run_id).unlink(missing_ok=True)
+        remove_entry(self.run(run_id))
 
     def fit(self, fit_id: str) -> Path:
         """Directory of all attempts of a fit.
@@ -173,15 +178,15 @@ class Storage:
 
     def remove_fit(self, fit_id: str) -> None:
         """Remove everything that was computed for a fit."""
-        shutil.rmtree(self.fit(fit_id), ignore_errors=True)
+        remove_entry(self.fit(fit_id))
 
     def remove_attempt(self, fit_id: str, attempt: int) -> None:
         """Remove what one attempt left."""
-        shutil.rmtree(self.attempt(fit_id, attempt), ignore_errors=True)
+        remove_entry(self.attempt(fit_id, attempt))
 
     def remove_checkpoints(self, fit_id: str) -> None:
         """Remove what attempts at a fit had so far."""
-        shutil.rmtree(self.fit(fit_id) / CHECKPOINTS, ignore_errors=True)
+        remove_entry(self.fit(fit_id) / CHECKPOINTS)
         with suppress(OSError):
             # Of a fit that was cancelled nothing else is left.
             self.fit(fit_id).rmdir()
@@ -190,12 +195,12 @@ class Storage:
         """Remove what all other attempts of a fit left."""
         for entry in _entries(self.fit(fit_id)):
             if entry.name != str(attempt):
-                shutil.rmtree(entry, ignore_errors=True)
+                remove_entry(entry)
 
     def sweep_incoming(self) -> None:
         """Remove the uploads of a server that is gone; at a start there are no others."""
         for entry in _entries(self.incoming):
-            entry.unlink(missing_ok=True)
+            remove_entry(entry)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
@@ -232,11 +237,11 @@ class Storage:
             return removed
         for entry in _entries(self.directory / "runs"):
             if is_id("run", entry.name) and entry.name not in runs and _is_old(entry, now):
-                entry.unlink(missing_ok=True)
+                remove_entry(entry)
                 removed += 1
         for entry in _entries(self.directory / "fits"):
             if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry, now):
-                shutil.rmtree(entry, ignore_errors=True)
+                remove_entry(entry)
                 removed += 1
         return removed
 
@@ -247,7 +252,7 @@ class Storage:
             if entry.name.startswith(_SCRATCH) and _is_old(entry, now) and not _is_held(entry)
         ]
         for entry in left:
-            shutil.rmtree(entry, ignore_errors=True)
+            remove_entry(entry)
         return len(left)
 
 

@@ -25,6 +25,7 @@ __all__ = ["Transport", "content_of", "pause_s"]
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 8.0
 _NOT_NOW = (429, 502, 503, 504)
+_LASTING = ("file_lost", "database_damaged")
 
 
 class Transport:
@@ -119,7 +120,8 @@ class Transport:
                     "is the service running, and is the address right?"
                 )
                 reason.__cause__ = error
-            if answer is not None and answer.status_code not in _NOT_NOW:
+            is_lasting = getattr(reason, "code", None) in _LASTING
+            if answer is not None and (answer.status_code not in _NOT_NOW or is_lasting):
                 raise reason
             pause = pause_s(tried, answer)
             if time.monotonic() + pause > deadline:

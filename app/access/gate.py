@@ -14,16 +14,15 @@ from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
 from anyio import to_thread
-from sqlalchemy.exc import OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import Headers
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.access.service import DEFAULT_WORKSPACE, AccessService, Caller
-from app.errors import BadKey, CrossSite, Unavailable
+from app.errors import BadKey, CrossSite
 from app.paths import HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
-from app.problems import problem_of
+from app.problems import database_error, problem_of
 
 __all__ = ["COOKIE", "PUBLIC_PATHS", "Gate"]
 
@@ -72,9 +71,11 @@ class Gate:
         except CrossSite as error:
             await problem_of(error)(scope, receive, send)
             return
-        except (OperationalError, PoolTimeout):
-            problem = problem_of(Unavailable("the database does not answer; try again"))
-            await problem(scope, receive, send)
+        except SQLAlchemyError as error:
+            refusal = database_error(error)
+            if refusal is None:
+                raise
+            await problem_of(refusal)(scope, receive, send)
             return
         await self.app(scope, receive, send)
 

@@ -66,8 +66,8 @@ class AbstractTarget(abc.ABC):
     """A backup that is being written."""
 
     @abc.abstractmethod
-    def add(self, name: str, source: Path) -> str:
-        """Take a file in under a name, and give its SHA-256."""
+    def add(self, name: str, source: BinaryIO) -> str:
+        """Take the bytes of a file in under a name, and give their SHA-256."""
 
     @abc.abstractmethod
     def finish(self, sums: str) -> None:
@@ -84,11 +84,11 @@ class _Folder(AbstractTarget):
         self._is_new = not directory.exists()
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)
 
-    def add(self, name: str, source: Path) -> str:
+    def add(self, name: str, source: BinaryIO) -> str:
         path = self._directory / name
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with source.open("rb") as read, path.open("xb") as write:
-            digest = copied(read, write)
+        with path.open("xb") as write:
+            digest = copied(source, write)
             write.flush()
             os.fsync(write.fileno())
         return digest
@@ -128,13 +128,12 @@ class _Tar(AbstractTarget):
         self._stream = os.fdopen(handle, "wb")
         self._tar = tarfile.open(fileobj=self._stream, mode="w", format=tarfile.PAX_FORMAT)
 
-    def add(self, name: str, source: Path) -> str:
-        with source.open("rb") as read:
-            member = tarfile.TarInfo(name)
-            member.size = os.fstat(read.fileno()).st_size
-            member.mode = 0o600
-            hashing = _Hashing(read)
-            self._tar.addfile(member, hashing)
+    def add(self, name: str, source: BinaryIO) -> str:
+        member = tarfile.TarInfo(name)
+        member.size = os.fstat(source.fileno()).st_size
+        member.mode = 0o600
+        hashing = _Hashing(source)
+        self._tar.addfile(member, hashing)
         return hashing.digest.hexdigest()
 
     def finish(self, sums: str) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from app.backup.archive import DATABASE
+from app.fits.outputs import expected_outputs
 from app.identifiers import Kind, is_id
 from app.tables import Tables
 from identification.errors import InputError
@@ -34,7 +35,7 @@ def check_database(file: Path, found: Mapping[str, str], backup: Path) -> None:
     """See that a database is whole and names nothing but the files that came with it.
 
     Args:
-        file: The database.
+        file: The database; the other files of the backup lie beside it.
         found: SHA-256 of each file of the backup by its name.
         backup: Where it came from, for messages.
 
@@ -45,14 +46,16 @@ def check_database(file: Path, found: Mapping[str, str], backup: Path) -> None:
         with contextlib.closing(sqlite3.connect(file)) as database:
             # No function of SQLite that a schema names is called unless it is harmless.
             database.execute("PRAGMA trusted_schema=OFF")
-            wrong = next(_faults(database, found), None)
+            wrong = next(_faults(database, file.parent, found), None)
     except sqlite3.DatabaseError as error:
         raise InputError(f"{DATABASE} cannot be read ({error})", file=str(backup)) from error
     if wrong is not None:
         raise InputError(wrong, file=str(backup))
 
 
-def _faults(database: sqlite3.Connection, found: Mapping[str, str]) -> Iterator[str]:
+def _faults(
+    database: sqlite3.Connection, directory: Path, found: Mapping[str, str]
+) -> Iterator[str]:
     """What is wrong, the most basic first."""
     yield from _strange_schema(database)
     verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
@@ -62,8 +65,10 @@ def _faults(database: sqlite3.Connection, found: Mapping[str, str]) -> Iterator[
     runs = database.execute("SELECT id, sha256 FROM runs")
     wrong = [f"runs/{i}" for i, sha256 in runs if found.get(f"runs/{i}") != sha256]
     fits = database.execute("SELECT id, attempt FROM fits WHERE status = 'succeeded'")
-    results = (f"fits/{i}/{a}/result.json" for i, a in fits)
-    wrong += [name for name in results if name not in found]
+    for fit_id, attempt in fits:
+        own = f"fits/{fit_id}/{attempt}"
+        outputs = expected_outputs(directory / own)
+        wrong += [f"{own}/{name}" for name in sorted(outputs) if f"{own}/{name}" not in found]
     if wrong:
         yield f"{wrong[0]} is not what the database says; take another backup"
 

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.backup.archive import DATABASE, AbstractTarget, target
-from app.fits.job import OUTPUTS
+from app.damage import DamagedDatabase, check_present, is_damaged
+from app.fits.job import OUTPUT_SUMS, OUTPUTS
+from app.fits.outputs import expected_outputs, sums_of
+from app.regular import open_regular
 from app.settings import Settings
 from app.storage import Storage
 from identification.errors import InputError, OptionError
@@ -66,15 +69,17 @@ def back_up(settings: Settings, place: Path) -> Saved:
     Raises:
         OptionError: There is no database, or the place is taken.
         InputError: A file of the data directory is gone or is not what it was.
+        DamagedDatabase: The database is damaged, or missing beside stored files.
     """
     source = database_file(settings)
+    storage = Storage(settings.data_dir, settings.node)
+    check_present(source, storage.stored())
     if not source.is_file():
         raise OptionError(
             f"data_dir: there is no {DATABASE} in {settings.data_dir}; name the directory that "
             "the service uses"
         )
     into = target(place)
-    storage = Storage(settings.data_dir, settings.node)
     try:
         sums = _fill(into, source, storage)
     except BaseException:
@@ -93,7 +98,8 @@ def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str
     ):
         sums = _Files(source, copy, storage, into).add_all()
         copy.close()
-        sums[DATABASE] = into.add(DATABASE, folder / DATABASE)
+        with (folder / DATABASE).open("rb") as database:
+            sums[DATABASE] = into.add(DATABASE, database)
         into.finish("".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items())))
     return sums
 
@@ -101,8 +107,18 @@ def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str
 def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
     """A copy of a database at one moment, while others write to it."""
     copy = sqlite3.connect(file)
-    with contextlib.closing(sqlite3.connect(source, timeout=_BUSY_S)) as live:
-        live.backup(copy)
+    try:
+        with contextlib.closing(sqlite3.connect(source, timeout=_BUSY_S)) as live:
+            # Page by page, whatever is on them: a restore would find out when it is too late.
+            live.backup(copy)
+        verdict = str(copy.execute("PRAGMA quick_check(1)").fetchone()[0])
+    except sqlite3.DatabaseError as error:
+        if not is_damaged(error):
+            raise
+        verdict = str(error)
+    if verdict != "ok":
+        copy.close()
+        raise DamagedDatabase(source, f"is damaged ({' '.join(verdict.split())[:200]})")
     copy.execute("PRAGMA foreign_keys=ON")
     # One file, whatever journal the service has.
     copy.execute("PRAGMA journal_mode=DELETE")
@@ -134,30 +150,54 @@ class _Files:
 
     def _add_run(self, run_id: str, sha256: str) -> None:
         path = self._storage.run(run_id)
-        try:
-            digest = self._into.add(f"runs/{run_id}", path)
-        except FileNotFoundError:
+        digest = self._add(f"runs/{run_id}", path)
+        if digest is None:
             self._strike("runs", run_id, path)
             return
         if digest != sha256:
             raise InputError(
-                "is not what was uploaded: its SHA-256 has changed; restore it from an older "
-                f"backup, or delete the run {run_id} and send it again",
+                "is not what was uploaded: its SHA-256 has changed; restore it by uploading the "
+                f"same file again, or delete the run {run_id}",
                 file=str(path),
             )
         self._sums[f"runs/{run_id}"] = digest
 
     def _add_fit(self, fit_id: str, attempt: int) -> None:
         directory = self._storage.attempt(fit_id, attempt)
-        added: dict[str, str] = {}
-        for output in OUTPUTS:
-            name = f"fits/{fit_id}/{attempt}/{output}"
-            with contextlib.suppress(FileNotFoundError):
-                added[name] = self._into.add(name, directory / output)
-        if f"fits/{fit_id}/{attempt}/result.json" not in added:
-            self._strike("fits", fit_id, directory)
-        # What was copied before the fit was deleted has no row; the next sweep removes it.
-        self._sums |= added
+        expected, written = expected_outputs(directory), sums_of(directory)
+        for output in (*OUTPUTS, OUTPUT_SUMS):
+            name, path = f"fits/{fit_id}/{attempt}/{output}", directory / output
+            digest = self._add(name, path)
+            if digest is not None:
+                # What was copied before the fit was deleted has no row; a sweep removes it.
+                self._sums[name] = digest
+            elif output in expected:
+                self._strike("fits", fit_id, path)
+            if digest is not None and written.get(output, digest) != digest:
+                raise InputError(
+                    "is not what was written: its SHA-256 has changed; restore it from an older "
+                    f"backup, or delete {fit_id} over HTTP and fit again",
+                    file=str(path),
+                )
+
+    def _add(self, name: str, path: Path) -> str | None:
+        """Copy a file and give its SHA-256, or None where there is none.
+
+        Raises:
+            InputError: It cannot be opened, or is no regular file.
+        """
+        try:
+            source = open_regular(path)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as error:
+            raise InputError(
+                f"cannot be read ({error.strerror}); a run is restored by uploading the same file "
+                "again, a fit is deleted over HTTP",
+                file=str(path),
+            ) from error
+        with source:
+            return self._into.add(name, source)
 
     def _strike(self, table: str, row_id: str, path: Path) -> None:
         """Take a row out of the copy that was deleted since."""
@@ -167,7 +207,7 @@ class _Files:
         if is_known:
             raise InputError(
                 f"is gone, and the database still has {row_id}; restore it from an older backup, "
-                "or delete it over HTTP",
+                "or delete it over HTTP (a run comes back when the same file is uploaded again)",
                 file=str(path),
             )
         self._copy.execute(f"DELETE FROM {table} WHERE id = ?", (row_id,))  # noqa: S608

@@ -24,6 +24,7 @@ from identification.errors import InputError, OptionError
 __all__ = ["restore"]
 
 _LONGEST_SUMS = 1 << 30
+_OF_THE_VOLUME = ("lost+found",)  # made with an ext4 file system, at its root
 _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 
 
@@ -66,7 +67,9 @@ def restore(settings: Settings, backup: Path) -> Saved:
 
 
 def _check_empty(place: Path, besides: Path | None = None) -> None:
-    if not place.is_dir() or any(entry != besides for entry in place.iterdir()):
+    if not place.is_dir() or any(
+        entry != besides and entry.name not in _OF_THE_VOLUME for entry in place.iterdir()
+    ):
         state = "is not empty"
         if besides is None and (place / RESTORING).exists():
             state = f"holds what an interrupted restore left ({RESTORING}, and what lies beside it)"

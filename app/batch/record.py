@@ -22,6 +22,7 @@ from typing import Any, Final
 
 from app.batch.manifest import Motor
 from app.commands import read_result
+from app.regular import open_regular
 from app.storage import sync_directory
 from identification.errors import InputError, OptionError
 from identification.fleet.refit import Refit, refit_of
@@ -111,7 +112,8 @@ def previous_refit(motor: str, out: Path) -> Refit | None:
     """The newest result of a motor's history, or None."""
     for path in sorted((out / _HISTORY).glob("*.json"), reverse=True):
         try:
-            entry = json.loads(path.read_text(encoding="utf-8"))
+            with open_regular(path) as file:
+                entry = json.load(file)
             result, record = entry["result"], entry["record"]
             place = f"{motor}/{_HISTORY}/{path.name}"
             return refit_of(motor, "fitted", result, fit=place, ended_at=record.get("ended_at"))
@@ -128,7 +130,8 @@ def now_text() -> str:
 
 def _stored(out: Path) -> dict[str, Any] | None:
     try:
-        stored = json.loads((out / _RECORD).read_text(encoding="utf-8"))
+        with open_regular(out / _RECORD) as file:
+            stored = json.load(file)
     except (OSError, ValueError):
         return None
     return stored if isinstance(stored, dict) else None

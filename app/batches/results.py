@@ -6,12 +6,12 @@ was taken from one is kept in memory: a result never changes once its fit succee
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+from app.fits.outputs import read_result
 from app.runs.schemas import moment
 from app.storage import Storage
 from app.tables import FitRow
@@ -19,8 +19,8 @@ from identification.fleet.refit import Refit, compared_with, refit_of
 
 __all__ = ["MISSING", "refits_of"]
 
-MISSING = "its result is not in the data directory"
-"""What the table says of a fit that succeeded and has no result any more."""
+MISSING = "its result is missing or damaged in the data directory"
+"""What the table says of a fit that succeeded and whose result cannot be read any more."""
 
 _UNNAMED = "unnamed motor"
 _MOST_KEPT = 4000
@@ -51,14 +51,14 @@ def _refit(storage: Storage, row: FitRow) -> Refit:
     if row.status != "succeeded":
         error = str((row.error or {}).get("detail", ""))
         return Refit(motor, row.status, fit=row.id, ended_at=ended_at, error=error, link=link)
-    path = storage.attempt(row.id, row.attempt) / "result.json"
     try:
-        refit = _read(str(path))
-    except (OSError, ValueError):
+        refit = _read(storage.attempt(row.id, row.attempt))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        # The last four: members of a result that no sums protect.
         refit = Refit(motor, row.status, error=MISSING)
     return replace(refit, motor=motor, status=row.status, fit=row.id, ended_at=ended_at, link=link)
 
 
 @lru_cache(maxsize=_MOST_KEPT)
-def _read(path: str) -> Refit:
-    return refit_of("", "", json.loads(Path(path).read_text(encoding="utf-8")))
+def _read(directory: Path) -> Refit:
+    return refit_of("", "", read_result(directory))

@@ -10,13 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "Job", "RunFile"]
+__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "OUTPUT_SUMS", "Job", "RunFile"]
 
 CHECKPOINTS = "checkpoints"
 """Directory beside those of the attempts: what each has so far, in a file named by its number."""
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Files that a fit may leave; the last only where the posterior was sampled."""
+
+OUTPUT_SUMS = "SHA256SUMS"
+"""File beside the outputs with the SHA-256 of each; written after them."""
 
 LOG = "worker.log"
 """File that holds what a process printed."""
@@ -30,11 +33,13 @@ class RunFile:
         path: Where its bytes are.
         name: What the result calls it.
         mapping: Which column is which channel, or None.
+        sha256: Hash of the bytes as they were uploaded; where it is None they are not compared.
     """
 
     path: str
     name: str
     mapping: dict[str, Any] | None
+    sha256: str | None = None
 
 
 @dataclass(frozen=True)

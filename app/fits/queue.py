@@ -147,7 +147,7 @@ class FitQueue:
 
         def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
             return tuple(
-                RunFile(str(self._storage.run(run.id)), run.file, run.mapping)
+                RunFile(str(self._storage.run(run.id)), run.file, run.mapping, run.sha256)
                 for run in roles.runs_of(session, row.id, role)
             )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from collections.abc import Mapping, Sequence
@@ -16,8 +15,9 @@ from sqlalchemy.orm import Session
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
-from app.errors import KeyReused, NotFound, NotReady, Unavailable
+from app.errors import FileLost, KeyReused, NotFound, NotReady
 from app.fits import repository, roles
+from app.fits.outputs import expected_outputs, open_output, read_result
 from app.fits.request import FitRequest, check_runs, checked_key, new_row
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id
@@ -133,14 +133,17 @@ class FitService:
 
         Raises:
             NotFound: There is no such fit in the caller's workspace.
+            FileLost: Its result is missing or damaged.
         """
         with self._database.reading() as session:
             row = _known(session, caller, fit_id)
             ids = roles.ids_of(session, [row.id])[row.id]
         result = None
         if row.status == "succeeded":
-            with self._open(caller, row, "result.json") as file:
-                result = json.load(file)
+            try:
+                result = read_result(self._directory(row))
+            except OSError as error:
+                raise self._lost(caller, row, "result.json", error) from error
         fit = self._fit(row, ids, result)
         if result is not None and not fit.has_posterior:
             # Its posterior may have gone with the fit since its result was read.
@@ -184,8 +187,13 @@ class FitService:
         Raises:
             NotFound: There is no such fit in the caller's workspace.
             NotReady: It has not succeeded.
+            FileLost: The report is missing or damaged.
         """
-        return self._open(caller, self._succeeded(caller, fit_id), "report.html")
+        row = self._succeeded(caller, fit_id)
+        try:
+            return open_output(self._directory(row), "report.html")
+        except OSError as error:
+            raise self._lost(caller, row, "report.html", error) from error
 
     def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
         """The posterior of a fit, open to be read.
@@ -193,12 +201,17 @@ class FitService:
         Raises:
             NotFound: There is no such fit in the caller's workspace.
             NotReady: It has not succeeded, or was made without a posterior.
+            FileLost: The posterior is missing or damaged.
         """
         row = self._succeeded(caller, fit_id)
+        directory = self._directory(row)
         try:
-            return self._path(row, "posterior.nc").open("rb")
-        except FileNotFoundError:
-            self.row(caller, fit_id)
+            return open_output(directory, "posterior.nc")
+        except OSError as error:
+            lost = self._lost(caller, row, "posterior.nc", error)
+            is_missing = isinstance(error, FileNotFoundError) and directory.is_dir()
+            if not is_missing or "posterior.nc" in expected_outputs(directory):
+                raise lost from error
             raise NotReady(
                 f"{fit_id} was made without a posterior; fit with `posterior` true"
             ) from None
@@ -212,20 +225,27 @@ class FitService:
     def _fit(
         self, row: FitRow, ids: Mapping[str, Sequence[str]], result: dict[str, Any] | None = None
     ) -> Fit:
-        has = row.status == "succeeded" and self._path(row, "posterior.nc").is_file()
+        has = row.status == "succeeded" and (self._directory(row) / "posterior.nc").is_file()
         return Fit(row, ids["training"], ids["validation"], has, result)
 
-    def _path(self, row: FitRow, name: str) -> Path:
-        return self._storage.attempt(row.id, row.attempt) / name
+    def _directory(self, row: FitRow) -> Path:
+        return self._storage.attempt(row.id, row.attempt)
 
-    def _open(self, caller: Caller, row: FitRow, name: str) -> BinaryIO:
-        """An output that every fit has once it succeeded; open, it can be removed and yet read."""
-        try:
-            return self._path(row, name).open("rb")
-        except FileNotFoundError:
-            # A fit is removed before its files: one whose files are gone is looked for again.
-            self.row(caller, row.id)
-            raise Unavailable(f"the {name} of {row.id} is not in the data directory") from None
+    def _lost(self, caller: Caller, row: FitRow, name: str, error: OSError) -> FileLost:
+        """What it means that an output cannot be read.
+
+        Raises:
+            NotFound: The fit has been removed since.
+        """
+        # A fit is removed before its files: one whose files are gone is looked for again.
+        self.row(caller, row.id)
+        state = f"is damaged ({error.strerror})"
+        if isinstance(error, FileNotFoundError):
+            state = "is not in the data directory"
+        _log.error("stored file lost", extra={"fit": row.id, "file": name, "reason": str(error)})
+        return FileLost(
+            f"the {name} of {row.id} {state}; fit again, or have it restored from a backup"
+        )
 
 
 def _known(session: Session, caller: Caller, fit_id: str) -> FitRow:

@@ -21,7 +21,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.fits.job import CHECKPOINTS, LOG, OUTPUTS, Job, RunFile
+from app.fits.job import CHECKPOINTS, LOG, Job, RunFile
+from app.fits.outputs import seal
+from app.regular import open_regular, sha256_of
 from app.space import is_full
 from app.storage import sync_directory
 from identification.errors import ComputationError, InputError, RunFileError
@@ -94,10 +96,7 @@ def compute(job: Job, progress: Callable[[str, float], None]) -> None:
         more["checkpoint"] = checkpoint_of(job)
     identify(training, validation, FitOptions(**chosen), progress, **more).write(directory)
     progress("writing", 1.0)
-    for name in OUTPUTS:
-        if (directory / name).exists():
-            with (directory / name).open("rb") as file:
-                os.fsync(file.fileno())
+    seal(directory)
     sync_directory(directory)
 
 
@@ -154,11 +153,37 @@ def _function(name: str) -> Callable[..., Any]:
     return found
 
 
+class _StoredRunLost(InputError):
+    """The stored bytes of a run are missing or are not those that were uploaded."""
+
+
 def _read(run: RunFile) -> Run:
+    if run.sha256 is not None:
+        _check_stored(Path(run.path), run.name, run.sha256)
     return read_run(run.path, name=run.name, mapping=run.mapping)
+
+
+def _check_stored(path: Path, name: str, sha256: str) -> None:
+    """Compare the stored bytes of a run with the hash of its upload.
+
+    A table that was cut reads as a shorter run, and would give a result without a warning.
+    """
+    try:
+        with open_regular(path) as file:
+            state = "" if sha256_of(file) == sha256 else "SHA-256 differs from that of the upload"
+    except OSError as error:
+        state = error.strerror or str(error)
+    if state:
+        raise _StoredRunLost(
+            f"the stored run is missing or damaged ({state}); upload the same file again, which "
+            "restores it, then fit again",
+            file=name,
+        )
 
 
 def _input_problem(error: InputError) -> dict[str, Any]:
     code = error.code if isinstance(error, RunFileError) else "input"
+    if isinstance(error, _StoredRunLost):
+        code = "file_lost"
     place = {"file": error.file, "row": error.row, "column": error.column}
     return {"code": code, "detail": str(error)} | {k: v for k, v in place.items() if v is not None}

@@ -57,4 +57,4 @@ class HealthService:
             self._database.ping()
         except SQLAlchemyError:
             return False
-        return True
+        return not self._database.is_damaged

@@ -87,6 +87,7 @@ class RunService:
                 # Before the work; what counts is asked again where the row is written.
                 self._quotas.check_run(session, caller.workspace, upload.size)
         if known is not None:
+            self._restore(known, upload)
             self._note_sent(known)
             return known, False
         with self._metrics.read_seconds.time():
@@ -133,6 +134,14 @@ class RunService:
             return known, False
         _log.info("run stored", extra={"run": row.id, "rows": row.rows, "bytes": row.bytes})
         return row, True
+
+    def _restore(self, row: RunRow, upload: Upload) -> None:
+        """Write the bytes of a run again where the disk has lost or damaged them."""
+        if self._storage.has_run(row.id, row.bytes, row.sha256):
+            return
+        with refused_when_full("run"):
+            self._storage.keep_run(upload.path, row.id)
+        _log.warning("stored run was missing or damaged, and is restored", extra={"run": row.id})
 
     def _note_sent(self, row: RunRow) -> None:
         """Write down that the bytes of a run came again, so that it is not removed as old."""

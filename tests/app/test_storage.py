@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import resource
+import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -155,6 +159,60 @@ def test_place_is_the_same_at_each_start_and_another_in_another_directory(tmp_pa
 
     assert places[0] == places[1] != places[2]
     assert all(place.startswith("bench-") and "/" not in place for place in places)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"not a name", b"a" * 10_000])
+def test_lock_file_that_was_damaged_gets_a_new_name(tmp_path: Path, content: bytes) -> None:
+    """The name is part of a path in the database, and the same at the start after that."""
+    storage, again = (Storage(tmp_path, "bench") for _ in range(2))
+    storage.prepare()
+    (tmp_path / "nodes" / "bench.lock").write_bytes(content)
+    storage.lock()
+
+    assert re.fullmatch("bench-[0-9a-f]{16}", storage.place)
+    storage.unlock()
+    assert again.place == storage.place
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo])
+def test_lock_that_is_no_file_is_named(tmp_path: Path, make: Callable[[Path], None]) -> None:
+    """Nothing is waited for, and the operator may remove it."""
+    storage = Storage(tmp_path, "bench")
+    storage.prepare()
+    make(tmp_path / "nodes" / "bench.lock")
+
+    with pytest.raises(OptionError, match=r"bench\.lock .*it holds no data"):
+        storage.lock()
+
+
+def test_folders_in_the_place_of_files_are_swept(storage: Storage) -> None:
+    """A file system that was repaired leaves such; the start goes on."""
+    (storage.new_incoming() / "below").mkdir(parents=True)
+    run, fit = new_id("run"), new_id("fit")
+    storage.run(run).mkdir()
+    storage.fit(fit).write_bytes(b"")
+    for path in (storage.run(run), storage.fit(fit)):
+        aged(path)
+
+    storage.sweep_incoming()
+
+    assert list(storage.incoming.iterdir()) == []
+    assert storage.sweep({new_id("run")}, set(), time.time()) == 2
+    assert not storage.run(run).exists()
+    assert not storage.fit(fit).exists()
+
+
+def test_directory_is_writable_only_while_there_is_space(storage: Storage) -> None:
+    """Permissions alone say nothing about a full or a failing disk."""
+    assert storage.is_writable()
+    assert list(storage.incoming.iterdir()) == []
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        assert not storage.is_writable()
+    finally:
+        signal.signal(signal.SIGXFSZ, ignored)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
 
 
 @pytest.mark.parametrize("kind", ["run", "fit", "batch", "key"])

@@ -1,0 +1,103 @@
+"""Outputs of a fit on the disk: written once with their SHA-256, compared with it when read.
+
+    seal(directory)                       after the outputs were written
+    open_output(directory, "report.html")     the whole file as it was written, or an OSError
+
+A disk may give back other bytes than it was given, and a file that was cut looks like a shorter
+one.  The sums are a file of the form that ``sha256sum --check`` reads, beside the outputs.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+from io import BufferedReader
+from pathlib import Path
+from typing import Any
+
+from app.fits.job import OUTPUT_SUMS, OUTPUTS
+from app.regular import open_regular, sha256_of
+from identification.report.atomic import write_text
+
+__all__ = ["expected_outputs", "open_output", "read_result", "seal", "sums_of"]
+
+_ALWAYS = ("result.json", "report.html")
+_LINE = re.compile(r"([0-9a-f]{64})  ([a-z.]+)")
+_LONGEST_SUMS = 10_000
+
+
+def seal(directory: Path) -> None:
+    """Force the outputs of an attempt to the disk and write their sums beside them.
+
+    Args:
+        directory: The directory of the attempt.
+    """
+    lines = []
+    for name in OUTPUTS:
+        if (directory / name).exists():
+            with (directory / name).open("rb") as file:
+                os.fsync(file.fileno())
+                lines.append(f"{sha256_of(file)}  {name}\n")
+    write_text(directory / OUTPUT_SUMS, "".join(lines))
+
+
+def sums_of(directory: Path) -> dict[str, str]:
+    """SHA-256 of the outputs of an attempt by name; empty where none were kept or can be read."""
+    try:
+        with open_regular(directory / OUTPUT_SUMS) as file:
+            text = file.read(_LONGEST_SUMS).decode("ascii", "replace")
+    except OSError:
+        return {}
+    found = [_LINE.fullmatch(line) for line in text.splitlines()]
+    return {match.group(2): match.group(1) for match in found if match}
+
+
+def expected_outputs(directory: Path) -> set[str]:
+    """Names of the outputs that an attempt that succeeded has."""
+    return {*_ALWAYS, *sums_of(directory)}
+
+
+def open_output(directory: Path, name: str) -> BufferedReader:
+    """Open an output to be read.
+
+    Args:
+        directory: The directory of the attempt.
+        name: One of `app.fits.job.OUTPUTS`.
+
+    Raises:
+        OSError: It is missing, cannot be read, or is not what was written.
+    """
+    file = open_regular(directory / name)
+    try:
+        expected = sums_of(directory).get(name)
+        if expected not in (None, sha256_of(file)):
+            raise _damaged("SHA-256 differs from that of the file that was written", file)
+    except OSError:
+        file.close()
+        raise
+    return file
+
+
+def read_result(directory: Path) -> dict[str, Any]:
+    """The content of the result.json of an attempt.
+
+    Args:
+        directory: The directory of the attempt.
+
+    Raises:
+        OSError: It is missing, cannot be read, or is not what was written.
+    """
+    with open_output(directory, "result.json") as file:
+        try:
+            content = json.load(file)
+        except (ValueError, RecursionError) as error:
+            raise _damaged("Not JSON", file) from error
+        if not isinstance(content, dict):
+            raise _damaged("No result of a fit", file)
+    return content
+
+
+def _damaged(reason: str, file: BufferedReader) -> OSError:
+    return OSError(errno.EBADMSG, reason, file.name)

@@ -1,0 +1,132 @@
+"""Stored files that a disk has lost or damaged: said with a code, restored where that can be."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+
+from motorid.errors import Busy
+from tests.app.damaged import DAMAGES
+from tests.app.service import Caller, Server, run_text
+
+PATIENCE_S = 60.0
+ADDRESSES = {"result.json": "", "report.html": "/report", "posterior.nc": "/posterior"}
+
+
+def fitted(alice: Caller, seed: int) -> str:
+    """Id of a fit of a run of its own that succeeded."""
+    fit = alice.begin(alice.upload(run_text(seed))["id"])
+    assert alice.wait(fit["id"])["status"] == "succeeded"
+    return str(fit["id"])
+
+
+def answer(alice: Caller, fit: str, name: str) -> httpx.Response:
+    """The answer at the address of an output."""
+    return alice.http.get(f"/fits/{fit}{ADDRESSES[name]}")
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_same_bytes_again_restore_a_run_that_is_lost(
+    server: Server, alice: Caller, damage: str
+) -> None:
+    """Still 200 and the same id, and then the file holds the bytes that were sent."""
+    content = run_text(7_000 + list(DAMAGES).index(damage))
+    run = alice.upload(content)["id"]
+    path = server.data_dir / "runs" / run
+    DAMAGES[damage](path)
+
+    again = alice.http.post("/runs", files={"file": ("run.csv", content)})
+
+    assert (again.status_code, again.json()["id"]) == (200, run)
+    assert path.read_bytes() == content
+    assert alice.wait(alice.begin(run)["id"])["status"] == "succeeded"
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_fit_of_a_run_that_is_lost_says_what_brings_it_back(
+    server: Server, alice: Caller, damage: str
+) -> None:
+    """Half a table is a table: a fit of it would succeed with another motor's numbers."""
+    run = alice.upload(run_text(7_100 + list(DAMAGES).index(damage)), name="bench.csv")["id"]
+    DAMAGES[damage](server.data_dir / "runs" / run)
+
+    fit = alice.wait(alice.begin(run)["id"])
+
+    assert fit["status"] == "failed"
+    assert (fit["error"]["code"], fit["error"]["file"]) == ("file_lost", "bench.csv")
+    assert "upload the same file again" in fit["error"]["detail"]
+    assert alice.http.delete(f"/runs/{run}").status_code == 204
+    assert not (server.data_dir / "runs" / run).exists()
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("name", ADDRESSES)
+def test_output_that_is_lost_is_a_problem_with_a_code(
+    server: Server, alice: Caller, name: str, damage: str
+) -> None:
+    """503 `file_lost`; the other outputs are as they were, and the fit can be deleted."""
+    fit = fitted(alice, 7_200)
+    DAMAGES[damage](server.data_dir / "fits" / fit / "1" / name)
+
+    lost = answer(alice, fit, name)
+
+    assert (lost.status_code, lost.json()["code"]) == (503, "file_lost")
+    assert lost.headers["content-type"] == "application/problem+json"
+    assert "retry-after" not in lost.headers
+    assert name in lost.json()["detail"]
+    assert "backup" in lost.json()["detail"]
+    for other in ADDRESSES.keys() - {name}:
+        assert answer(alice, fit, other).status_code == 200
+    assert alice.http.delete(f"/fits/{fit}").status_code == 204
+    assert not (server.data_dir / "fits" / fit).exists()
+
+
+@pytest.mark.parametrize("place", ["1", ""])
+def test_file_in_the_place_of_a_directory_is_no_end_of_the_service(
+    server: Server, alice: Caller, place: str
+) -> None:
+    """A file system that was repaired; the fit is lost, and can be deleted."""
+    fit = fitted(alice, 7_201)
+    whole: Path = server.data_dir / "fits" / fit
+    whole.rename(server.data_dir / "incoming" / fit)
+    if place:
+        whole.mkdir()
+    (whole / place).write_bytes(b"")
+
+    for name in ADDRESSES:
+        assert answer(alice, fit, name).json()["code"] == "file_lost"
+    assert alice.http.delete(f"/fits/{fit}").status_code == 204
+    assert not whole.exists()
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_table_of_a_batch_has_the_other_motors(server: Server, alice: Caller, damage: str) -> None:
+    """The motor whose result is lost has an error in its row; tables and page are there."""
+    run = alice.upload(run_text(7_202))["id"]
+    motors = [{"motor": name, "training": [run]} for name in ("a", "b")]
+    batch = alice.http.post("/batches", json={"motors": motors}).json()
+    lost, _ = (alice.wait(fit["fit"])["id"] for fit in batch["fits"])
+    DAMAGES[damage](server.data_dir / "fits" / lost / "1" / "result.json")
+
+    rows = alice.http.get(f"/batches/{batch['id']}/results").json()["rows"]
+
+    errors = {row["motor"]: row["error"] for row in rows}
+    assert "missing or damaged" in errors["a"]
+    assert not errors["b"]
+    for form in ("results.csv", "report"):
+        assert alice.http.get(f"/batches/{batch['id']}/{form}").status_code == 200
+
+
+def test_client_does_not_wait_for_a_file_that_is_lost(server: Server, alice: Caller) -> None:
+    """No answer that comes later would be another one."""
+    fit = fitted(alice, 7_203)
+    (server.data_dir / "fits" / fit / "1" / "result.json").unlink()
+    began = time.monotonic()
+
+    with pytest.raises(Busy, match="is not in the data directory"):
+        alice.client.show_fit(fit)
+
+    assert time.monotonic() - began < PATIENCE_S / 2
