@@ -10,8 +10,9 @@ closed is noticed before it is used, so a restart of PostgreSQL costs the calls 
 and nothing after them.
 
 SQLite before 3.51.3 can corrupt a database in WAL mode when two connections write and checkpoint at
-once, so such versions keep a rollback journal.  A write begins with BEGIN IMMEDIATE: it waits for
-its turn at the start, where waiting is harmless, and never fails in the middle.
+once, so such versions keep a rollback journal.  It keeps its space, since on a full disk no row
+could be deleted without one, and then nothing else either.  A write begins with BEGIN IMMEDIATE: it
+waits for its turn at the start, where waiting is harmless, and never fails in the middle.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
 _BUSY_S = 30.0
 _CONNECT_S = 10
 _FIRST_SAFE_WAL = (3, 51, 3)
+_JOURNAL_BYTES = 1 << 20
+"""Space that the journal keeps between transactions, so that a full disk still takes deletions."""
+
 _MIGRATING = 6_032_011
 """Name of the lock under which one server at a time migrates a PostgreSQL database."""
 
@@ -235,13 +239,18 @@ def _sqlite(
         json_deserializer=from_json,
         connect_args={"check_same_thread": False, "timeout": _BUSY_S},
     )
-    journal = "WAL" if sqlite3.sqlite_version_info >= _FIRST_SAFE_WAL else "TRUNCATE"
+    journal = "WAL" if sqlite3.sqlite_version_info >= _FIRST_SAFE_WAL else "PERSIST"
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, record: object) -> None:
         # SQLAlchemy begins and ends the transactions, not the driver.
         connection.isolation_level = None
-        for pragma in (f"journal_mode={journal}", "synchronous=FULL", "foreign_keys=ON"):
+        for pragma in (
+            f"journal_mode={journal}",
+            f"journal_size_limit={_JOURNAL_BYTES}",
+            "synchronous=FULL",
+            "foreign_keys=ON",
+        ):
             connection.execute(f"PRAGMA {pragma}")
 
     @event.listens_for(engine, "begin")

@@ -80,7 +80,7 @@ def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
         synchronous = session.scalar(text("PRAGMA synchronous"))
     database.close()
 
-    expected = "wal" if sqlite3.sqlite_version_info >= (3, 51, 3) else "truncate"
+    expected = "wal" if sqlite3.sqlite_version_info >= (3, 51, 3) else "persist"
     assert (journal, keys, synchronous) == (expected, 1, 2)
 
 

@@ -1,0 +1,104 @@
+"""A disk without a free byte: what is there can be read and deleted, and the rest is said."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.app.service import Caller, Server, run_text, serving
+
+
+def fill(disk: Path) -> None:
+    """Take the last byte."""
+    with (disk / "ballast").open("ab", buffering=0) as file:
+        for size in (1 << 16, 1 << 12, 1):
+            try:
+                while True:
+                    file.write(bytes(size))
+            except OSError:
+                continue
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of four megabytes."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", "size=4m", "none", str(place)]
+    try:
+        subprocess.run(words, check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("mounting is not allowed here")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.fixture
+def full(disk: Path) -> Iterator[Server]:
+    """A server whose disk has no free byte, with three runs and a fit of each."""
+    with serving(disk / "data", "--no-auth") as server, Caller(server) as caller:
+        for seed in range(3):
+            caller.wait(caller.begin(caller.upload(run_text(seed, rows=2000))["id"])["id"])
+        fill(disk)
+        assert os.statvfs(disk).f_bavail == 0
+        yield server
+
+
+def ids(caller: Caller, kind: str) -> list[str]:
+    """Ids of all runs or fits."""
+    return [item["id"] for item in caller.http.get(f"/{kind}").json()["items"]]
+
+
+def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
+    """Reading needs no space; an upload is refused with a code; the service lives."""
+    with Caller(full) as caller:
+        ready = httpx.get(f"{full.url}/readyz")
+        upload = caller.http.post("/runs", files={"file": ("run.csv", run_text(9))})
+        read = [
+            caller.http.get(f"/fits/{ids(caller, 'fits')[0]}{part}") for part in ("", "/report")
+        ]
+
+    assert (ready.status_code, ready.json()["checks"]["storage"]) == (503, False)
+    assert (upload.status_code, upload.json()["code"]) == (507, "storage_full")
+    assert {answer.status_code for answer in read} == {200}
+    assert httpx.get(f"{full.url}/healthz").status_code == 200
+
+
+def test_full_disk_takes_deletions_that_make_it_ready(full: Server) -> None:
+    """Filled again after each, so that none lives on the space of the one before."""
+    disk = full.data_dir.parent
+    with Caller(full) as caller:
+        for kind in ("fits", "runs"):
+            for name in ids(caller, kind):
+                assert caller.http.delete(f"/{kind}/{name}").status_code == 204
+                fill(disk)
+        (disk / "ballast").unlink()
+        upload = caller.http.post("/runs", files={"file": ("run.csv", run_text(9))})
+
+    assert httpx.get(f"{full.url}/readyz").status_code == 200
+    assert upload.status_code == 201
+
+
+def test_service_starts_on_a_full_disk(full: Server) -> None:
+    """Someone has to be able to delete something."""
+    full.stop()
+
+    # Not ready, so its log is waited for and not its readiness.
+    environment = os.environ | {"MOTORID_PORT": "0"}
+    words = [*full.process.args]  # type: ignore[misc]
+    with subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True) as again:
+        assert again.stderr
+        address = again.stderr.readline().split()[1]
+        lines = iter(again.stderr.readline, "")
+        assert any("startup complete" in line for line in lines)
+        run = httpx.get(f"{address}/api/v1/runs").json()["items"][0]["id"]
+        fits = httpx.get(f"{address}/api/v1/fits").json()["items"]
+        for fit in fits:
+            assert httpx.delete(f"{address}/api/v1/fits/{fit['id']}").status_code == 204
+        assert httpx.delete(f"{address}/api/v1/runs/{run}").status_code == 204
+        again.terminate()
