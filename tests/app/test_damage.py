@@ -149,3 +149,20 @@ def test_page_that_is_overwritten_while_the_service_runs_is_a_problem(tmp_path: 
     assert {a.status_code for a in answers} == {503}
     assert ready.status_code == 503
     assert alive.status_code == 200
+
+
+def test_address_is_shown_by_the_server_that_has_the_directory(
+    data: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever reads an address takes it that somebody is going to answer there."""
+    monkeypatch.setattr("app.server.configure_logging", lambda level: None)
+    first = Storage(data, load_settings(data_dir=data).node)
+    first.lock()
+
+    status = main(["serve", "--port", "0", "--no-auth", "--data-dir", str(data)])
+
+    first.unlock()
+    shown = capsys.readouterr().err
+    assert status == 2
+    assert "another server already uses" in shown
+    assert "http://" not in shown

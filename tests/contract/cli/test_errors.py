@@ -309,3 +309,17 @@ def test_feedback_list_is_replaced_whole_or_not_at_all(
     monkeypatch.undo()
     assert main(["feedback", *MOTOR, *COLD, "--out", str(out), "-q"]) == 0
     assert json.loads(out.read_text())[0]["temperature_degC"] == 25.0
+
+
+@pytest.mark.parametrize("command", ["predict", "feedback"])
+def test_result_that_is_a_pipe_is_not_waited_for(
+    run_files: list[Path], tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody writes to it, so that reading it would never end."""
+    pipe = tmp_path / "result.json"
+    os.mkfifo(pipe)
+    out = ["--out", str(tmp_path / "out")]
+    words = [str(pipe), str(run_files[0])] if command == "predict" else ["--result", str(pipe)]
+
+    assert main([command, *words, *out]) == 2
+    assert f"{pipe}: cannot be opened (Not a regular file)" in capsys.readouterr().err
