@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+import signal
 import socket
 import sys
+import time
 from types import FrameType
 
 import uvicorn
@@ -16,6 +19,7 @@ from app.settings import Settings
 
 __all__ = ["serve"]
 
+_log = logging.getLogger(__name__)
 _WAITING = 2048
 
 
@@ -23,6 +27,7 @@ class _Server(uvicorn.Server):
     """Tells open event streams that it stops, so that they end and it need not wait for them."""
 
     services: Services
+    told_at: float | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to serve; more connections may wait for the system than are accepted at once."""
@@ -32,6 +37,8 @@ class _Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to stop."""
+        self.told_at = time.monotonic()
+        _log.info("stopping", extra={"signal": signal.Signals(sig).name})
         self.services.stopping.set()
         super().handle_exit(sig, frame)
 
@@ -49,6 +56,7 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
         DamagedDatabase: The file of the database is damaged or missing.
     """
     configure_logging(settings.log_level)
+    _end_in_good_order()
     application = create_app(settings)
     services: Services = application.state.services
     # Here and not in the lifespan, where an error would come as a traceback.
@@ -72,7 +80,20 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
         )
     )
     server.services = services
-    server.run(sockets=None if listening is None else [listening])
+    try:
+        server.run(sockets=None if listening is None else [listening])
+    finally:
+        if server.told_at is not None:
+            seconds = round(time.monotonic() - server.told_at, 3)
+            _log.info("stopped", extra={"seconds": seconds})
+
+
+def _end_in_good_order() -> None:
+    """Exit with status 0 after SIGTERM; uvicorn raises the signal again once it has stopped.
+
+    The signal alone would end with status 143, which a container engine counts as a failure.
+    """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 
 
 def _show_address(listening: socket.socket) -> None:

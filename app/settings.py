@@ -55,8 +55,8 @@ class Settings(BaseSettings):
     )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Host names that requests may carry, separated by commas; `*` for any. "
-        "Empty: the loopback names and `host`, or any where the service listens to a network.",
+        description="Host names that requests may carry besides the loopback names, separated by "
+        "commas; `*` for any. Empty: `host`, or any where the service listens to a network.",
     )
     database_url: str | None = Field(
         default=None,
@@ -251,7 +251,8 @@ class Settings(BaseSettings):
     def hosts(self) -> tuple[str, ...]:
         """Names that the Host header may have, without a port."""
         if self.allowed_hosts:
-            return self.allowed_hosts
+            # A foreign page cannot call itself by a loopback name, and a health check does.
+            return tuple(dict.fromkeys((*self.allowed_hosts, *_LOOPBACK_NAMES)))
         if is_loopback(self.host):
             bracketed = f"[{self.host}]" if ":" in self.host.strip("[]") else self.host
             return tuple(dict.fromkeys((*_LOOPBACK_NAMES, bracketed)))

@@ -304,4 +304,6 @@ class Supervisor:
             except SQLAlchemyError:
                 # The next server finds the lease of one that is gone.
                 _log.exception("a fit could not be given back")
+            else:
+                _log.info("fit put back", extra={"fit": job.fit_id, "attempt": job.attempt})
             self._drop(attempt)

@@ -62,13 +62,16 @@ def test_pipeline_must_be_a_function_of_a_module() -> None:
 
 
 def test_hosts_are_loopback_names_unless_said_otherwise() -> None:
-    """Closed by default on loopback, open on a network where keys are asked for."""
+    """Closed by default on loopback, open on a network where keys are asked for.
+
+    A health check on the same machine, as a container's, calls a loopback name.
+    """
     assert load_settings().hosts == ("localhost", "127.0.0.1", "[::1]")
     assert load_settings(host="::1").hosts == ("localhost", "127.0.0.1", "[::1]")
     assert load_settings(host="0.0.0.0").hosts == ("*",)
     assert load_settings(host="0.0.0.0", allowed_hosts="a.example, b.example").hosts == (
-        "a.example",
-        "b.example",
+        *("a.example", "b.example"),
+        *("localhost", "127.0.0.1", "[::1]"),
     )
 
 

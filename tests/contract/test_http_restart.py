@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sqlite3
@@ -19,6 +20,7 @@ from tests.app.pretended import FAMILY, QUICK, SLOW
 from tests.app.service import Caller, Server, run_text, serving
 
 NO_AUTH = "--no-auth"
+SAID = ["stopping", "fit put back", "stopped"]
 COMMAND = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())"]
 
 
@@ -124,7 +126,8 @@ def test_fit_survives_kills_of_its_process_and_an_orderly_stop_puts_it_back(
 ) -> None:
     """The kill of its process counts against the fit, that of what forked it does not.
 
-    SIGTERM then ends the service in the time of a shutdown, its event streams included.
+    SIGTERM then ends the service in the time of a shutdown, its event streams included, with
+    status 0, and the log says so.
     """
     with serving(data_dir, NO_AUTH) as server, Caller(server) as caller:
         run = caller.upload(run_text(1))["id"]
@@ -144,7 +147,9 @@ def test_fit_survives_kills_of_its_process_and_an_orderly_stop_puts_it_back(
             took = time.monotonic() - began
             rest = list(lines)
 
-        assert status in (0, -signal.SIGTERM)
+        assert status == 0
+        messages = [json.loads(line)["message"] for line in server.log if line.startswith("{")]
+        assert [m for m in messages if m in SAID] == SAID
         assert took < 8
         assert "event: end" not in rest
         assert is_gone(*processes)
