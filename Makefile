@@ -144,6 +144,19 @@ audit: $(READY) ## known weaknesses of the locked packages, by pip-audit; AUDIT=
 image: ## build the container image (needs docker, or ENGINE=podman)
 	$(or $(ENGINE),docker) build --tag $(IMAGE) .
 
+.PHONY: image-base
+image-base: ## name the newest base image of the same tag in the Dockerfile (needs docker with buildx)
+	@tag=$$(sed -n 's/^ARG BASE=\([^@]*\)@.*/\1/p' Dockerfile) \
+	&& digest=$$($(or $(ENGINE),docker) buildx imagetools inspect --format '{{.Manifest.Digest}}' "$$tag") \
+	&& { echo "$$digest" | grep -qxE 'sha256:[0-9a-f]{64}' || { echo "motorid: $$tag has the digest" \
+		"'$$digest'; expected sha256 and 64 figures; the Dockerfile is as it was" >&2; exit 1; }; } \
+	&& sed -i.bak "s|^ARG BASE=.*|ARG BASE=$$tag@$$digest|" Dockerfile && rm Dockerfile.bak \
+	&& grep '^ARG BASE=' Dockerfile
+
+.PHONY: container-check
+container-check: $(READY) ## build and run the image without an engine, as root; STANDIN=PREFIX (long)
+	$(BIN)/python -m benchmarks.container $(if $(STANDIN),--python '$(STANDIN)')
+
 # ----------------------------------------------------------------
 
 .PHONY: clean

@@ -111,13 +111,15 @@ def test_version_is_written_once() -> None:
 
 
 def test_image_is_built_from_pinned_names_and_does_not_run_as_root() -> None:
-    """Each base has a version in its tag; the last USER is a number other than 0."""
+    """The base has a version in its tag and a digest; the last USER is a number other than 0."""
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
     bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
 
-    assert bases
-    assert [base for base in bases if not re.fullmatch(r"[a-z/]+:\d+\.\d+-[\w-]+", base)] == []
+    [name] = [line.removeprefix("ARG BASE=") for line in lines if line.startswith("ARG BASE=")]
+
+    assert set(bases) == {"${BASE}"}
+    assert re.fullmatch(r"[a-z/]+:\d+\.\d+-[\w-]+@sha256:[0-9a-f]{64}", name)
     assert re.fullmatch(r"[1-9]\d*(:[1-9]\d*)?", users[-1])
 
 
