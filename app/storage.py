@@ -231,7 +231,7 @@ class Storage:
         Returns:
             Number of files and directories that were removed.
         """
-        removed = self._sweep_scratch(now)
+        removed = self._sweep_scratch(now) + self._sweep_uploads(now)
         if not runs and not fits:
             # An empty database beside files is more likely a wrong address than a reason.
             return removed
@@ -249,10 +249,27 @@ class Storage:
         left = [
             entry
             for entry in _entries(self.directory / "incoming")
-            if entry.name.startswith(_SCRATCH) and _is_old(entry, now) and not _is_held(entry)
+            if entry.name.startswith(_SCRATCH)
+            and _is_old(entry, now)
+            and not _is_held(entry / _HELD)
         ]
         for entry in left:
             remove_entry(entry)
+        return len(left)
+
+    def _sweep_uploads(self, now: float) -> int:
+        """Remove what was sent to servers that are gone: each new container has another name."""
+        left = [
+            entry
+            for folder in _entries(self.directory / "incoming")
+            if folder != self.incoming
+            and not folder.name.startswith(_SCRATCH)
+            and not _is_held(self.directory / "nodes" / f"{folder.name}.lock")
+            for entry in _entries(folder)
+            if _is_old(entry, now)
+        ]
+        for entry in left:
+            entry.unlink(missing_ok=True)
         return len(left)
 
 
@@ -296,9 +313,9 @@ def _entries(directory: Path) -> list[Path]:
     return list(directory.iterdir()) if directory.is_dir() else []
 
 
-def _is_held(scratch: Path) -> bool:
+def _is_held(file: Path) -> bool:
     try:
-        with (scratch / _HELD).open("rb+") as lock:
+        with file.open("rb+") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False

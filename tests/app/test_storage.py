@@ -93,6 +93,27 @@ def test_uploads_of_a_server_that_is_gone_are_removed(storage: Storage) -> None:
     assert list(storage.incoming.iterdir()) == []
 
 
+def test_uploads_of_a_container_that_is_gone_are_removed(tmp_path: Path) -> None:
+    """Each container has a name of its own; the files of one that runs, and recent ones, stay."""
+    gone, running, own = (Storage(tmp_path, name) for name in ("gone", "running", "own"))
+    for storage in (gone, running, own):
+        storage.prepare()
+        storage.lock()
+    files = [storage.new_incoming() for storage in (gone, gone, running, own)]
+    for file in files:
+        file.write_bytes(b"half of a ru")
+    for file in (files[0], *files[2:]):
+        aged(file)
+    gone.unlock()
+
+    removed = own.sweep(set(), set(), time.time())
+    for storage in (running, own):
+        storage.unlock()
+
+    assert removed == 1
+    assert [file.exists() for file in files] == [False, True, True, True]
+
+
 def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
     """Someone named another database; the files are all that is left to go back with."""
     run, fit = new_id("run"), new_id("fit")
