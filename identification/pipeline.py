@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
+from identification.effects.long import search_long
 from identification.effects.outcome import Outcome
-from identification.effects.search import search
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError
 from identification.feedback import feedback_metrics, parse_controllers
@@ -133,7 +133,7 @@ def _identified(
         found = localise(declared)
         tell("effects", 0.15)
         rows = sum(record.rows for record in campaign.training)
-        outcome = search(
+        outcome = search_long(
             declared,
             campaign,
             lambda done: tell("effects", 0.15 + 0.35 * done),

@@ -69,6 +69,7 @@ def search(
     campaign: Campaign,
     progress: Callable[[float], None] | None = None,
     work: float = np.inf,
+    begin: Fit | None = None,
 ) -> Outcome:
     """Search the catalogue for what the declared model lacks.
 
@@ -77,12 +78,13 @@ def search(
         campaign: Records of training and of runs left out.
         progress: Called with the fraction done.
         work: Operations after which nothing new is begun; what passed until then stands.
+        begin: Fit of a model with effects from which the search goes on; of none where None.
     """
     tell = progress or (lambda fraction: None)
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work)
     listed = Budget(_LISTED_SHARE * work)
     first = trials.judge(declared)
-    state = _State(trials, first)
+    state = _State(trials, first if begin is None else trials.judge(begin))
     alone: Judged | None = None
     is_exhausted = False
     for round_ in range(1, _MOST_EFFECTS + 1):

@@ -76,14 +76,17 @@ class Trials:
         """Whether the budget is spent."""
         return self.budget.spent
 
-    def patience(self, hopeless: float = np.inf, longest: float = np.inf) -> Patience:
+    def patience(
+        self, hopeless: float = np.inf, longest: float = np.inf, reference: float = np.inf
+    ) -> Patience:
         """What a refit may take.
 
         Args:
             hopeless: Cost of a rival; the fit stops where it is not going to come near it.
             longest: Operations after which it is given up.
+            reference: Cost of a better model that it is compared with.
         """
-        return Patience(_STEPS, hopeless, Budget(longest, within=self.budget))
+        return Patience(_STEPS, hopeless, Budget(longest, within=self.budget), reference)
 
     def judge(self, fit: Fit, share: float | None = None) -> Judged:
         """The fit with its errors on the runs left out; the first of a model is kept.
@@ -112,13 +115,14 @@ class Trials:
         known = self._judged.get(key)
         if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
             self._led.add((key, _key(current.fit)))
-            fit = refitted_without(current.fit, term.name, self.patience())
+            patience = self.patience(reference=current.fit.cost)
+            fit = refitted_without(current.fit, term.name, patience)
             if not np.isfinite(fit.cost):
                 # What the term held back runs away; the declared model did not.
                 declared = self._judged[frozenset()].fit
                 place = as_declared(current.fit, declared)
-                fit = refitted_without(place, term.name, self.patience())
-            known = self.judge(refined(fit, self.patience()) if np.isfinite(fit.cost) else fit)
+                fit = refitted_without(place, term.name, patience)
+            known = self.judge(refined(fit, patience) if np.isfinite(fit.cost) else fit)
         return known
 
     def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
@@ -210,23 +214,29 @@ class Trials:
         if not trials:
             return []
         reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
-        finer = []
+        finer: list[Judged] = []
         for score, fit in trials:
             if fit.cost > reach:
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
-            self._fits[key] = self._finished(fit).light()
+            best = min((one.fit.cost for one in finer), default=np.inf)
+            self._fits[key] = self._finished(fit, best).light()
             finer.append(self.judge(self._fits[key]))
         return finer
 
-    def _finished(self, fit: Fit) -> Fit:
+    def _finished(self, fit: Fit, reference: float = np.inf) -> Fit:
         """The fit at its optimum, on intervals as fine as it needs.
 
         A base that has not converged would make everything that is added to it look good.
-        """
-        return self._converged(refined(self._converged(fit), self.patience()))
 
-    def _converged(self, fit: Fit) -> Fit:
+        Args:
+            fit: The fit.
+            reference: Cost of a better model that it is compared with.
+        """
+        patience = self.patience(reference=reference)
+        return self._converged(refined(self._converged(fit, patience), patience), patience)
+
+    def _converged(self, fit: Fit, patience: Patience) -> Fit:
         """The fit taken on until it converges, or hardly gets better."""
         for _ in range(_LEGS):
             if fit.converged or self.over:
@@ -239,9 +249,9 @@ class Trials:
                     fit.position,
                     fit.states,
                     fit.weighting,
-                    self.patience(),
+                    patience,
                 ),
-                self.patience(),
+                patience,
             )
             if before - fit.cost < 1.0:
                 break

@@ -40,6 +40,9 @@ _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
 _ENOUGH: Final = 1e-3
 """Log likelihood that another step may promise at the optimum; it is 0.045 standard deviations."""
 
+_DECISIVE: Final = 0.002
+"""Share of the difference to a better model that decides nothing."""
+
 _STRAIGHT: Final = 0.3
 _TRIED: Final = 3
 _OPTIMISM: Final = 5.0
@@ -54,16 +57,23 @@ class Patience:
         steps: Steps after which to stop in any case.
         hopeless: Cost of a rival; the fit stops where it is not going to come near it.
         budget: Operations that it may take; None for no limit.
+        reference: Cost of a better model that it is compared with; the fit has converged where a
+            step promises less than a five-hundredth of the difference, which decides nothing.
     """
 
     steps: int = 60
     hopeless: float = np.inf
     budget: Budget | None = None
+    reference: float = np.inf
 
     @property
     def over(self) -> bool:
         """Whether the budget is spent."""
         return self.budget is not None and self.budget.spent
+
+    def enough(self, cost: float) -> float:
+        """Log likelihood that another step may promise where the fit has converged."""
+        return max(_ENOUGH, _DECISIVE * (cost - self.reference))
 
 
 @dataclass(frozen=True)
@@ -156,7 +166,9 @@ def solve(
     patience = patience or Patience()
     ladder = _LADDER
     for number in range(patience.steps):
-        if patience.over or not equations.is_finite or equations.decrement < _ENOUGH:
+        if patience.over or not equations.is_finite:
+            break
+        if equations.decrement < patience.enough(cost):
             break
         if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
             break
@@ -182,7 +194,7 @@ def solve(
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
-    converged |= equations.is_finite and equations.decrement < _ENOUGH
+    converged |= equations.is_finite and equations.decrement < patience.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 
 

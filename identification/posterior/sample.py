@@ -104,16 +104,16 @@ def sample(
         random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
     )
     done, tau = sampler.iteration, np.inf
-    most_steps = min(most_steps, max(_LEAST_STEPS, int(work / posterior.work(walkers))))
+    affordable = max(work / posterior.work(walkers), _LEAST_STEPS)
     if done:
         state = sampler.get_last_sample()
-    while done < most_steps:
+    while done < min(most_steps, affordable):
         state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
         done += _CHUNK
         tau = float(np.max(emcee.autocorr.integrated_time(sampler.get_chain(), tol=0)))
         if progress is not None:
             goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
-            progress(min(1.0, done / min(goal, most_steps)))
+            progress(min(1.0, done / min(goal, most_steps, affordable)))
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
             break

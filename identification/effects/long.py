@@ -1,0 +1,109 @@
+"""Search on long records: on a representative part first, then on all samples for what was found.
+
+    part      search the stretches that `part_of` chooses
+    whole     fit the model that was found to all samples, and each model without one of its effects
+    check     compare the simulation error of all samples with that of the part
+
+An effect has to lower the error by two per cent to count.  Where the error of all samples exceeds
+that of the part by less, nothing that counts is missing outside it and the search ends; where it
+exceeds it by more (an event in a run, heat that gathers over minutes), the search goes on with all
+samples from the model that was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from identification.effects.evidence import LEAST_SIZE
+from identification.effects.outcome import Found, Outcome
+from identification.effects.part import part_of
+from identification.effects.search import search
+from identification.effects.trials import Trials
+from identification.fit.accuracy import accurate
+from identification.fit.campaign import Campaign
+from identification.fit.declared import replanned
+from identification.fit.initial import fitted_initial_states
+from identification.fit.solve import Fit, Patience, solve
+from identification.model.simulate import Simulator
+from identification.model.weighting import Weighting
+from identification.work import Budget
+
+__all__ = ["search_long"]
+
+_PART: Final = 0.5
+"""Share of the budget that the search on the part may take."""
+
+
+def search_long(
+    declared: Fit,
+    campaign: Campaign,
+    progress: Callable[[float], None] | None = None,
+    work: float = np.inf,
+) -> Outcome:
+    """Search the catalogue for what the nominal model lacks, whatever the length of the records.
+
+    Args:
+        declared: Fit of the nominal model.
+        campaign: Records of training and validation.
+        progress: Called with the fraction done.
+        work: Operations after which nothing new is begun.
+    """
+    tell = progress or (lambda fraction: None)
+    part = part_of(campaign, declared)
+    if part is None:
+        return search(declared, campaign, progress, work)
+    budget = Budget(work)
+    stretches, nominal = part
+    found = search(nominal, stretches, lambda done: tell(0.6 * done), _PART * work)
+    whole, effects = _confirmed(declared, campaign, found, budget)
+    tell(0.8)
+    if _excess(whole, found.fit) < LEAST_SIZE or budget.spent:
+        complete = found.complete and not budget.spent
+        return replace(found, fit=whole.full(), effects=effects, complete=complete)
+    begin = whole if effects else None
+    more = search(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin)
+    return replace(more, searched=(*found.searched, *more.searched))
+
+
+def _excess(whole: Fit, part: Fit) -> float:
+    """Logarithm of the error of all samples over that of the part, summed over the channels."""
+    counts = (whole.weighting.counts > 0) & (part.weighting.counts > 0)
+    ratio = np.log(whole.weighting.deviation / part.weighting.deviation)
+    return float(np.sum(ratio[counts]))
+
+
+def _confirmed(
+    declared: Fit, campaign: Campaign, found: Outcome, budget: Budget
+) -> tuple[Fit, tuple[Found, ...]]:
+    """The model of the part fitted to all samples, without the effects that do not pass there."""
+    if not found.effects:
+        return declared, ()
+    trials = Trials(campaign, budget, tried=max(len(found.searched), 1))
+    trials.judge(declared)
+    current = trials.judge(_on(declared, found.fit, trials.patience()))
+    kept: list[Found] = []
+    for effect in found.effects:
+        term = next(t for t in current.fit.simulator.model.terms if t.name == effect.name)
+        simpler = trials.without(current, term)
+        gates = current.gates(simpler, trials.tried)
+        if gates.passed:
+            kept.append(replace(effect, gates=gates))
+        else:
+            current = simpler
+    return current.fit, tuple(sorted(kept, key=lambda effect: -effect.gates.gain))
+
+
+def _on(declared: Fit, part: Fit, patience: Patience) -> Fit:
+    """The model that was fitted to the part, fitted to all samples from there."""
+    model, values = part.simulator.model, part.values
+    own = any(state.is_own for term in model.terms for state in term.states)
+    simulator = Simulator.fitting(model, declared.simulator.records, values)
+    states = fitted_initial_states(simulator, values, part.weighting.deviation, whole=own)
+    simulator = accurate(simulator, values, states, part.weighting.deviation)
+    weighting = replace(Weighting.white(simulator.records), deviation=part.weighting.deviation)
+    fit = solve(simulator, part.coordinates, part.position, states, weighting, patience)
+    return replanned(fit, patience)

@@ -1,0 +1,62 @@
+"""The part of long records that a search works on is short, and holds what happens in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.effects.part import part_of
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
+from tests.motors import campaign, motor_named
+
+MOTOR = motor_named("servo 100 W")
+
+
+@pytest.fixture(scope="module")
+def long_campaign() -> Campaign:
+    """Three runs of 40,000 samples, the last for validation; only their third quarter is lively."""
+    runs = campaign(MOTOR, seed=3, rows=40_000, runs=3)
+    return campaign_of([_quiet(run) for run in runs[:2]], [_quiet(runs[2])])
+
+
+def _quiet(run: Run) -> Run:
+    """The run as if the motor had stood still but for its third quarter."""
+    lively = np.zeros(run.rows, dtype=bool)
+    lively[20_000:30_000] = True
+    return replace(
+        run,
+        voltage=np.where(lively, run.voltage, 0.0),
+        current=np.where(lively, run.current, 0.0),
+        speed=np.where(lively, run.speed, 0.0),
+    )
+
+
+def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign: Campaign) -> None:
+    """16,000 of 40,000 samples each; the lively 10,000 begin at sample 20,000."""
+    declared = fit_declared(long_campaign.training, "zoh")
+
+    found = part_of(long_campaign, declared)
+
+    assert found is not None
+    part, nominal = found
+    assert [record.run for record in part.training] == [0, 1]
+    for record, whole in zip(part.training, long_campaign.training, strict=True):
+        assert record.rows == 16_000
+        assert record.start <= 20_000
+        assert record.start + record.rows >= 30_000
+        assert record.inputs[-1, 0] == 0.0
+        span = slice(record.start, record.start + record.rows)
+        np.testing.assert_array_equal(record.measured, whole.measured[span])
+    assert sum(record.rows for record in part.validation) == 16_000
+    assert nominal.coordinates.names == declared.coordinates.names
+
+
+def test_short_records_are_searched_whole() -> None:
+    """Three runs of 1,500 samples are fewer than a part has."""
+    runs = campaign_of(campaign(MOTOR, seed=3), [])
+
+    assert part_of(runs, fit_declared(runs.training, "zoh")) is None
