@@ -23,11 +23,6 @@ from identification.numerals import decimal_of, whole_of
 
 __all__ = ["SeveralWords", "decimal", "mapping_of", "values_by_name", "whole"]
 
-_MAP = re.compile(
-    r"(?P<channel>\w+)\s*=\s*(?P<column>.*?)"
-    r"(?:\s+\*\s+(?P<scale>\S+))?(?:\s+\+\s+(?P<offset>\S+))?(?:\s+in\s+(?P<unit>\S+))?\s*",
-    re.DOTALL,
-)
 _MAP_FORM = "CHANNEL=HEADER, CHANNEL=HEADER * SCALE + OFFSET in UNIT with any part left out"
 
 
@@ -178,18 +173,29 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
 
 
 def _map_entry(setting: str) -> tuple[str, dict[str, object] | None]:
-    match = _MAP.fullmatch(setting)
-    if match is None:
+    channel, equals, column = (part.strip() for part in setting.partition("="))
+    if not equals or re.fullmatch(r"\w+", channel) is None:
         raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
-    if not match["column"]:
-        return match["channel"], None
-    entry: dict[str, object] = {"column": match["column"]}
-    for key in ("scale", "offset"):
-        if match[key] is not None:
-            entry[key] = _map_number(setting, match[key])
-    if match["unit"] is not None:
-        entry["unit"] = match["unit"]
-    return match["channel"], entry
+    column, unit = _cut_at("in", column)
+    column, offset = _cut_at("+", column)
+    column, scale = _cut_at("*", column)
+    if not column:
+        return channel, None
+    entry: dict[str, object] = {"column": column}
+    for key, text in (("scale", scale), ("offset", offset)):
+        if text is not None:
+            entry[key] = _map_number(setting, text)
+    if unit is not None:
+        entry["unit"] = unit
+    return channel, entry
+
+
+def _cut_at(word: str, text: str) -> tuple[str, str | None]:
+    """What stands before and after the last but one word, if that is the given one."""
+    parts = text.rsplit(maxsplit=2)
+    if len(parts) == 3 and parts[1] == word:
+        return parts[0], parts[2]
+    return text, None
 
 
 def _map_number(setting: str, text: str) -> float:

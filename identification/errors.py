@@ -6,6 +6,7 @@
     │   │   ├── UnreadableFile     there is no such file, or it cannot be opened
     │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
     │   │   ├── LineTooLong        one line is longer than the limit
+    │   │   ├── HeaderTooLong      one header cell is longer than the limit
     │   │   ├── NotText            a binary or compressed file, NUL bytes, an unknown encoding
     │   │   ├── EmptyFile          no byte, or nothing but blank lines
     │   │   ├── NoTable            no line of numbers in columns was found
@@ -47,6 +48,7 @@ __all__ = [
     "DuplicateColumn",
     "EmptyFile",
     "FileTooLarge",
+    "HeaderTooLong",
     "IdentificationError",
     "InputError",
     "LineTooLong",
@@ -137,6 +139,12 @@ class LineTooLong(RunFileError):
     """One line is longer than the limit: the file is no table of samples."""
 
     code: ClassVar[str] = "line_too_long"
+
+
+class HeaderTooLong(RunFileError):
+    """One header cell is longer than the limit: it is no name of a column."""
+
+    code: ClassVar[str] = "header_too_long"
 
 
 class NotText(RunFileError):

@@ -33,6 +33,8 @@ __all__ = ["COMMENT_MARKS", "Layout", "sniff"]
 COMMENT_MARKS = ("#", "%", "//")
 
 _PREVIEW_LINES = 1000
+# Of a text without samples, as far as a header is looked for.
+_SEARCHED_CHARACTERS = 100_000
 # In this order where two delimiters do equally well.
 _DELIMITERS = ("\t", ";", ",", " ")
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -199,7 +201,11 @@ def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name:
 
 def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileError:
     """The error for a text in which no delimiter gives lines of numbers."""
+    searched = 0
     for line in (*lines, *comments):
+        searched += len(line.text)
+        if searched > _SEARCHED_CHARACTERS:
+            break
         for delimiter in _DELIMITERS:
             cells = split_cells(line.text, delimiter)
             if sum(map(is_channel_name, cells)) >= 2:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.errors import NoHeader, NotANumber, RaggedRow, RunFileError
+from identification.errors import HeaderTooLong, NoHeader, NotANumber, RaggedRow, RunFileError
 from identification.ingest.cells import is_number, split_cells
 from identification.ingest.display import plain, quoted
-from identification.ingest.names import is_channel_name, is_units_row
+from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
 
 __all__ = ["HeaderRows", "Line"]
 
@@ -73,6 +73,7 @@ class HeaderRows:
             apart = bool(rows) and rows[0][0].number - line.number > 1
             if cells is None or (named and apart):
                 break
+            self._refuse_long(line, cells)
             if any(is_number(cell, self._delimiter) for cell in cells):
                 if named:
                     break
@@ -80,6 +81,19 @@ class HeaderRows:
             rows.insert(0, (line, cells))
             named = named or not is_units_row(cells)
         return rows
+
+    def _refuse_long(self, line: Line, cells: list[str]) -> None:
+        """A cell of this length is no name, and messages and mappings would have to repeat it."""
+        for index, cell in enumerate(cells):
+            if len(cell) > LONGEST_CELL:
+                raise HeaderTooLong(
+                    f"a header of {len(cell)} characters; expected at most {LONGEST_CELL}, "
+                    "shorten the name of the column",
+                    file=self._name,
+                    row=line.number,
+                    column=str(index + 1),
+                    value=len(cell),
+                )
 
     def _fitted(self, line: Line) -> list[str] | None:
         """Cells of a header line if they fit the samples, allowing for a trailing delimiter."""

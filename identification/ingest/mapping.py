@@ -125,10 +125,12 @@ class _RepeatedKey(Exception):
 
 
 def _object_without_repeats(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    for at, (key, _) in enumerate(pairs):
-        if any(key == other for other, _ in pairs[:at]):
+    found: dict[str, object] = {}
+    for key, value in pairs:
+        if key in found:
             raise _RepeatedKey(key)
-    return dict(pairs)
+        found[key] = value
+    return found
 
 
 def _channel(channel: object, entry: object, file: str | None) -> ChannelMapping:

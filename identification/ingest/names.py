@@ -27,7 +27,15 @@ from identification.ingest.units import (
     unit_in_another_case,
 )
 
-__all__ = ["NAMES", "HeaderText", "is_channel_name", "is_units_row", "read_header", "similar_to"]
+__all__ = [
+    "LONGEST_CELL",
+    "NAMES",
+    "HeaderText",
+    "is_channel_name",
+    "is_units_row",
+    "read_header",
+    "similar_to",
+]
 
 NAMES = {
     "time": ("time", "t", "timestamp", "time stamp", "elapsed time", "zeit"),
@@ -65,11 +73,12 @@ for _quantity, _names in NAMES.items():
     for _name in map(str.casefold, _names):
         _QUANTITIES[_name] = _QUANTITIES.get(_name, frozenset()) | {_quantity}
 
-# Longer cells are no names; the bound also keeps the patterns below cheap.
-_LONGEST_NAME = 200
+LONGEST_CELL = 1000
+"""Most characters of a header cell; a longer cell is refused with its row and column."""
+
 _CANONICAL = {name.casefold(): name for name in CHANNEL_QUANTITIES}
-_IN_BRACKETS = re.compile(r"(.*?)[\s_]*[\[({<]\s*([^\[\](){}<>]*(?:\([^()]*\))?)\s*[\])}>]\s*")
-_IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S.*)|(.+?)\s*,\s*(\S.*)")
+_OPENING, _CLOSING = "[({<", "])}>"
+# Neither pattern can begin a match at one character in two ways: the time is linear.
 _BOUNDARY = re.compile(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z°])")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 
@@ -92,10 +101,13 @@ class HeaderText:
 
 
 def read_header(text: str) -> HeaderText:
-    """Read one header cell."""
-    text = text.strip().strip("'").strip()
-    if len(text) > _LONGEST_NAME:
+    """Read one header cell, in a time proportional to its length.
+
+    A cell of more than `LONGEST_CELL` characters says nothing.
+    """
+    if len(text) > LONGEST_CELL:
         return HeaderText()
+    text = " ".join(text.strip().strip("'").split())
     channel = _CANONICAL.get(text.casefold())
     if channel is not None:
         quantity = frozenset({CHANNEL_QUANTITIES[channel]})
@@ -126,8 +138,8 @@ def is_units_row(cells: list[str] | tuple[str, ...]) -> bool:
 
 def unbracketed(cell: str) -> str:
     """A cell of a units row without its brackets: ``[s]`` gives ``s``."""
-    match = _IN_BRACKETS.fullmatch(cell)
-    return match[2] if match and not match[1] else cell
+    parts = _cut_at_brackets(" ".join(cell.split()))
+    return parts[1] if parts is not None and not parts[0] else cell
 
 
 def similar_to(text: str, quantity: str) -> bool:
@@ -135,7 +147,7 @@ def similar_to(text: str, quantity: str) -> bool:
 
     Set points and limits are left out: nobody should be led to fit a command as a measurement.
     """
-    words = _words(text[:_LONGEST_NAME])
+    words = _words(text[:LONGEST_CELL])
     if _OTHER_SIGNAL.intersection(words) or any(word.startswith("set") for word in words):
         return False
     wanted = [name for name in NAMES[quantity] if len(name) > 2]
@@ -155,17 +167,36 @@ _FRAGMENTS = {
 
 
 def _bracketed(text: str) -> HeaderText | None:
-    match = _IN_BRACKETS.fullmatch(text)
-    if match is None or not match[1]:
+    parts = _cut_at_brackets(text)
+    return None if parts is None or not parts[0] else _with_unit(*parts)
+
+
+def _cut_at_brackets(text: str) -> tuple[str, str] | None:
+    """Name and unit of ``speed [rpm]`` or ``n (1/(min))``; None for another form.
+
+    Args:
+        text: Header text without two blanks in a row.
+    """
+    if text[-1:] not in tuple(_CLOSING):
         return None
-    return _with_unit(match[1], match[2])
+    inner = text[:-1].rstrip()
+    # The unit may end with parentheses of its own.
+    end = max(inner.rfind("("), 0) if inner.endswith(")") else len(inner)
+    opening = max(inner.rfind(bracket, 0, end) for bracket in _OPENING)
+    is_open = not any(bracket in inner[opening + 1 : end] for bracket in _CLOSING)
+    if opening < 0 or not is_open or ")" in inner[end:-1]:
+        return None
+    return inner[:opening].rstrip(" _"), inner[opening + 1 :].strip()
 
 
 def _worded(text: str) -> HeaderText | None:
-    match = _IN_WORDS.fullmatch(text)
-    if match is None:
-        return None
-    return _with_unit(match[1] or match[3], match[2] or match[4])
+    for sign in (" in ", ","):
+        # A name of at least one character stands in front.
+        at = text.find(sign, 1)
+        name, unit = text[:at], text[at + len(sign) :]
+        if at > 0 and unit:
+            return _with_unit(name, unit)
+    return None
 
 
 def _suffixed(text: str) -> HeaderText | None:
@@ -176,9 +207,10 @@ def _suffixed(text: str) -> HeaderText | None:
     wrong_case: HeaderText | None = None
     for boundary in _BOUNDARY.finditer(text):
         name, unit = text[: boundary.start()], text[boundary.end() :]
-        if _named(name) and find_unit(unit) is not None:
+        # The unit first: of all endings few are one, and a name takes the time of its length.
+        if find_unit(unit) is not None and _named(name):
             return _with_unit(name, unit)
-        if _named(name) and wrong_case is None and unit_in_another_case(unit) is not None:
+        if wrong_case is None and unit_in_another_case(unit) is not None and _named(name):
             wrong_case = _with_unit(name, unit)
     return wrong_case
 

@@ -127,17 +127,23 @@ def normalise_unit(text: str) -> str:
     """Bring a unit's text to the form in which the table is compared.
 
     Compatibility characters are unified (``℃``, ``µ`` as sign or Greek letter, superscript
-    minus one), spaces and carets dropped, and every product sign made a full stop.
+    minus one), spaces and carets dropped, and every product sign made a full stop.  A text that is
+    longer than any spelling comes out empty: Unicode sorts combining characters in quadratic time.
     """
+    text = "".join(text.split())
+    if len(text) > _LONGEST:
+        return ""
     # The ordinal sign is what a Spanish keyboard gives for a degree; NFKC would make it an o.
     text = unicodedata.normalize("NFKC", text.replace("º", "°"))
     text = text.replace("\u2212", "-").replace("^", "").replace("·", ".").replace("*", ".")
     return "".join(text.split())
 
 
+_LONGEST = 40
 _EXACT = {normalise_unit(s): unit for unit in UNITS for s in (unit.name, *unit.symbols)}
 _ANY_CASE = {normalise_unit(word).casefold(): unit for unit in UNITS for word in unit.words}
 # Names with more than one letter after the prefix, such as rpm or rad/s, are words as well.
+_OTHER_CASE = {name.casefold(): unit for name, unit in reversed(_EXACT.items())}
 _ANY_CASE |= {name: _EXACT[name] for name in ("rpm", "krpm", "rad/s", "rev/s", "deg/s", "rad")}
 
 
@@ -149,8 +155,7 @@ def find_unit(text: str) -> Unit | None:
 
 def unit_in_another_case(text: str) -> Unit | None:
     """Look up the unit that the text would be in another case, such as mA for ``MA``."""
-    key = normalise_unit(text).casefold()
-    return next((unit for name, unit in _EXACT.items() if name.casefold() == key), None)
+    return _OTHER_CASE.get(normalise_unit(text).casefold())
 
 
 def canonical_unit(channel: str) -> Unit:

@@ -250,4 +250,12 @@ BROKEN_VALUES = (
         "more than 1000000 bytes",
         2,
     ),
+    Refusal(
+        "a header of a thousand and one characters",
+        beside(**{"a" + " " * 999 + "b": 0.0}),
+        errors.HeaderTooLong,
+        "a header of 1001 characters; expected at most 1000",
+        1,
+        "6",
+    ),
 )

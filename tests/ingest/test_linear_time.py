@@ -1,0 +1,104 @@
+"""Time of the text patterns that read what strangers write: at most proportional to its length.
+
+Each text makes a pattern try many ways of matching the same characters.  Four times the length may
+take eight times the time; with quadratic patterns it took 15 times, with cubic ones 60 times.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.arguments import mapping_of
+from identification.errors import InputError
+from identification.ingest import read_mapping, read_run
+from identification.ingest.cells import expected_instead, is_clock, is_number, split_cells
+from identification.ingest.names import is_units_row, read_header, similar_to
+from identification.ingest.units import find_unit, unit_in_another_case
+from tests.ingest.samples import record, write
+
+N = 2500
+REPEATED = (" ", "\t", "_", "[", "(", "()", " in", " ,", "aA", "1a", '"', 'a"', "-", "1.1.", "a [ ")
+TEXTS = (
+    *(f"a{part * N}b" for part in REPEATED),
+    "a[" + " " * (N // 3) + "b",
+    "s" + "\N{COMBINING GRAVE ACCENT BELOW}\N{COMBINING COMMA ABOVE RIGHT}" * N,
+)
+READERS: dict[str, Callable[[str], object]] = {
+    "header": read_header,
+    "units row": lambda text: is_units_row([text]),
+    "unit": find_unit,
+    "unit in another case": unit_in_another_case,
+    "similar": lambda text: similar_to(text, "speed"),
+    "words": lambda text: split_cells(text, " ", units_in_brackets=True),
+    "cells": lambda text: split_cells(text, ","),
+    "number": lambda text: is_number(text, ";"),
+    "clock": is_clock,
+    "no number": lambda text: expected_instead(text, "s"),
+    "map": lambda text: mapped("current_A=" + text),
+}
+
+
+def mapped(setting: str) -> None:
+    """Read a mapping of the command line, whatever it says."""
+    with contextlib.suppress(InputError):
+        mapping_of(None, [setting])
+
+
+def seconds(read: Callable[[str], object], text: str) -> float:
+    """Least processor time of three readings [s]."""
+    taken = []
+    for _ in range(3):
+        begun = time.process_time()
+        read(text)
+        taken.append(time.process_time() - begun)
+    return min(taken)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_time_grows_no_faster_than_the_text(name: str) -> None:
+    """A linear pattern takes four times as long; 3 ms are granted for the clock."""
+    for text in TEXTS:
+        short = seconds(READERS[name], text)
+        middle = len(text) // 2
+        longer = text[:1] + text[1:middle] * 4 + text[middle:]
+
+        assert seconds(READERS[name], longer) < 8.0 * short + 0.003, text[:20]
+
+
+@pytest.mark.parametrize("cell", ["a" + " " * 98 + "b", "aA" * 50, "a[" + " " * 97 + "b"])
+def test_table_without_samples_is_refused_in_little_time(tmp_path: Path, cell: str) -> None:
+    """Eight megabytes of cells that might be headers took 12 s and more; 2 s are granted."""
+    path = tmp_path / "run.csv"
+    path.write_text((",".join([cell] * 300) + "\n") * 260)
+    begun = time.process_time()
+
+    with pytest.raises(InputError, match="no line with numbers"):
+        read_run(path)
+
+    assert time.process_time() - begun < 2.0
+
+
+def test_header_of_many_blanks_at_the_limit_is_read(tmp_path: Path) -> None:
+    """A column of 1000 characters is unused, but no reason to refuse the file."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(write(record() | {"a" + " " * 998 + "b": record()["time_s"]}))
+
+    assert read_run(path).rows == 40
+
+
+def test_mapping_of_many_keys_is_refused_in_little_time(tmp_path: Path) -> None:
+    """Keys were compared in pairs: 70,000 of them, in one megabyte, took minutes."""
+    path = tmp_path / "mapping.json"
+    path.write_text(json.dumps({f"k{k}": 0 for k in range(70_000)}))
+    begun = time.process_time()
+
+    with pytest.raises(InputError, match="is no channel"):
+        read_mapping(path)
+
+    assert time.process_time() - begun < 2.0
