@@ -30,6 +30,7 @@ from app.problems import add_problem_handlers
 from app.runs.endpoints import router as runs
 from app.services import Services
 from app.settings import Settings, load_settings
+from app.wellformed import HeadCheck, WellFormed
 
 __all__ = ["create_app"]
 
@@ -80,6 +81,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)
     # The last one added is the first to see a request.
+    application.add_middleware(HeadCheck)
     application.add_middleware(BodyDeadline, request_s=settings.request_s)
     application.add_middleware(
         SizeCheck,
@@ -94,6 +96,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     application.add_middleware(Gate, access=services.access, no_auth=settings.no_auth)
     application.add_middleware(HostCheck, hosts=settings.hosts)
+    application.add_middleware(WellFormed)
     application.add_middleware(CrowdCheck)
     application.add_middleware(RequestLog, metrics=services.metrics)
     application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]

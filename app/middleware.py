@@ -1,9 +1,10 @@
 """What happens to every request before and after its endpoint: id, log, metrics, headers, host.
 
-    request -> RequestLog -> CrowdCheck -> HostCheck -> Gate -> RateLimit -> SizeCheck
-            -> BodyDeadline -> endpoint
+    request -> RequestLog -> CrowdCheck -> WellFormed -> HostCheck -> Gate -> RateLimit -> SizeCheck
+            -> BodyDeadline -> HeadCheck -> endpoint
 
-`Gate` and `RateLimit` are in `app.access`, `CrowdCheck` and `BodyDeadline` in `app.connections`.
+`Gate` and `RateLimit` are in `app.access`, `CrowdCheck` and `BodyDeadline` in `app.connections`,
+`WellFormed` and `HeadCheck` in `app.wellformed`.
 
 These are plain ASGI layers: they see each message as it passes, so that a stream of events or a
 large file goes through without being held.

@@ -227,7 +227,10 @@ async def _validation(request: Request, error: Exception) -> JSONResponse:
     if any(entry["type"] == "json_invalid" for entry in found):
         return _response(HTTPStatus.BAD_REQUEST, "the body is not JSON", "bad_json")
     fields = [
-        FieldProblem(field=".".join(str(part) for part in entry["loc"]), detail=entry["msg"])
+        FieldProblem(
+            field=".".join(str(part) for part in entry["loc"]),
+            detail=entry["msg"].removeprefix("Value error, "),
+        )
         for entry in found[:_MOST_ERRORS]
     ]
     first = fields[0]

@@ -12,6 +12,7 @@ from app.batches.service import ENDED, Batch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
+from app.texts import Received
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
@@ -33,12 +34,10 @@ class BatchItem(BaseModel):
     )
 
 
-class BatchCreate(BaseModel):
+class BatchCreate(Received):
     """A batch to be made."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
         json_schema_extra={
             "examples": [
                 {

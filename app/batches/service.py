@@ -26,9 +26,9 @@ from app.fits.request import FitRequest, check_runs, checked_key, new_row, reque
 from app.fits.supervisor import Supervisor
 from app.identifiers import is_id, new_id
 from app.paging import cursor_of, position_of
-from app.runs.service import checked_label
 from app.storage import Storage
 from app.tables import BatchRow, FitRow
+from app.texts import checked_label
 from identification.fleet.refit import Refit
 from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 

@@ -16,8 +16,8 @@ from app.access.service import Caller
 from app.errors import FieldRefused, NotFound
 from app.identifiers import is_id, new_id
 from app.runs import repository as runs
-from app.runs.service import checked_label
 from app.tables import FitRow
+from app.texts import checked_label
 from identification.options import FitOptions
 
 __all__ = ["FitRequest", "check_runs", "checked_key", "new_row", "request_hash"]

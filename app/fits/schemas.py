@@ -11,6 +11,7 @@ from app.fits.request import FitRequest
 from app.fits.service import Fit
 from app.runs.schemas import moment
 from app.tables import FitRow
+from app.texts import Received
 from identification.effort import EffortName
 from identification.options import FitOptions
 
@@ -102,12 +103,10 @@ class FitOptionsIn(BaseModel):
     )
 
 
-class FitCreate(BaseModel):
+class FitCreate(Received):
     """A fit to be made."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
         json_schema_extra={
             "examples": [
                 {

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from app.access.gate import COOKIE
+from app.access.gate import COOKIE, session_of
 from app.batches.schemas import BatchSummary
 from app.dependencies import CallerDep, ServicesDep
 from app.errors import BadKey, NotFound
@@ -116,7 +116,7 @@ def sign_in(
 @router.post("/logout")
 def sign_out(request: Request, services: ServicesDep, caller: CallerDep) -> Response:
     """End the session of this browser."""
-    token = request.cookies.get(COOKIE)
+    token = session_of(request.headers)
     if token is not None:
         services.access.close_session(token)
     answer = RedirectResponse(LOGIN_PATH, status_code=303)

@@ -24,8 +24,9 @@ from app.runs.upload import Upload
 from app.space import is_full
 from app.storage import Storage, refused_when_full
 from app.tables import RunRow
+from app.texts import checked_label
 
-__all__ = ["RunService", "checked_label"]
+__all__ = ["RunService"]
 
 _NOTED_AGAIN_S = 3600.0
 _log = logging.getLogger(__name__)
@@ -200,20 +201,6 @@ class RunService:
                 raise RunInUse(f"{run_id} is needed by {fit_id}; cancel that fit or let it end")
             repository.remove(session, run_id)
         self._storage.remove_run(run_id)
-
-
-def checked_label(field: str, text: str | None) -> str | None:
-    """A label such as the name of a motor, without blanks around it; None for an empty one.
-
-    Raises:
-        FieldRefused: It is too long or holds something that cannot be printed.
-    """
-    if text is None or not text.strip():
-        return None
-    shown = text.strip()
-    if len(shown) > 200 or not shown.isprintable():
-        raise FieldRefused(f"{field}: expected at most 200 printable characters", field)
-    return shown
 
 
 def _missing() -> NotFound:

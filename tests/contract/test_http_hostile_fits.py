@@ -26,7 +26,7 @@ BODIES = {
     "training of lists": (b'{"training": [["a"]]}', 422),
     "unknown run": (f'{{"training": ["{UNKNOWN}"]}}'.encode(), 404),
     "no id": (b'{"training": ["../../etc/passwd"]}', 404),
-    "NUL in an id": (b'{"training": ["run_\\u0000"]}', 404),
+    "NUL in an id": (b'{"training": ["run_\\u0000"]}', 422),
     "half a surrogate": (b'{"training": ["\\ud800"]}', 422),
     "an endless id": (json.dumps({"training": ["x" * 5000]}).encode(), 422),
     "too many runs": (json.dumps({"training": [UNKNOWN] * 201}).encode(), 422),

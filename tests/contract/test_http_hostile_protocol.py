@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 
 import httpx
 import pytest
 
-from tests.app.service import Caller, Server
-from tests.contract.hostile import assert_is_problem, raw
+from tests.app.service import API, Caller, Server
+from tests.contract.hostile import JSON, assert_is_problem, raw
 
 
 @pytest.mark.parametrize(
@@ -45,12 +46,106 @@ def test_method_that_an_address_does_not_take_is_refused(
         "after=" + "A" * 200,
         "after=aW5mIHg",
         "motor=" + "m" * 201,
+        "motor=%00",
+        "motor=a%01b",
+        "motor=a%0Ab",
+        "motor=%C2%85",
+        "motor=%E2%80%AE",
+        "%00=1",
+        "nothing=" + "a" * 1001,
     ],
     ids=lambda query: query[:20],
 )
 def test_query_that_is_not_accepted_is_refused(alice: Caller, query: str) -> None:
-    """422 for a page of no length and for positions that were never given."""
+    """422 for a page of no length, positions that were never given, and texts that are none.
+
+    PostgreSQL takes no NUL, and what filtered by one was an internal error there.
+    """
     assert_is_problem(alice.http.get(f"/runs?{query}"), 422)
+    assert_is_problem(alice.http.get(f"/fits?{query}"), 422)
+
+
+@pytest.mark.parametrize("text", ["\0", "\ud800", "a\x01", "\u202e", "m" * 1001], ids=ascii)
+def test_text_in_a_body_that_cannot_be_kept_is_refused(
+    alice: Caller, stored: str, text: str
+) -> None:
+    """422 wherever it stands, also as a name, and the answer does not repeat it."""
+    bodies: dict[str, list[dict[str, object]]] = {
+        "/fits": [
+            {"training": [text]},
+            {"training": [stored], "motor": text},
+            {"training": [stored], "options": {"controllers": [text]}},
+            {"training": [stored], "options": {text: 1}},
+        ],
+        "/batches": [{"motors": [{"training": [stored]}], "name": text}, {"motors": [], text: 1}],
+    }
+    for path, contents in bodies.items():
+        for content in contents:
+            sent = json.dumps(content)
+            answer = alice.http.post(path, content=sent, headers=JSON)
+            assert_is_problem(answer, 422)
+            assert "expected at most 1000 printable characters" in answer.json()["detail"]
+            assert json.dumps(text)[1:-1] not in answer.text
+
+
+@pytest.mark.parametrize(
+    "path", ["/runs", "/runs/{run}", "/fits", "/batches", "/healthz", "/metrics", "/openapi.json"]
+)
+def test_head_answers_as_get_without_a_body(alice: Caller, stored: str, path: str) -> None:
+    """Status and headers of RFC 9110: those of GET."""
+    address = path.format(run=stored)
+    head, get = alice.http.head(address), alice.http.get(address)
+
+    assert head.status_code == get.status_code == 200
+    assert head.content == b""
+    assert head.headers["content-type"] == get.headers["content-type"]
+    if path != "/metrics":
+        assert head.headers["content-length"] == get.headers["content-length"]
+
+
+def test_head_of_events_ends_at_once(alice: Caller, stored: str) -> None:
+    """Without following a fit that has not ended."""
+    fit = alice.begin(stored, seed=10_000)
+    began = time.monotonic()
+
+    answer = alice.http.head(f"/fits/{fit['id']}/events")
+
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    assert time.monotonic() - began < 5.0
+    alice.http.delete(f"/fits/{fit['id']}")
+
+
+def test_head_of_what_is_not_there_is_not_found(alice: Caller) -> None:
+    """As GET, and what takes no GET takes no HEAD."""
+    assert alice.http.head("/runs/nothing").status_code == 404
+    assert alice.http.head("/nothing").status_code == 404
+
+
+def test_two_lengths_of_one_body_are_refused_and_the_connection_ends(server: Server) -> None:
+    """RFC 9112, section 6.3: 400, and what follows is not read as another request."""
+    request = (
+        b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\n"
+        b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\nGET /healthz HTTP/1.1\r\n"
+        b"Host: localhost\r\n\r\n"
+    )
+
+    answer = raw(server, request)
+
+    assert answer.startswith(b"HTTP/1.1 400 "), answer[:200]
+    assert b"connection: close" in answer.lower()
+    assert answer.count(b"HTTP/1.1 ") == 1
+
+
+def test_cookie_of_many_backslashes_keeps_nobody_waiting(server: Server) -> None:
+    """60 kB of them, without a key, held the service for 23 s."""
+    cookie = 'a="' + "\\1" * 30_000 + '"'
+    began = time.monotonic()
+
+    answer = httpx.get(f"{server.url}{API}/runs", headers={"Cookie": cookie}, timeout=60)
+
+    assert_is_problem(answer, 401)
+    assert time.monotonic() - began < 5.0
 
 
 RAW = {
