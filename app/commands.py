@@ -139,6 +139,7 @@ def identify_into(
     for number, file in enumerate(files):
         progress("read", 0.05 * number / len(files))
         runs.append(read_run(file, mapping=mapping))
+    _refuse_checks_on_fitted(files, [run.sha256 for run in runs], len(training))
     with writable_directory(out):
         from identification.pipeline import identify
 
@@ -152,6 +153,18 @@ def identify_into(
         identification.write(out)
     progress("done", 1.0)
     return identification.result
+
+
+def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], training: int) -> None:
+    """Refuse validation runs with the bytes of a training run: they would check nothing."""
+    fitted = dict(zip(hashes[:training], files, strict=False))
+    for file, found in zip(files[training:], hashes[training:], strict=True):
+        if found in fitted:
+            raise InputError(
+                f"has the bytes of {fitted[found]}, which is fitted; give --validation runs that "
+                "are not fitted",
+                file=str(file),
+            )
 
 
 def predict(

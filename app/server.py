@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import socket
 import sys
@@ -12,6 +13,7 @@ from types import FrameType
 import uvicorn
 
 from app.connections import accepted_at_once, connection_class
+from app.environment import unknown_variables
 from app.logging import configure_logging
 from app.main import create_app
 from app.services import Services
@@ -57,6 +59,8 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     """
     configure_logging(settings.log_level)
     _end_in_good_order()
+    for name, nearest in unknown_variables(os.environ).items():
+        _log.warning("%s sets nothing; the nearest setting is %s", name, nearest)
     application = create_app(settings)
     services: Services = application.state.services
     # Here and not in the lifespan, where an error would come as a traceback.

@@ -110,6 +110,11 @@ class Settings(BaseSettings):
         gt=0,
         description="An upload that sends nothing for this long is given up [s].",
     )
+    upload_s: float = Field(
+        default=3600.0,
+        gt=0,
+        description="An upload that is not complete after this time is given up [s].",
+    )
     request_s: float = Field(
         default=20.0,
         gt=0,

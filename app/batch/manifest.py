@@ -114,7 +114,7 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
         ) from error
     header = [cell.strip() for cell in lines[0]] if lines else []
     known = (*_FIELDS, *_OPTIONS)
-    wrong = [name for name in header if name not in known or header.count(name) > 1]
+    wrong = set(header) - set(known) or len(set(header)) < len(header)
     if wrong or not {"motor", "training"} <= set(header):
         raise InputError(
             f"begins with {','.join(header)[:80]!r}; expected the columns motor,training and, if "
@@ -143,17 +143,10 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
 def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
     import yaml
 
-    class Written(yaml.SafeLoader):
-        """Refuses aliases: a few lines of them stand for more than any memory holds."""
-
-        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-            if self.check_event(yaml.AliasEvent):
-                problem = "has an alias where each value is to be written out"
-                raise yaml.MarkedYAMLError(None, None, problem, self.peek_event().start_mark)  # type: ignore[no-untyped-call]
-            return super().compose_node(parent, index)
+    from app.batch.yaml_loader import ManifestLoader
 
     try:
-        content = yaml.load(text, Written)  # noqa: S506  a safe loader that knows no alias
+        content = yaml.load(text, ManifestLoader)  # noqa: S506  a safe loader with less in it
     except (AttributeError, OverflowError, RecursionError, ValueError, yaml.YAMLError) as error:
         # A constructor of YAML gives what Python makes of a number or a date that is none.
         mark = getattr(error, "problem_mark", None)

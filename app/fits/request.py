@@ -88,31 +88,47 @@ def _check_controllers(controllers: Sequence[str]) -> None:
 
 
 def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
-    """Refuse runs that are not there; those that are stay until the session ends.
+    """Refuse runs that are not there or check nothing; those there stay until the session ends.
 
     Raises:
         NotFound: A run is not in the caller's workspace; of several requests the message says
             which one names it.
+        FieldRefused: A validation run has the bytes of a training run, read with another mapping.
     """
     # Asked for all together: a writer whom others wait for has no time for a query each.
     named = {run_id for r in requests for run_id in (*r.training, *r.validation)}
-    missing = named - runs.present(
+    hashes = runs.hashes(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
     )
-    if missing:
+    if missing := named - hashes.keys():
         raise _not_found(missing, requests)
+    for position, request in enumerate(requests):
+        fitted = {hashes[run_id]: run_id for run_id in request.training}
+        for run_id in request.validation:
+            if hashes[run_id] in fitted:
+                raise FieldRefused(
+                    f"{_place(position, requests)}validation: {run_id} has the bytes of "
+                    f"{fitted[hashes[run_id]]}, which is fitted; name runs that are not fitted",
+                    "validation",
+                )
 
 
 def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:
     """The error that tells of the first run that is missing."""
-    position, request, run_id = next(
-        (position, request, run_id)
+    position, run_id = next(
+        (position, run_id)
         for position, request in enumerate(requests)
         for run_id in (*request.training, *request.validation)
         if run_id in missing
     )
-    place = f"motors.{position} ({request.motor or 'no name'}): " if len(requests) > 1 else ""
+    place = _place(position, requests)
     return NotFound(f"{place}there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
+
+
+def _place(position: int, requests: Sequence[FitRequest]) -> str:
+    """Which of several requests a message is about."""
+    motor = requests[position].motor or "no name"
+    return f"motors.{position} ({motor}): " if len(requests) > 1 else ""
 
 
 def checked_key(key: str | None) -> str | None:

@@ -93,24 +93,39 @@ async def _receive(request: Request, services: ServicesDep) -> Upload:
         UploadForm, boundary, services.storage.new_incoming(), settings.max_upload_bytes
     )
     with form:
-        async with aclosing(_blocks(request, settings.upload_idle_s)) as blocks:
+        async with aclosing(_blocks(request, settings.upload_idle_s, settings.upload_s)) as blocks:
             async for block in blocks:
                 await to_thread.run_sync(form.feed, block)
         return await to_thread.run_sync(form.finish)
 
 
-async def _blocks(request: Request, idle_s: float) -> AsyncGenerator[bytes]:
-    """The body in blocks of some size, however small the pieces are in which it comes."""
+async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGenerator[bytes]:
+    """The body in blocks of some size, however small the pieces are in which it comes.
+
+    Args:
+        request: The upload.
+        idle_s: Longest time without a byte [s].
+        whole_s: Time until all of it has come [s].
+
+    Raises:
+        BodyTooSlow: It takes longer.
+    """
+    deadline = anyio.current_time() + whole_s
     held = bytearray()
     stream = request.stream().__aiter__()
     while True:
         try:
-            with anyio.fail_after(idle_s):
+            with anyio.fail_after(min(idle_s, deadline - anyio.current_time())):
                 held += await anext(stream)
         except StopAsyncIteration:
             break
         except TimeoutError as error:
-            raise BodyTooSlow(f"no byte came for {idle_s:g} s; send the run again") from error
+            if anyio.current_time() < deadline:
+                raise BodyTooSlow(f"no byte came for {idle_s:g} s; send the run again") from error
+            raise BodyTooSlow(
+                f"the upload was not complete after {whole_s:g} s; send the run again, split or "
+                "over a faster line, or have MOTORID_UPLOAD_S raised"
+            ) from error
         if len(held) >= _BLOCK_BYTES:
             yield bytes(held)
             held.clear()

@@ -15,9 +15,9 @@ __all__ = [
     "all_ids",
     "by_content",
     "get",
+    "hashes",
     "note_sent",
     "page",
-    "present",
     "remove",
     "totals",
     "waiting_fit",
@@ -42,15 +42,19 @@ def get(session: Session, workspace: str, run_id: str, *, lock: bool = False) ->
     return session.scalars(query.with_for_update() if lock else query).one_or_none()
 
 
-def present(session: Session, workspace: str, run_ids: Sequence[str]) -> set[str]:
-    """Those of some runs that there are; none of them is removed until the session ends."""
+def hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, str]:
+    """SHA-256 of those of some runs that there are, by id.
+
+    None of these runs is removed until the session ends.
+    """
     # SQLite takes an index by the workspace for narrower than 500 ids, and reads all its runs for
     # each query; of an expression it has no index.
     is_theirs = RunRow.workspace.concat("") == workspace
-    found: set[str] = set()
+    found: dict[str, str] = {}
     for some in portions(run_ids):
-        query = select(RunRow.id).where(RunRow.id.in_(some), is_theirs).with_for_update(read=True)
-        found.update(session.scalars(query))
+        query = select(RunRow.id, RunRow.sha256).where(RunRow.id.in_(some), is_theirs)
+        rows = session.execute(query.with_for_update(read=True))
+        found.update((run_id, sha256) for run_id, sha256 in rows)
     return found
 
 

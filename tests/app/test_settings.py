@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from app.environment import unknown_variables
 from app.settings import Settings, is_loopback, load_settings
 from identification.errors import OptionError
 
@@ -138,3 +139,13 @@ def test_database_lies_in_the_data_directory_unless_named(tmp_path: Path) -> Non
 
     assert plain.sqlalchemy_url == f"sqlite:///{tmp_path / 'motorid.sqlite3'}"
     assert named.sqlalchemy_url == "postgresql://host/base"
+
+
+def test_variable_that_sets_nothing_is_told_with_the_nearest_name() -> None:
+    """Letters left out and added; variables of other commands and other programs are none."""
+    names = ["MOTORID_WORKER", "MOTORID_RETENTION", "motorid_port", "MOTORID_KEY", "PATH", "MOTOR"]
+
+    assert unknown_variables(names) == {
+        "MOTORID_WORKER": "MOTORID_WORKERS",
+        "MOTORID_RETENTION": "MOTORID_RETENTION_DAYS",
+    }

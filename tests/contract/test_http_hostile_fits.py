@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from tests.app.service import Caller
+from tests.app.service import Caller, run_text
 from tests.contract.hostile import JSON, UNKNOWN, assert_is_problem
 
 DEEP = "[" * 50_000 + "]" * 50_000
@@ -98,6 +98,19 @@ def test_run_in_two_roles_is_refused(alice: Caller, stored: str) -> None:
 
         assert_is_problem(answer, 422)
         assert "twice" in answer.json()["detail"]
+
+
+def test_validation_on_the_bytes_that_are_fitted_is_refused(alice: Caller, stored: str) -> None:
+    """Another mapping makes another run of the same bytes; a batch is refused as a whole."""
+    mapping = json.dumps({"speed_rad_s": {"column": "speed_rad_s", "scale": 1.0}})
+    same = alice.upload(run_text(0), mapping=mapping)["id"]
+    assert same != stored
+    fit = {"training": [stored], "validation": [same]}
+    for path, body in (("/fits", fit), ("/batches", {"motors": [{"training": [stored]}, fit]})):
+        answer = alice.http.post(path, json=body)
+
+        assert_is_problem(answer, 422)
+        assert f"{same} has the bytes of {stored}, which is fitted" in answer.json()["detail"]
 
 
 @pytest.mark.parametrize("key", ["", "a b", "x" * 256, "naïve", "tab\there"])

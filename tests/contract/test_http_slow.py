@@ -116,6 +116,33 @@ def test_upload_may_take_longer(hasty: Server) -> None:
         assert caller.http.post("/runs", content=parts(), headers=headers).status_code == 201
 
 
+def test_upload_that_drips_is_given_up(data_dir: Path) -> None:
+    """A byte in each second that may pass without one, and 408 when all the time is over."""
+    key = make_key(data_dir)
+    with (
+        serving(data_dir, UPLOAD_IDLE_S=1.0, UPLOAD_S=2.0, UPLAOD_S=1.0) as server,
+        connected(server) as connection,
+    ):
+        more = ("Content-Type: multipart/form-data; boundary=b", f"Authorization: Bearer {key}")
+        connection.sendall(head("POST", f"{API}/runs", 5000, *more))
+        began, answer = time.monotonic(), b""
+        connection.settimeout(0.2)
+        while not answer and time.monotonic() - began < 10.0:
+            connection.sendall(b"-")
+            with contextlib.suppress(TimeoutError):
+                answer = connection.recv(65536)
+        took_s = time.monotonic() - began
+        connection.settimeout(15)
+        answer += until_closed(connection)[0]
+
+    assert answer.startswith(b"HTTP/1.1 408 "), answer
+    assert b"the upload was not complete after 2 s" in answer
+    assert 2.0 <= took_s < 5.0
+    told = [line for line in server.log if "MOTORID_UPLAOD_S sets nothing" in line]
+    assert len(told) == 1
+    assert "the nearest setting is MOTORID_UPLOAD_S" in told[0]
+
+
 class Narrow(Server):
     """A server with few file descriptors."""
 

@@ -272,6 +272,18 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.yaml", "motors: []\n", "lists no motor"),
         ("m.yaml", "motors: !!python/object/apply:os.system [true]\n", "is not YAML"),
         ("m.yaml", "a: &a [x]\nmotors: [*a, *a]\n", "has an alias"),
+        (
+            "m.yaml",
+            "motors:\n- motor: m\n  training: a\n  motor: n\n",
+            "row 4: is not YAML (has the key 'motor' twice",
+        ),
+        (
+            "m.yaml",
+            "motors: []\noptions: {}\nmotors: [x]\n",
+            "row 3: is not YAML (has the key 'motors' twice",
+        ),
+        ("m.yaml", "motors: [{motor: m, training: a, options: {seed: 1" + ":1" * 100_000, "10000"),
+        ("m.csv", "motor,training" + ",x" * 100_000, "expected the columns"),
         ("m.yaml", "motors: " + "[" * 20_000, "is not YAML"),
         ("m.yaml", "motors: [{motor: m, training: a, mapping: 2001-99-99}]\n", "is not YAML"),
         ("m.yaml", "motors: [!!timestamp abc]\n", "is not YAML"),

@@ -61,6 +61,25 @@ def test_runs_are_listed_with_their_role_in_the_order_given(fitted: Path) -> Non
     ]
 
 
+@pytest.mark.parametrize("name", ["run1.csv", "copy.csv"])
+def test_validation_on_the_bytes_that_are_fitted_is_refused(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """Status 2 and one line, for the same file and for another with its bytes."""
+    fitted = tmp_path / "run1.csv"
+    checked = tmp_path / name
+    for file in {fitted, checked}:
+        file.write_bytes(run_files[0].read_bytes())
+    out = tmp_path / "out"
+
+    assert main(words("fit", fitted, "--validation", checked, "--out", out, *FAST)) == 2
+
+    error = capsys.readouterr().err
+    assert f"{checked}: has the bytes of {fitted}, which is fitted" in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
 def test_validation_runs_may_follow_one_option_or_stand_behind_one_each(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

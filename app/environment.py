@@ -1,0 +1,26 @@
+"""Environment variables that look like settings of the service and are none."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+from app.settings import Settings
+
+__all__ = ["unknown_variables"]
+
+# Variables of other commands, and the place of the files that hold settings.
+_OTHERS = ("MOTORID_KEY", "MOTORID_SECRETS_DIR", "MOTORID_TRACEBACK")
+
+
+def unknown_variables(names: Iterable[str]) -> dict[str, str]:
+    """Names with the prefix MOTORID_ that set nothing, each with the nearest name that does.
+
+    Args:
+        names: Names of the variables of the environment.
+    """
+    known = [*(f"MOTORID_{name.upper()}" for name in Settings.model_fields), *_OTHERS]
+    unknown = [
+        name for name in names if name.upper().startswith("MOTORID_") and name.upper() not in known
+    ]
+    return {name: difflib.get_close_matches(name.upper(), known, 1, 0.0)[0] for name in unknown}
