@@ -16,7 +16,8 @@
     │   ├── KeyReused          an Idempotency-Key came with another request than before
     │   └── RunRefused         an upload could not be read as a run: file, row, column
     ├── TooManyRequests        a key calls more often than it may
-    │   └── TooManyStreams     or has as many event streams open as it may
+    │   ├── TooManyStreams     or has as many event streams open as it may
+    │   └── TooManyUploads     as many uploads wait to be read as may
     ├── QuotaExceeded          the workspace has as much as it may have
     │   ├── BytesQuota         of bytes of run files
     │   ├── RunsQuota          of runs
@@ -60,6 +61,7 @@ __all__ = [
     "StorageFull",
     "TooManyRequests",
     "TooManyStreams",
+    "TooManyUploads",
     "Unavailable",
     "WaitingQuota",
     "WrongMediaType",
@@ -227,6 +229,12 @@ class TooManyStreams(TooManyRequests):
 
     def __init__(self, message: str) -> None:
         super().__init__(message, retry_after_s=10.0)
+
+
+class TooManyUploads(TooManyRequests):
+    """As many uploads, of all keys, wait to be read as may."""
+
+    code: ClassVar[str] = "too_many_uploads"
 
 
 class QuotaExceeded(ServiceError):

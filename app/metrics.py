@@ -52,7 +52,7 @@ class Metrics:
         )
         self.refused = Counter(
             "motorid_refused",
-            "Calls refused by a rate or a quota, by which.",
+            "Calls refused by a rate, a quota or a full queue, by which.",
             ["limit"],
             registry=self.registry,
         )

@@ -216,7 +216,7 @@ def _response(
 
 async def _service(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, errors.ServiceError | InputError)
-    if isinstance(error, errors.QuotaExceeded | errors.TooManyStreams):
+    if isinstance(error, errors.QuotaExceeded | errors.TooManyStreams | errors.TooManyUploads):
         request.app.state.services.metrics.refused.labels(error.code).inc()
     return problem_of(error)
 

@@ -6,8 +6,6 @@ import threading
 from dataclasses import dataclass, field
 from typing import Self
 
-from anyio import CapacityLimiter
-
 from app.access.quotas import Quotas
 from app.access.service import AccessService
 from app.batches.service import BatchService
@@ -23,6 +21,7 @@ from app.housekeeping import Housekeeper
 from app.metrics import Metrics
 from app.nursery.client import Nursery
 from app.retention.service import Retention
+from app.runs.queue import ReadingQueue
 from app.runs.reading import RunReader
 from app.runs.service import RunService
 from app.settings import Settings
@@ -52,7 +51,7 @@ class Services:
         watcher: Tells those who listen to a fit when it changes; runs in the event loop.
         retention: Removes what is old.
         housekeeper: The thread that asks it to.
-        reading: Bounds how many uploads are read at once.
+        reading: Bounds how many uploads are read at once, and how many wait.
         stopping: Set when the service wants to stop.
     """
 
@@ -71,7 +70,7 @@ class Services:
     watcher: Watcher
     retention: Retention
     housekeeper: Housekeeper
-    reading: CapacityLimiter
+    reading: ReadingQueue
     stopping: threading.Event = field(default_factory=threading.Event)
 
     @classmethod
@@ -104,7 +103,7 @@ class Services:
             watcher=Watcher(database, access, settings.streams_per_key),
             retention=retention,
             housekeeper=Housekeeper(access, retention, settings.sweep_s),
-            reading=CapacityLimiter(settings.readers),
+            reading=ReadingQueue(settings.readers, settings.waiting_uploads),
         )
 
     def open(self) -> None:

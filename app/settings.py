@@ -98,6 +98,9 @@ class Settings(BaseSettings):
     readers: int = Field(
         default_factory=cores, ge=1, le=256, description="Uploads that are read at once."
     )
+    waiting_uploads: int = Field(
+        default=16, ge=0, le=10_000, description="Uploads that may wait to be read beside them."
+    )
     max_upload_bytes: int = Field(
         default=512_000_000, ge=1, description="Largest run file that is taken [bytes]."
     )

@@ -42,11 +42,11 @@ async def upload_run(
     The same bytes with the same mapping are the same run: sending them again answers 200 and the
     same id. What cannot be read answers 422 and says in which row and column.
     """
+    # Before the body, and again once it is there and others have come meanwhile.
+    services.reading.check()
     upload = await _receive(request, services)
     try:
-        row, is_new = await to_thread.run_sync(
-            services.runs.store, caller, upload, limiter=services.reading
-        )
+        row, is_new = await services.reading.run(services.runs.store, caller, upload)
     finally:
         # What did not become a run leaves nothing, also when the caller went away meanwhile.
         upload.path.unlink(missing_ok=True)

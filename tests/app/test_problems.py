@@ -25,8 +25,8 @@ def made(kind: type[errors.ServiceError]) -> errors.ServiceError:
         return errors.FieldRefused("text", "field")
     if kind is errors.RunRefused:
         return errors.RunRefused("text", reason="no_table", file="a.csv", row=3, column="x")
-    if kind is errors.TooManyRequests:
-        return errors.TooManyRequests("text", retry_after_s=2.0)
+    if kind is errors.TooManyUploads:
+        return errors.TooManyUploads("text", retry_after_s=2.0)
     return kind("text")
 
 

@@ -1,0 +1,77 @@
+"""Queue of the uploads that wait to be read: of bounded length, so that a wait is a short one.
+
+    queue = ReadingQueue(readers=2, most_waiting=16)
+    queue.check()                              TooManyUploads where as many wait as may
+    await queue.run(service.store, caller, upload)
+
+A caller beyond its length is told at once when to come back, in place of waiting with its file on
+the disk for a time that nobody knows.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TypeVar, TypeVarTuple
+
+from anyio import CapacityLimiter, to_thread
+
+from app.errors import TooManyUploads
+
+__all__ = ["ReadingQueue"]
+
+Result = TypeVar("Result")
+Arguments = TypeVarTuple("Arguments")
+
+_NEWEST_SHARE = 0.1
+_LONGEST_RETRY_S = 60.0
+
+
+class ReadingQueue:
+    """Lets some uploads be read at once and others wait; used by one event loop.
+
+    Args:
+        readers: Uploads that are read at once.
+        most_waiting: Uploads that may wait beside them.
+    """
+
+    def __init__(self, readers: int, most_waiting: int) -> None:
+        self._limiter = CapacityLimiter(readers)
+        self._readers = readers
+        self._most_waiting = most_waiting
+        # Mean time of one reading, in which the newest count most [s].
+        self._mean_s = 0.1
+
+    def check(self) -> None:
+        """Refuse another upload where as many wait as may.
+
+        Raises:
+            TooManyUploads: The queue is full.
+        """
+        waiting = self._limiter.statistics().tasks_waiting
+        if self._limiter.available_tokens >= 1 or waiting < self._most_waiting:
+            return
+        wait_s = min(_LONGEST_RETRY_S, max(1.0, waiting * self._mean_s / self._readers))
+        raise TooManyUploads(
+            f"{waiting} uploads wait to be read, as many as may; send it again in "
+            f"{math.ceil(wait_s)} s, or have MOTORID_READERS or MOTORID_WAITING_UPLOADS raised",
+            retry_after_s=wait_s,
+        )
+
+    async def run(self, function: Callable[[*Arguments], Result], *arguments: *Arguments) -> Result:
+        """Call a function in a thread when the turn of this upload comes.
+
+        Raises:
+            TooManyUploads: The queue is full.
+        """
+        self.check()
+
+        def timed() -> Result:
+            began = time.monotonic()
+            try:
+                return function(*arguments)
+            finally:
+                self._mean_s += _NEWEST_SHARE * (time.monotonic() - began - self._mean_s)
+
+        return await to_thread.run_sync(timed, limiter=self._limiter)
