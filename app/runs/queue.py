@@ -60,12 +60,7 @@ class ReadingQueue:
         )
 
     async def run(self, function: Callable[[*Arguments], Result], *arguments: *Arguments) -> Result:
-        """Call a function in a thread when the turn of this upload comes.
-
-        Raises:
-            TooManyUploads: The queue is full.
-        """
-        self.check()
+        """Call a function in a thread when the turn of this upload comes."""
 
         def timed() -> Result:
             began = time.monotonic()

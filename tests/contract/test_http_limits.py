@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
@@ -140,3 +142,28 @@ def test_queue_of_a_workspace_has_an_end(limited: Server) -> None:
         assert (answer.status_code, answer.json()["code"]) == (429, "quota_waiting_fits")
         assert int(answer.headers["retry-after"]) > 0
     assert after.status_code == 202
+
+
+def test_upload_beyond_those_that_may_wait_is_told_when_to_come_back(data_dir: Path) -> None:
+    """One reader, nobody waits, sixteen at once: each is 201 or 429, and none leaves a file."""
+    key = make_key(data_dir)
+    with (
+        serving(data_dir, READERS=1, WAITING_UPLOADS=0) as server,
+        Caller(server, key) as caller,
+        ThreadPoolExecutor(16) as pool,
+    ):
+        answers = list(
+            pool.map(
+                lambda seed: caller.http.post("/runs", files={"file": ("a.csv", run_text(seed))}),
+                range(16),
+            )
+        )
+        refused = [answer for answer in answers if answer.status_code != 201]
+
+        assert 0 < len(refused) < 16
+        for answer in refused:
+            assert answer.status_code == 429
+            assert answer.json()["code"] == "too_many_uploads"
+            assert 1 <= int(answer.headers["retry-after"]) <= 60
+        assert len(list((data_dir / "runs").iterdir())) == 16 - len(refused)
+        assert [path for path in data_dir.rglob("incoming/*/*")] == []
