@@ -1,4 +1,4 @@
-"""Fits one motor of a batch in a child of a nursery, and tells of it in lines of JSON.
+"""One motor of a batch, fitted in a child of a fork server and reported in lines of JSON.
 
     {"progress": ["posterior", 0.42]}
     {"done": true}                the result and its record are on the disk
@@ -10,14 +10,13 @@ If it ends without one of the last two it has crashed.
 from __future__ import annotations
 
 import importlib
-import json
-import os
 import time
 from pathlib import Path
 from typing import Any
 
 from app.batch.record import finish, make_way, now_text
 from app.logging import warnings_logged
+from app.nursery.answers import tell
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
 from identification.options import FitOptions
@@ -40,16 +39,16 @@ def handle(task: dict[str, Any], answer: int) -> None:
         with warnings_logged():
             _fit(task, _Progress(answer))
     except (InputError, ComputationError) as error:
-        _send(answer, {"failed": str(error)})
+        tell(answer, {"failed": str(error)})
     except OSError as error:
-        _send(answer, {"failed": f"{error.filename or 'files'}: {error.strerror or error}"})
+        tell(answer, {"failed": f"{error.filename or 'files'}: {error.strerror or error}"})
     except MemoryError:
-        _send(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
+        tell(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
     except Exception as error:  # noqa: BLE001  one bad motor does not stop the others
-        _send(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
+        tell(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
         raise
     else:
-        _send(answer, {"done": True})
+        tell(answer, {"done": True})
 
 
 def _fit(task: dict[str, Any], progress: _Progress) -> None:
@@ -86,8 +85,4 @@ class _Progress:
         now = time.monotonic()
         if stage != self._stage or now - self._sent >= _INTERVAL_S:
             self._stage, self._sent = stage, now
-            _send(self._answer, {"progress": [stage, min(max(fraction, 0.0), 1.0)]})
-
-
-def _send(answer: int, message: dict[str, Any]) -> None:
-    os.write(answer, json.dumps(message).encode() + b"\n")
+            tell(self._answer, {"progress": [stage, min(max(fraction, 0.0), 1.0)]})

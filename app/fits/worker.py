@@ -1,4 +1,4 @@
-"""Computes one attempt at one fit in a child of a nursery, and tells of it in lines of JSON.
+"""One attempt at one fit, computed in a child of a fork server and reported in lines of JSON.
 
     {"progress": {"stage": "posterior", "fraction": 0.42}}
     {"done": true}                            all outputs are on the disk
@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import inspect
-import json
 import os
 import tempfile
 import time
@@ -23,6 +22,7 @@ from typing import Any
 
 from app.fits.job import CHECKPOINTS, LOG, Job, RunFile
 from app.fits.outputs import seal
+from app.nursery.answers import tell
 from app.regular import open_regular, sha256_of
 from app.space import is_full
 from app.storage import sync_directory
@@ -133,7 +133,7 @@ class _Messages:
             self.send({"progress": news})
 
     def send(self, message: dict[str, Any]) -> None:
-        os.write(self._pipe, json.dumps(message).encode() + b"\n")
+        tell(self._pipe, message)
 
 
 def _move_to(directory: Path) -> None:

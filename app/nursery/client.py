@@ -1,12 +1,13 @@
-"""The server's side of a nursery: has tasks done in children of a process that is loaded already.
+"""Client of a fork server: has tasks done in children of a process that is loaded already.
 
     nursery = Nursery("app.runs.parser", temporary=directory)
     task = nursery.fork({"path": ...})
     for message in task.messages(): ...          what the child told, then {"exit": 0}
     task.kill()
 
-See `app.nursery.process` for the other side.  The process is started when it is needed, and again
-when it was killed; what ran in it then is lost, which its tasks can tell from an end of their own.
+See `app.nursery.process` for the other side.  A task is handed over as a file without a name, so
+that it may have any size.  The process is started when it is needed, and again when it was killed;
+what ran in it then is lost, which its tasks can tell from an end of their own.
 """
 
 from __future__ import annotations
@@ -18,21 +19,25 @@ import select
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
 from app.confine import child_environment
+from app.nursery.process import FORK, KILL
 
 __all__ = ["Nursery", "Task"]
 
 _LONGEST_LINE = 2_000_000
+_BLOCK_BYTES = 65536
+_MOST_BLOCKS = 64
 _KILL_S = 10.0
 
 
 class Nursery:
-    """A process that forks children for tasks.
+    """A fork server: a process that forks children for tasks.
 
     Args:
         module: Module whose function `handle` does a task.
@@ -68,35 +73,38 @@ class Nursery:
         Raises:
             OSError: The process cannot be started, or does not take the task.
         """
-        token = secrets.token_hex(8)
-        incoming, outgoing = os.pipe()
-        try:
-            self._send({"token": token, "task": task}, [outgoing])
-        except OSError:
-            os.close(incoming)
-            raise
-        finally:
-            os.close(outgoing)
+        token = secrets.token_hex(8).encode()
+        with tempfile.TemporaryFile(dir=self._temporary) as file:
+            file.write(json.dumps(task).encode())
+            # Flushes too; the child reads from where this descriptor stands.
+            file.seek(0)
+            incoming, outgoing = os.pipe()
+            try:
+                self._send(FORK + token, [file.fileno(), outgoing])
+            except OSError:
+                os.close(incoming)
+                raise
+            finally:
+                os.close(outgoing)
         return Task(self, token, incoming)
 
-    def kill(self, token: str) -> None:
+    def kill(self, token: bytes) -> None:
         """End a task at once, with everything it started."""
         with self._lock:
             if self._socket is None:
                 return
             try:
-                self._socket.send(json.dumps({"kill": token}).encode())
-            except (BrokenPipeError, ConnectionResetError):
-                # The process is gone, and its children with it.
+                self._socket.send(KILL + token)
+            except (BrokenPipeError, ConnectionResetError, TimeoutError):
+                # The process is gone or hangs; its children end with it.
                 self._close()
 
-    def _send(self, request: dict[str, Any], handles: list[int]) -> None:
-        message = json.dumps(request).encode()
+    def _send(self, message: bytes, handles: list[int]) -> None:
         with self._lock:
             try:
                 socket.send_fds(self._running(), [message], handles)
-            except (BrokenPipeError, ConnectionResetError):
-                # The process was ended from outside; a new one takes the request.
+            except (BrokenPipeError, ConnectionResetError, TimeoutError):
+                # The process was ended from outside, or hangs; a new one takes the request.
                 self._close()
                 socket.send_fds(self._running(), [message], handles)
 
@@ -104,8 +112,11 @@ class Nursery:
         if self._socket is not None and self._process is not None and self._process.poll() is None:
             return self._socket
         self._close()
-        # Message boundaries are kept, so that a request and its pipe stay together.
+        # Message boundaries are kept, so that a request and its descriptors stay together.
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # A process that hangs would otherwise have whoever sends wait for ever.
+        ours.settimeout(_KILL_S)
+        self._socket = ours
         with theirs:
             handle = theirs.fileno()
             words = ("-P", "-m", "app.nursery.process", str(handle), *self._modules)
@@ -118,7 +129,6 @@ class Nursery:
                 cwd="/",
                 start_new_session=True,
             )
-        self._socket = ours
         return ours
 
     def _close(self) -> None:
@@ -136,15 +146,15 @@ class Nursery:
 
 
 class Task:
-    """A task that was given to a nursery.
+    """A task that was given to a fork server.
 
     Args:
-        nursery: Who has it.
+        nursery: Client of the fork server.
         token: Its name there.
         incoming: Where its messages come; closed when the task is.
     """
 
-    def __init__(self, nursery: Nursery, token: str, incoming: int) -> None:
+    def __init__(self, nursery: Nursery, token: bytes, incoming: int) -> None:
         self._nursery = nursery
         self._token = token
         self._incoming = incoming
@@ -152,22 +162,26 @@ class Task:
         self._is_open = True
         self.has_ended = False
         os.set_blocking(incoming, False)
+        # Unlike `select`, this takes descriptors of any number: a server may have thousands.
+        self._poll = select.poll()
+        self._poll.register(incoming, select.POLLIN)
 
     def messages(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """What came since the last call; `has_ended` is true once nothing more will come.
+        """Messages since the last call; `has_ended` is true once nothing more will come.
 
-        The last message of a task that ended is ``{"exit": code}``; where it is missing, the
-        nursery itself was ended.
+        The last message of a task that ended is ``{"exit": code}``.  Where it is missing, the fork
+        server itself was ended, or could not fork and said so by ``{"refused": reason}``.
 
         Args:
             wait_s: Time to wait for something to come [s].
         """
         if self._is_open and wait_s > 0.0:
-            select.select([self._incoming], [], [], wait_s)
+            self._poll.poll(wait_s * 1e3)
         blocks = [self._rest]
-        while self._is_open:
+        # A task that writes without an end keeps nobody here.
+        while self._is_open and len(blocks) <= _MOST_BLOCKS:
             try:
-                block = os.read(self._incoming, 65536)
+                block = os.read(self._incoming, _BLOCK_BYTES)
             except BlockingIOError:
                 break
             if not block:
@@ -176,8 +190,7 @@ class Task:
         *lines, self._rest = b"".join(blocks).split(b"\n")
         if len(self._rest) > _LONGEST_LINE:
             self._rest = b""
-        # A child that is killed may leave half a line behind.
-        return [json.loads(line) for line in lines if line[:1] == b"{" and line[-1:] == b"}"]
+        return [message for message in map(_message, lines) if message is not None]
 
     def kill(self) -> None:
         """End the task with everything it started; returns when it has ended."""
@@ -193,3 +206,12 @@ class Task:
             os.close(self._incoming)
             self._is_open = False
         self.has_ended = True
+
+
+def _message(line: bytes) -> dict[str, Any] | None:
+    """A line as a message, or None: a child that is killed may leave half a line behind."""
+    try:
+        message = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) else None

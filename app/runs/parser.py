@@ -1,4 +1,4 @@
-"""Reads one upload in a child of a nursery, within limits that the child puts on itself.
+"""One upload, read in a child of a fork server within limits that the child puts on itself.
 
 What a stranger sent can crash an interpreter or ask for all memory, so it is never read in the
 server; see `app.runs.reading` for the other side.
@@ -6,13 +6,12 @@ server; see `app.runs.reading` for the other side.
 
 from __future__ import annotations
 
-import json
-import os
 from typing import Any
 
 import numpy as np
 
 from app.confine import Limits, confine
+from app.nursery.answers import tell
 from identification.errors import RunFileError
 from identification.ingest import Limits as FileLimits
 from identification.ingest import Run, read_run
@@ -40,9 +39,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
         found = {"error": _problem(error)}
     except MemoryError:
         found = {"error": {"reason": "reader_memory"}}
-    # A pipe takes long lines in pieces.
-    with os.fdopen(answer, "wb") as pipe:
-        pipe.write(json.dumps(found).encode() + b"\n")
+    tell(answer, found)
 
 
 def _problem(error: RunFileError) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Tasks for a nursery; each is named by the task itself."""
+"""Tasks for a fork server; each is named by the task itself."""
 
 from __future__ import annotations
 
@@ -27,3 +27,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
     if "half" in task:
         os.write(answer, b'{"half": ')
         os.kill(os.getpid(), signal.SIGKILL)
+    if "junk" in task:
+        os.write(answer, task["junk"].encode() + b"\n")
+    if "fills" in task:
+        # As much as a pipe takes, and more than anybody has read when the task is over.
+        os.write(answer, b"x" * 65_536)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
+import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,13 +57,15 @@ def are_gone(pids: list[int]) -> bool:
         ({"signal": signal.SIGSEGV}, [{"exit": -signal.SIGSEGV}]),
         ({"half": 1}, [{"exit": -signal.SIGKILL}]),
         ({"echo": "x" * 150_000}, [{"echo": "x" * 150_000}, {"exit": 0}]),
+        ({"echo": 1, "unread": "ä" * 1_000_000}, [{"echo": 1}, {"exit": 0}]),
+        ({"junk": '{"a": }\n{"b": 1}\n[2]\n"c"'}, [{"b": 1}, {"exit": 0}]),
     ],
-    ids=["well", "error", "signal", "half a line", "long"],
+    ids=["well", "error", "signal", "half a line", "long", "huge task", "junk"],
 )
 def test_task_tells_what_it_has_to_and_how_it_ended(
     nursery: Nursery, task: dict[str, Any], told: list[dict[str, Any]]
 ) -> None:
-    """The last message is the exit, by the numbers of the system; half a line is dropped."""
+    """The last message is the exit, by the numbers of the system; what is no message is dropped."""
     assert heard(nursery.fork(task)) == told
 
 
@@ -124,3 +128,70 @@ def test_stopped_nursery_takes_its_children_with_it(tmp_path: Path) -> None:
     assert time.monotonic() - began < 5
     assert are_gone([process, *pids])
     assert heard(task) == []
+
+
+@pytest.mark.parametrize("message", [b"F", b"Fabc", b"K", b"Kabc", b"{}", b"\xff" * 300])
+def test_fork_server_survives_any_message(nursery: Nursery, message: bytes) -> None:
+    """A task that runs meanwhile ends by itself, in the same process, with what it has to tell."""
+    task = nursery.fork({"family": "stays"})
+    first(task)
+    process = nursery.pid
+    assert nursery._socket is not None
+
+    handle = os.open("/dev/null", os.O_RDONLY)
+    for handles in ([], [handle], [handle] * 5):
+        socket.send_fds(nursery._socket, [message], handles)
+    os.close(handle)
+
+    assert heard(nursery.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
+    assert nursery.pid == process
+    assert not task.has_ended
+    task.kill()
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"\xff" * 1000, b"[" * 100_000, b"3"])
+def test_task_that_cannot_be_read_ends_alone(nursery: Nursery, content: bytes) -> None:
+    """The child reads the task, so that nothing in it reaches the fork server."""
+    beside = nursery.fork({"family": "stays"})
+    first(beside)
+    process = nursery.pid
+    incoming, outgoing = os.pipe()
+    task, end = os.pipe()
+    os.write(end, content[:60_000])
+    os.close(end)
+
+    nursery._send(b"Fbroken", [task, outgoing])
+    os.close(outgoing)
+    os.close(task)
+
+    assert heard(Task(nursery, b"broken", incoming)) == [{"exit": 1}]
+    assert nursery.pid == process
+    assert not beside.has_ended
+    beside.kill()
+
+
+def test_end_of_a_task_that_nobody_reads_keeps_no_other_waiting(nursery: Nursery) -> None:
+    """Its pipe is full when it ends, so that there is no room for how it ended."""
+    unread = [nursery.fork({"fills": 1}) for _ in range(3)]
+    time.sleep(0.5)
+
+    began = time.monotonic()
+    assert heard(nursery.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
+    assert time.monotonic() - began < 5
+    assert [heard(task) for task in unread] == [[{"exit": 0}]] * 3
+
+
+def test_task_is_heard_where_thousands_of_files_are_open(nursery: Nursery) -> None:
+    """As in a server with many connections: `select` refuses descriptors from 1024 on."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limits[1] < 1200:
+        pytest.skip("the system allows too few open files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], 1200), limits[1]))
+    held = [os.open("/dev/null", os.O_RDONLY) for _ in range(1100)]
+    try:
+        task = nursery.fork({"echo": 1})
+        assert heard(task) == [{"echo": 1}, {"exit": 0}]
+    finally:
+        for handle in held:
+            os.close(handle)
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
