@@ -105,7 +105,8 @@ class FitRow(Tables):
 
     `attempt` counts how often the fit was begun and is part of the condition of every write while
     it runs, so that an attempt that was given up can write nothing.  `failures` counts those
-    attempts that ended by themselves without a result.  `version` grows with each change.
+    attempts that ended by themselves without a result, `interruptions` those during which the
+    server itself was killed.  `version` grows with each change.
     """
 
     __tablename__ = "fits"
@@ -127,6 +128,7 @@ class FitRow(Tables):
     version: Mapped[int] = mapped_column(Integer)
     attempt: Mapped[int] = mapped_column(Integer)
     failures: Mapped[int] = mapped_column(Integer)
+    interruptions: Mapped[int] = mapped_column(Integer, server_default="0")
     owner: Mapped[str | None] = mapped_column(String(200))
     lease_until: Mapped[float | None]
     error: Mapped[dict[str, Any] | None] = mapped_column(JSON)

@@ -7,7 +7,7 @@ one: a process that was only slow, and not dead, cannot overwrite what came afte
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import and_, delete, func, or_, select, tuple_, update
@@ -141,17 +141,20 @@ def remove(session: Session, fit_id: str) -> None:
     session.execute(delete(FitRow).where(FitRow.id == fit_id))
 
 
-def next_queued(session: Session, *, lock: bool = False) -> FitRow | None:
+def next_queued(
+    session: Session, *, without: Collection[str] = (), lock: bool = False
+) -> FitRow | None:
     """The fit that waits longest, or None.
 
     Args:
         session: Session of the database.
+        without: Ids of fits to pass over; not more than a statement may have parameters.
         lock: Whether to pass over fits that another server is about to take, and to keep this one
             from the others until the session ends.
     """
     query = (
         select(FitRow)
-        .where(FitRow.status == "queued")
+        .where(FitRow.status == "queued", FitRow.id.not_in(without))
         .order_by(FitRow.created_at, FitRow.position, FitRow.id)
         .limit(1)
     )
@@ -245,8 +248,18 @@ def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
     )
 
 
-def put_back(session: Session, fit_id: str, attempt: int, *, failures: int) -> bool:
-    """Let a fit wait again after an attempt without a result."""
+def put_back(
+    session: Session, fit_id: str, attempt: int, *, failures: int, interruptions: int = 0
+) -> bool:
+    """Let a fit wait again after an attempt without a result.
+
+    Args:
+        session: Session of the database.
+        fit_id: The fit.
+        attempt: The attempt that ended.
+        failures: How many attempts failed by themselves.
+        interruptions: How many more ends of a server to count against the fit.
+    """
     return _changed(
         session,
         _current(fit_id, attempt),
@@ -254,6 +267,7 @@ def put_back(session: Session, fit_id: str, attempt: int, *, failures: int) -> b
         stage="queued",
         fraction=0.0,
         failures=failures,
+        interruptions=FitRow.interruptions + interruptions,
         owner=None,
         lease_until=None,
     )

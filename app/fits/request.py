@@ -67,6 +67,7 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
         version=1,
         attempt=0,
         failures=0,
+        interruptions=0,
         owner=None,
         lease_until=None,
         error=None,

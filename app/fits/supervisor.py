@@ -9,17 +9,16 @@ It runs in one thread of the server and looks around several times a second.  Ev
 the attempt it speaks of, so whatever is killed, and whenever, the worst is that work is done again:
 a fit is computed at least once, and ends exactly once.
 
-A crash of the computing process counts against the fit; an end of the server does not, unless it
+A crash of the computing process counts against the fit.  The end of what computes (a fork server,
+a worker) does not, nor does an orderly end of the server; a kill of the server does not unless it
 happens so often that the fit itself must be suspected.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import threading
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +26,11 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.database import Database
 from app.fits import repository
-from app.fits.engine import LOST, AbstractEngine, AbstractRunning
-from app.fits.job import Job
+from app.fits.attempt import Attempt
+from app.fits.engine import LOST, AbstractEngine
+from app.fits.postponed import Postponed
 from app.fits.queue import FitQueue
+from app.fits.starter import CannotStart, Starter
 from app.metrics import Metrics
 from app.settings import Settings
 from app.storage import Storage
@@ -40,22 +41,6 @@ _BUSY_S = 0.1
 _IDLE_S = 1.0
 _LOOK_S = 0.5
 _log = logging.getLogger(__name__)
-
-
-@dataclass
-class _Attempt:
-    """An attempt that runs here."""
-
-    running: AbstractRunning
-    began: float
-    failures: int
-    told: dict[str, Any] = field(default_factory=dict)
-    news: dict[str, Any] = field(default_factory=dict)
-    renewed: float = 0.0
-
-    @property
-    def job(self) -> Job:
-        return self.running.job
 
 
 class Supervisor:
@@ -89,7 +74,9 @@ class Supervisor:
             pipeline=settings.pipeline,
             checkpoint_s=settings.checkpoint_s,
         )
-        self._attempts: dict[str, _Attempt] = {}
+        self._postponed = Postponed()
+        self._starter = Starter(self._queue, engine, self._postponed)
+        self._attempts: dict[str, Attempt] = {}
         self._looked = 0.0
         self._wake = threading.Event()
         self._stop = threading.Event()
@@ -135,16 +122,15 @@ class Supervisor:
             self._compare()
             self._queue.take_over()
         self._metrics.fit_capacity.set(self._engine.capacity())
-        while len(self._attempts) < self._engine.capacity() and self._begin():
+        while self._has_room() and self._begin():
             pass
 
-    def _attend(self, attempt: _Attempt) -> None:
+    def _attend(self, attempt: Attempt) -> None:
         """Hear what an attempt has to tell, and end it if it is over."""
         # Asked first: what was told before the end is then all there.
         end = attempt.running.exit()
         for message in attempt.running.messages():
-            attempt.news |= message.get("progress", {})
-            attempt.told |= message
+            attempt.hear(message)
         if end is not None:
             self._conclude(attempt, end)
         elif time.monotonic() - attempt.began > self._settings.fit_wall_s:
@@ -154,7 +140,7 @@ class Supervisor:
         else:
             self._renew(attempt)
 
-    def _renew(self, attempt: _Attempt) -> None:
+    def _renew(self, attempt: Attempt) -> None:
         elapsed = time.monotonic() - attempt.renewed
         wait = _LOOK_S if attempt.news else self._settings.heartbeat_s
         if elapsed < wait:
@@ -173,7 +159,7 @@ class Supervisor:
         if not is_ours:
             self._drop(attempt)
 
-    def _conclude(self, attempt: _Attempt, end: str) -> None:
+    def _conclude(self, attempt: Attempt, end: str) -> None:
         told = attempt.told
         if told.get("done") and (Path(attempt.job.directory) / "result.json").is_file():
             self._succeed(attempt)
@@ -184,7 +170,7 @@ class Supervisor:
         else:
             self._crash(attempt, told.get("crashed", end))
 
-    def _succeed(self, attempt: _Attempt) -> None:
+    def _succeed(self, attempt: Attempt) -> None:
         job = attempt.job
         seconds = time.monotonic() - attempt.began
         with self._database.writing() as session:
@@ -198,19 +184,14 @@ class Supervisor:
         else:
             self._drop(attempt)
 
-    def _fail(self, attempt: _Attempt, error: dict[str, Any]) -> None:
+    def _fail(self, attempt: Attempt, error: dict[str, Any]) -> None:
         job = attempt.job
-        with self._database.writing() as session:
-            is_ours = repository.finish(
-                session, job.fit_id, job.attempt, status="failed", now=time.time(), error=error
-            )
-        if is_ours:
-            self._storage.remove_fit(job.fit_id)
+        if self._queue.give_up(job.fit_id, job.attempt, error):
             self._close(attempt, "failed", reason=error["detail"])
         else:
             self._drop(attempt)
 
-    def _crash(self, attempt: _Attempt, end: str) -> None:
+    def _crash(self, attempt: Attempt, end: str) -> None:
         job = attempt.job
         failures = attempt.failures + 1
         self._metrics.fit_attempts_failed.inc()
@@ -231,23 +212,27 @@ class Supervisor:
         self._queue.put_back(job.fit_id, job.attempt, failures)
         self._drop(attempt)
 
-    def _interrupt(self, attempt: _Attempt) -> None:
+    def _interrupt(self, attempt: Attempt) -> None:
         """Let a fit wait again whose engine was ended, which is no fault of the fit."""
         job = attempt.job
-        _log.warning("an attempt was interrupted", extra={"fit": job.fit_id})
+        refused = attempt.told.get("refused")
+        _log.warning("an attempt was interrupted", extra={"fit": job.fit_id, "reason": refused})
+        # Once is no reason to wait; a machine that has no process to give shall not be asked often.
+        self._postponed.postpone(job.fit_id, free=0 if refused else 1)
         self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
         self._drop(attempt)
 
-    def _close(self, attempt: _Attempt, status: str, **details: object) -> None:
+    def _close(self, attempt: Attempt, status: str, **details: object) -> None:
         attempt.running.kill()
         del self._attempts[attempt.job.fit_id]
+        self._postponed.forget(attempt.job.fit_id)
         self._metrics.fits_ended.labels(status).inc()
         _log.info(
             f"fit {status}",
             extra={"fit": attempt.job.fit_id, "attempt": attempt.job.attempt} | details,
         )
 
-    def _drop(self, attempt: _Attempt) -> None:
+    def _drop(self, attempt: Attempt) -> None:
         """Let an attempt go that counts no longer, and what it left."""
         attempt.running.kill()
         self._storage.remove_attempt(attempt.job.fit_id, attempt.job.attempt)
@@ -269,26 +254,25 @@ class Supervisor:
             self._queue.put_back(fit_id, number, held[fit_id, number])
             _log.warning("fit found without a process", extra={"fit": fit_id})
 
+    def _has_room(self) -> bool:
+        is_taken = any(attempt.is_alone for attempt in self._attempts.values())
+        return len(self._attempts) < self._engine.capacity() and not is_taken
+
     def _begin(self) -> bool:
         """Begin the fit that waits longest; False where none waits or none can be begun."""
-        # Not all of a long queue is counted: what matters is how many will run at once.
-        waiting = self._queue.waiting(self._engine.capacity())
-        claimed = self._queue.claim() if waiting else None
-        if claimed is None:
-            return False
-        job, failures = claimed
-        share = self._engine.threads(len(self._attempts) + waiting)
         try:
-            Path(job.directory).mkdir(parents=True, exist_ok=True)
-            running = self._engine.start(dataclasses.replace(job, threads=share))
-        except OSError:
-            # No space, no process to be had: the fit waits, and so does this thread.
-            _log.exception("a fit could not be started", extra={"fit": job.fit_id})
-            self._queue.unclaim(job.fit_id, job.attempt)
+            begun = self._starter.start(len(self._attempts))
+        except CannotStart:
+            # The machine has no room: the fits wait, and so does this thread.
             self._stop.wait(_IDLE_S)
             return False
-        now = time.monotonic()
-        self._attempts[job.fit_id] = _Attempt(running, began=now, failures=failures, renewed=now)
+        if begun is None:
+            return False
+        claim, running = begun
+        job, now = claim.job, time.monotonic()
+        self._attempts[job.fit_id] = Attempt(
+            running, began=now, failures=claim.failures, is_alone=claim.is_alone, renewed=now
+        )
         _log.info("fit begun", extra={"fit": job.fit_id, "attempt": job.attempt})
         return True
 

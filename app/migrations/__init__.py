@@ -4,5 +4,5 @@ from __future__ import annotations
 
 __all__ = ["NEWEST"]
 
-NEWEST = "0003"
+NEWEST = "0004"
 """The version that the code needs; a test compares it with the files beside this one."""

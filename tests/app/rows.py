@@ -48,6 +48,7 @@ def fit_row(
         version=1,
         attempt=1,
         failures=0,
+        interruptions=0,
         owner=None,
         lease_until=None,
         error=None,

@@ -60,6 +60,7 @@ class Engine(AbstractEngine):
     def __init__(self) -> None:
         self.started: list[Running] = []
         self.refusals = 0
+        self.refused: dict[str, Exception] = {}
         self.most = 2
 
     def open(self) -> None:
@@ -81,6 +82,8 @@ class Engine(AbstractEngine):
         if self.refusals:
             self.refusals -= 1
             raise OSError(11, "no process to be had")
+        if job.fit_id in self.refused:
+            raise self.refused[job.fit_id]
         self.started.append(Running(job))
         return self.started[-1]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from pathlib import Path
 from typing import Any
@@ -186,6 +187,67 @@ def test_job_that_cannot_be_started_waits(bench: Bench) -> None:
     row = bench.ended(fit)
 
     assert (row.status, row.attempt, row.failures) == ("succeeded", 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(errno.EMSGSIZE, "Message too long"), "Message too long"),
+        (ValueError("embedded null byte"), "embedded null byte"),
+    ],
+    ids=["system", "value"],
+)
+def test_job_that_cannot_be_started_fails_and_keeps_no_other_waiting(
+    bench: Bench, error: Exception, reason: str
+) -> None:
+    """The one behind it is begun while it is tried three times; then it says why it failed."""
+    bench.engine.most = 0
+    bad, good = bench.queue(), bench.queue()
+    bench.engine.refused[bad] = error
+    bench.engine.most = 1
+    bench.supervisor.wake()
+    running = bench.started(1)
+    assert running.job.fit_id == good
+    running.succeed()
+
+    row = bench.ended(bad)
+
+    assert (row.status, row.error and row.error["code"]) == ("failed", "start")
+    expected = f"its process could not be started 3 times, at last with: {reason}"
+    assert row.error
+    assert row.error["detail"] == expected
+    until(lambda: not bench.storage.attempt(bad, 1).parent.exists())
+    assert bench.ended(good).status == "succeeded"
+
+
+def test_shortage_of_the_machine_is_no_fault_of_a_fit(bench: Bench) -> None:
+    """No process is to be had four times, more than the refusals that a fit may cause."""
+    bench.engine.refusals = 4
+    fit = bench.queue()
+    bench.started(1).succeed()
+
+    row = bench.ended(fit)
+
+    assert (row.status, row.attempt, row.failures) == ("succeeded", 1, 0)
+
+
+@pytest.mark.parametrize(
+    "progress",
+    [None, 1, [], {}, {"stage": 1, "fraction": 0.5}, {"stage": "fit", "fraction": "x"}]
+    + [{"stage": "x" * 101, "fraction": 0.5, "status": "succeeded"}]
+    + [{"stage": "fit", "fraction": float("nan")}],
+)
+def test_progress_that_is_none_stops_nothing(bench: Bench, progress: object) -> None:
+    """The job goes on to its end, and so does the one beside it."""
+    fit, other = bench.queue(), bench.queue()
+    bench.started(2)
+    for running in bench.engine.started:
+        running.told.append({"progress": progress})
+    time.sleep(0.2)
+    for running in bench.engine.started:
+        running.succeed()
+
+    assert [bench.ended(one).status for one in (fit, other)] == ["succeeded"] * 2
 
 
 def test_fits_wait_while_the_engine_can_take_none(bench: Bench) -> None:
