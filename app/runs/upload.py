@@ -16,7 +16,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 
 __all__ = ["FIELDS", "Upload", "UploadForm", "boundary_of", "label"]
 
-FIELDS = ("motor", "mapping")
-"""Names of the fields besides `file`."""
+FIELDS: Final = {"motor": 1_000, "mapping": 10_000}
+"""Fields besides `file`, and how many bytes each may have.
 
-_LONGEST_FIELD = 100_000
+A mapping has an entry for each of six channels; a fit takes 400 runs with one each.
+"""
+
 _LONGEST_LABEL = 200
 _MOST_PARTS = 10
 
@@ -104,6 +106,7 @@ class UploadForm:
         self._header = (bytearray(), bytearray())
         self._disposition = b""
         self._into: bytearray | None = None
+        self._field = ""
         self._parts = 0
         self._ended = False
         callbacks: MultipartCallbacks = {
@@ -147,7 +150,8 @@ class UploadForm:
 
         Raises:
             BadRequest: The body is no form.
-            BodyTooLarge: A part is larger than its limit.
+            BodyTooLarge: The file is larger than the limit.
+            FieldRefused: A field is, or is none of `FIELDS`.
             StorageFull: No space is left.
         """
         try:
@@ -206,13 +210,18 @@ class UploadForm:
         elif field in self._fields:
             raise FieldRefused(f"the form has the field {field} twice; keep one", field)
         else:
-            self._into = self._fields[field] = bytearray()
+            self._field, self._into = field, self._fields.setdefault(field, bytearray())
 
     def _data(self, data: bytes, start: int, end: int) -> None:
         if self._into is not None:
             self._into += data[start:end]
-            if len(self._into) > _LONGEST_FIELD:
-                raise BodyTooLarge(f"a field of more than {_LONGEST_FIELD} bytes")
+            most = FIELDS[self._field]
+            if len(self._into) > most:
+                raise FieldRefused(
+                    f"{self._field}: {len(self._into)} bytes or more; expected at most {most}; "
+                    "shorten it, or the names in it",
+                    self._field,
+                )
             return
         self._size += end - start
         if self._size > self._limit:
