@@ -10,7 +10,6 @@ and ``motorid fit`` never loads the web framework.
 
 from __future__ import annotations
 
-import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ import typer
 import typer.core
 
 from app.arguments import SeveralWords
-from app.exits import Stopped, failed
+from app.exits import Signals, Stopped, failed, prepare_streams, raised_signals
 from app.logging import warnings_logged
 from app.option_types import (
     AsJson,
@@ -57,7 +56,7 @@ app = typer.Typer(
     help="Identify a brushed DC motor from measured runs, and predict its closed speed loop hot "
     "and cold.",
     epilog="Exit status: 0 done, 1 the calculation failed, 2 the input is at fault, 130 "
-    "interrupted. A failure is one line on standard error.",
+    "interrupted, 143 or 129 ended by SIGTERM or SIGHUP. A failure is one line on standard error.",
     add_completion=False,
     no_args_is_help=False,
     rich_markup_mode=None,
@@ -356,18 +355,16 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal or file of another encoding gets question marks, not a failure after the work.
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    prepare_streams()
+    came = Signals()
     try:
-        with warnings_logged():
+        with warnings_logged(), raised_signals() as came:
             status = app(args=words, prog_name="motorid", standalone_mode=False)
-        sys.stdout.flush()
+            sys.stdout.flush()
     except Stopped as stopped:
-        return failed(stopped.reason)
+        return failed(came.raised or stopped.reason)
     except SystemExit as left:
         return left.code if isinstance(left.code, int) else 1
     except BaseException as error:  # noqa: BLE001  the last line: no traceback at a user
-        return failed(error)
+        return failed(came.raised or error)
     return status if isinstance(status, int) else 0

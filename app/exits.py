@@ -2,29 +2,62 @@
 
 from __future__ import annotations
 
+import io
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
-from typing import Final
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Final, TextIO
 
 import typer
 
 from app.space import is_full
 from identification.errors import ComputationError, InputError
 
-__all__ = ["EXIT_STATUS", "Stopped", "failed"]
+__all__ = [
+    "EXIT_STATUS",
+    "TRACEBACK",
+    "HungUp",
+    "Signals",
+    "Stopped",
+    "Terminated",
+    "failed",
+    "prepare_streams",
+    "raised_signals",
+]
+
+
+class Terminated(BaseException):
+    """SIGTERM came; like `KeyboardInterrupt`, it passes by whoever handles errors."""
+
+
+class HungUp(Terminated):
+    """SIGHUP came: the terminal was closed."""
+
 
 EXIT_STATUS: Final[dict[type[BaseException], int]] = {
     typer.BadParameter.__mro__[2]: 2,  # all that click says about the words that were typed
     InputError: 2,
     ComputationError: 1,
     KeyboardInterrupt: 130,
+    Terminated: 143,
+    HungUp: 129,
     BaseException: 1,
 }
 """Exit status of each error; of a class that is not listed, that of its nearest parent."""
 
-_DEBUG: Final = "MOTORID_TRACEBACK"
+_SIGNALS: Final = {
+    signal.SIGINT: KeyboardInterrupt,
+    signal.SIGTERM: Terminated,
+    signal.SIGHUP: HungUp,
+}
+_DEFAULTS: Final = (signal.SIG_DFL, signal.default_int_handler)
+TRACEBACK: Final = "MOTORID_TRACEBACK"
+"""Variable that has tracebacks of internal errors printed."""
 
 
 class Stopped(Exception):
@@ -33,6 +66,55 @@ class Stopped(Exception):
     def __init__(self, reason: BaseException) -> None:
         self.reason = reason
         super().__init__(str(reason))
+
+
+class Signals:
+    """Signals that came while a command ran.
+
+    Args:
+        raised: Exception of the first of them, or None.
+    """
+
+    def __init__(self) -> None:
+        self.raised: BaseException | None = None
+
+    def end(self, number: int, frame: FrameType | None) -> None:
+        """Raise the exception of a signal, which a library may turn into one of its own."""
+        self.raised = self.raised or _SIGNALS[signal.Signals(number)]()
+        raise self.raised
+
+
+@contextmanager
+def raised_signals() -> Iterator[Signals]:
+    """Raise `KeyboardInterrupt`, `Terminated` or `HungUp` at a signal while the block runs.
+
+    A signal that is ignored stays so (nohup), and so does one that has a handler already.
+    """
+    came = Signals()
+    is_main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    ours = [n for n, handler in before.items() if is_main and handler in _DEFAULTS]
+    for number in ours:
+        signal.signal(number, came.end)
+    try:
+        yield came
+    finally:
+        # Whoever cannot wait for the end of the cleaning up sends it again.
+        for number in ours:
+            signal.signal(number, before[number])
+
+
+def prepare_streams() -> None:
+    """Make standard output and standard error streams that can be written, whatever they are.
+
+    Where a shell closed one, its descriptor would be that of the next file that is opened.
+    """
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or file of another encoding gets question marks, not a failure after the work.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def failed(error: BaseException) -> int:
@@ -44,22 +126,34 @@ def failed(error: BaseException) -> int:
     Returns:
         The exit status of the error.
     """
-    if os.environ.get(_DEBUG):
+    if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
     if isinstance(error, BrokenPipeError):
-        # What is left in the buffer has no reader either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop(sys.stdout)
     full = next((cause for cause in _causes(error) if is_full(cause)), None)
-    print(f"motorid: {_message(full or error)}", file=sys.stderr)  # noqa: T201
+    try:
+        print(f"motorid: {_message(full or error)}", file=sys.stderr, flush=True)  # noqa: T201
+    except OSError:
+        # Nobody reads the messages either: the status is all there is to say.
+        _drop(sys.stderr)
     if full is not None:
         # Neither the words that were typed nor a file are at fault, whatever could not be written.
         return EXIT_STATUS[BaseException]
     return next(EXIT_STATUS[kind] for kind in type(error).__mro__ if kind in EXIT_STATUS)
 
 
+def _drop(stream: TextIO) -> None:
+    """Send a stream nowhere; what is left in its buffer has no reader."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def _message(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt | typer.Abort):
         text = "interrupted"
+    elif isinstance(error, Terminated):
+        signal_name = "SIGHUP" if isinstance(error, HungUp) else "SIGTERM"
+        text = f"ended by {signal_name}"
     elif isinstance(error, BrokenPipeError):
         text = "the reader of the output went away"
     elif is_full(error):
@@ -93,6 +187,6 @@ def _unforeseen(error: BaseException) -> str:
     original = getattr(error, "orig", None)
     reason = error if original is None else str(original).strip().partition("\n")[0]
     return (
-        f"internal error, {type(error).__name__}: {reason} (set {_DEBUG}=1 to see where, and "
+        f"internal error, {type(error).__name__}: {reason} (set {TRACEBACK}=1 to see where, and "
         "please report it)"
     )

@@ -8,6 +8,8 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 import uvicorn
@@ -44,9 +46,22 @@ class _Server(uvicorn.Server):
         self.services.stopping.set()
         super().handle_exit(sig, frame)
 
+    @contextmanager
+    def stopped_by_hangup(self) -> Iterator[None]:
+        """Stop at SIGHUP as at SIGTERM while the block runs, unless it is ignored (nohup)."""
+        before = signal.getsignal(signal.SIGHUP)
+        if before is signal.SIG_IGN:
+            yield
+            return
+        signal.signal(signal.SIGHUP, self.handle_exit)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGHUP, before)
+
 
 def serve(settings: Settings, listening: socket.socket | None = None) -> None:
-    """Serve until SIGTERM or SIGINT; what runs then is stopped and goes on at the next start.
+    """Serve until SIGTERM, SIGINT or SIGHUP; fits that run then go on at the next start.
 
     Args:
         settings: Where to listen, where the data are, and all else.
@@ -58,7 +73,6 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
         DamagedDatabase: The file of the database is damaged or missing.
     """
     configure_logging(settings.log_level)
-    _end_in_good_order()
     for name, nearest in unknown_variables(os.environ).items():
         _log.warning("%s sets nothing; the nearest setting is %s", name, nearest)
     application = create_app(settings)
@@ -85,19 +99,12 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     )
     server.services = services
     try:
-        server.run(sockets=None if listening is None else [listening])
+        with server.stopped_by_hangup():
+            server.run(sockets=None if listening is None else [listening])
     finally:
         if server.told_at is not None:
             seconds = round(time.monotonic() - server.told_at, 3)
             _log.info("stopped", extra={"seconds": seconds})
-
-
-def _end_in_good_order() -> None:
-    """Exit with status 0 after SIGTERM; uvicorn raises the signal again once it has stopped.
-
-    The signal alone would end with status 143, which a container engine counts as a failure.
-    """
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 
 
 def _show_address(listening: socket.socket) -> None:

@@ -15,6 +15,7 @@ from sqlalchemy.exc import DatabaseError
 from app.access.service import AccessService
 from app.damage import DamagedDatabase, check_present, is_damaged
 from app.database import Database
+from app.exits import Terminated
 from app.settings import Settings, load_settings
 from app.storage import Storage
 from identification.errors import OptionError
@@ -41,8 +42,8 @@ def serve(
     # The key commands need none of this.
     from app.server import serve as run
 
-    # Ctrl-C is how a server is meant to end; by then it has stopped in good order.
-    with listening, suppress(KeyboardInterrupt), _for_the_owner():
+    # A signal is how a server is meant to end; by then it has stopped in good order.
+    with listening, suppress(KeyboardInterrupt, Terminated), _for_the_owner():
         run(settings, listening)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from identification.threads import cores
 __all__ = ["Job", "fit_all"]
 
 _WAIT_S = 0.02
+_MOST_LOSSES = 3
 _PIPELINE = "identification.pipeline:identify"
 
 
@@ -53,6 +55,7 @@ def fit_all(
         "app.batch.worker", pipeline.partition(":")[0], temporary=Path(tempfile.gettempdir())
     )
     waiting = list(reversed(jobs))
+    losses: Counter[str] = Counter()
     running: list[_Running] = []
     try:
         while waiting or running:
@@ -62,6 +65,11 @@ def fit_all(
             for one in list(running):
                 if one.look(_WAIT_S / len(running), tell):
                     running.remove(one)
+                    losses[one.job.motor.name] += one.is_lost
+                    if one.is_lost and losses[one.job.motor.name] < _MOST_LOSSES:
+                        # The fork server was ended, which is no fault of the motor.
+                        waiting.append(one.job)
+                        continue
                     yield one.job, one.reason
     finally:
         # Ends what still runs, when the command was interrupted.
@@ -74,6 +82,7 @@ class _Running:
     def __init__(self, job: Job, task: Task) -> None:
         self.job = job
         self.reason = ""
+        self.is_lost = False
         self._task = task
         self._has_result = False
 
@@ -86,9 +95,10 @@ class _Running:
                 self.reason = " ".join(str(message["failed"]).split())
             elif "done" in message:
                 self._has_result = True
-            elif not self._has_result and not self.reason:
-                self.reason = _end_in_words(message.get("exit"))
+            elif "exit" in message and not self._has_result and not self.reason:
+                self.reason = _end_in_words(message["exit"])
         if self._task.has_ended and not self._has_result and not self.reason:
+            self.is_lost = True
             self.reason = _end_in_words(None)
         return self._task.has_ended
 

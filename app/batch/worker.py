@@ -10,11 +10,13 @@ If it ends without one of the last two it has crashed.
 from __future__ import annotations
 
 import importlib
+import os
 import time
 from pathlib import Path
 from typing import Any
 
 from app.batch.record import finish, make_way, now_text
+from app.exits import TRACEBACK
 from app.logging import warnings_logged
 from app.nursery.answers import tell
 from identification.errors import ComputationError, InputError
@@ -46,7 +48,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
         tell(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
     except Exception as error:  # noqa: BLE001  one bad motor does not stop the others
         tell(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
-        raise
+        if os.environ.get(TRACEBACK):
+            raise
     else:
         tell(answer, {"done": True})
 

@@ -142,7 +142,7 @@ class _ForkServer:
             prefer_as_victim()
             os.setpgid(0, 0)
             signal.set_wakeup_fd(-1)
-            for reset in (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT):
+            for reset in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
                 signal.signal(reset, signal.SIG_DFL)
             self._requests.close()
             for other in (*(known.answer for known in self._children.values()), *self._ends):

@@ -175,7 +175,7 @@ def test_no_motor_stops_another_however_it_fails(
     run_files: list[Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     """By the seeds of the pretended pipeline: a signal, bad input, no solution and a bug."""
     monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
@@ -186,7 +186,8 @@ def test_no_motor_stops_another_however_it_fails(
 
     table = rows(tmp_path / "results.csv")
     assert status == 1
-    shown, told = capsys.readouterr()
+    shown, told = capfd.readouterr()
+    assert told.count("\n") == 1
     assert "4 of 6 motors failed (killed, stuck, unsolved, bug)" in told
     assert [row["status"] for row in json.loads(shown)] == [r["status"] for r in table.values()]
     assert {name: row["status"] for name, row in table.items()} == {
