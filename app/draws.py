@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
+_WIDEST: Final = 100.0
+"""Logarithm of the widest factor that a drawn parameter differs by."""
 
 
 def draws_of(result: Mapping[str, Any], path: Path, most: int) -> tuple[dict[str, Array], str]:
@@ -78,7 +80,8 @@ def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Arra
             )
         steps = rng.standard_normal(count) * spread
         if name in _LOGARITHMIC:
-            draws[name] = centre * np.exp(steps / centre)
+            # A parameter that nothing determines spreads over all that a number holds.
+            draws[name] = centre * np.exp(np.clip(steps / centre, -_WIDEST, _WIDEST))
         elif name in ("b", "L"):
             draws[name] = np.abs(centre + steps)
         else:

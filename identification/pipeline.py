@@ -48,6 +48,8 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of the whole job that is done."""
 
 _LEAST_ROWS = 50
+_LARGEST = 1e15
+"""Largest value of a channel; beyond, the squares of a long record exhaust the precision."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def _identified(
 ) -> Identification:
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
-    _check(training)
+    _check(training, validation)
     parse_controllers(options.controllers)
     campaign = campaign_of(training, validation)
     declared = _declared(campaign, options)
@@ -186,7 +188,7 @@ def _identified(
     return Identification(result, findings)
 
 
-def _check(training: Sequence[Run]) -> None:
+def _check(training: Sequence[Run], validation: Sequence[Run]) -> None:
     if not training:
         raise InputError("no training run was given; expected at least one run file")
     rows = sum(run.rows for run in training)
@@ -196,6 +198,42 @@ def _check(training: Sequence[Run]) -> None:
             "record longer or give more runs",
             file=training[0].name,
             value=rows,
+        )
+    for run in (*training, *validation):
+        _check_values(run)
+
+
+def _check_values(run: Run) -> None:
+    """Refuse what no file can hold: a run need not come from the reader, which refuses far less.
+
+    Raises:
+        InputError: Time does not increase, or a value is not finite or too large to be squared.
+    """
+    channels = {
+        "voltage_V": run.voltage,
+        "current_A": run.current,
+        "speed_rad_s": run.speed,
+        "temperature_degC": run.temperature,
+        "position_rad": run.position,
+    }
+    for name, values in channels.items():
+        if values is None:
+            continue
+        wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
+        if wrong.size:
+            raise InputError(
+                f"sample {wrong[0]} is {values[wrong[0]]:.6g}; expected a finite value below "
+                f"{_LARGEST:.0e}: check the sensor and its scale",
+                file=run.name,
+                column=name,
+                value=float(values[wrong[0]]),
+            )
+    steps = np.diff(run.time)
+    if not (np.isfinite(run.time).all() and (steps > 0).all()):
+        raise InputError(
+            "time does not increase from sample to sample; expected finite increasing seconds",
+            file=run.name,
+            column="time_s",
         )
 
 

@@ -18,6 +18,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.linear import solution
+
 __all__ = ["Summit", "climb"]
 
 Array = NDArray[np.float64]
@@ -76,7 +78,7 @@ def climb(
     for number in range(_STEPS):
         free = _free(place, gradient, bounds)
         step = np.zeros(place.size)
-        step[free] = np.linalg.solve(np.linalg.inv(inverse)[np.ix_(free, free)], gradient[free])
+        step[free] = solution(_inverted(inverse)[np.ix_(free, free)], gradient[free])
         promised = float(gradient @ step)
         if not promised > _ENOUGH or (
             rival is not None and _is_decided(number, value, promised, rival)
@@ -162,7 +164,7 @@ def _bent(inverse: Array, step: Array, change: Array) -> Array:
     """BFGS update of the inverse, damped where the curvature would turn negative."""
     if not np.abs(step).max() > 0:
         return inverse
-    matrix = np.linalg.inv(inverse)
+    matrix = _inverted(inverse)
     own = float(step @ matrix @ step)
     along = float(step @ change)
     if along < 0.2 * own:
@@ -171,4 +173,8 @@ def _bent(inverse: Array, step: Array, change: Array) -> Array:
         along = float(step @ change)
     pushed = matrix @ step
     matrix = matrix + np.outer(change, change) / along - np.outer(pushed, pushed) / own
-    return np.asarray(np.linalg.inv(0.5 * (matrix + matrix.T)))
+    return _inverted(0.5 * (matrix + matrix.T))
+
+
+def _inverted(matrix: Array) -> Array:
+    return solution(matrix, np.eye(matrix.shape[0]))

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from identification.fit.normal_equations import state_precision
 from identification.fit.solve import Fit
+from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
@@ -277,7 +278,7 @@ def _scale(structure: Structure, rows: Sequence[Array], noise: Array) -> Array:
     """(2,) missing voltage and torque that shift the steady state by the noise [V, N m]."""
     middle = np.median(np.concatenate(rows), axis=0)
     a, b, c = (np.asarray(ca.DM(m)) for m in structure.matrices(ca.DM(middle)))
-    steady = c @ np.linalg.lstsq(np.eye(a.shape[0]) - a, b, rcond=1e-9)[0]
+    steady = c @ least_squares(np.eye(a.shape[0]) - a, b, 1e-9)
     reach = np.abs(steady / noise[:, None]).max(axis=0)
     return np.asarray(1.0 / np.where(reach > 0, reach, 1.0))
 

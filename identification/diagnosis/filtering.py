@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.deviation import Deviation, Piece, Structure
+from identification.linear import eigh
 from identification.model.scan import scan_of
 
 __all__ = [
@@ -275,7 +276,7 @@ def _integrated(deviation: Deviation, sums: Array, logs: Array) -> Likelihood:
     value = np.full(lanes, -np.inf)
     shift, covariance = np.zeros((lanes, n)), np.zeros((lanes, n, n))
     if finite.any():
-        values, vectors = np.linalg.eigh(scaled[finite])
+        values, vectors = eigh(scaled[finite])
         values = np.maximum(values, 1e-12)
         inverse = np.einsum("aij,aj,akj->aik", vectors, 1.0 / values, vectors)
         inverse /= size[finite][:, :, None] * size[finite][:, None, :]

@@ -26,6 +26,7 @@ from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.initial import fitted_initial_states
 from identification.fit.noise import autoregression, effective_share
 from identification.fit.solve import Fit
+from identification.linear import eigh, least_squares
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 
@@ -82,8 +83,8 @@ class Remains:
         """Mean and variance of what uncertain parameters add to the mean square over noise^2."""
         if not self.errors or not self.errors[0].shape[1]:
             return 0.0, 0.0
-        gram = sum(np.asarray(e.T @ e) for e in self.errors) / (self.count * noise**2)
-        values = np.maximum(np.linalg.eigvalsh(gram), 0.0)
+        gram = np.sum([e.T @ e for e in self.errors], axis=0) / (self.count * noise**2)
+        values = np.maximum(eigh(gram)[0], 0.0)
         # Beside their own squares, errors meet the noise: 4 sigma^2 z'Gz / count, coloured.
         power = float(spectrum(-self.taps[1:], 4096).max())
         met = 4.0 * power * float(values.sum()) / self.count
@@ -191,7 +192,7 @@ def _spread(fit: Fit, noise: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(rms > 0, np.minimum(noise / rms, 1.0), 1.0)
     covariance = fit.equations.covariance(effective_share(fit)) * float(shares.max()) ** 2
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
@@ -201,7 +202,7 @@ def _without_start(series: Array, directions: Array, weight: Array, noise: Array
     root = (weight > 0) / scale
     basis = (directions * root[:, :, None]).reshape(-1, directions.shape[2])
     target = (series * root[:, :, None]).reshape(-1, series.shape[2])
-    shift = np.linalg.lstsq(basis, target, rcond=1e-10)[0]
+    shift = least_squares(basis, target, 1e-10)
     return np.asarray(series - directions @ shift)
 
 

@@ -42,9 +42,19 @@ from numpy.typing import NDArray
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
+from identification.linear import least_squares
 from identification.model.term import AbstractTerm, State
 
-__all__ = ["LEAST_SIZE", "LOCAL", "Gates", "Judged", "judged", "probabilities", "scores_of"]
+__all__ = [
+    "LEAST_SIZE",
+    "LOCAL",
+    "UNCOMPUTED",
+    "Gates",
+    "Judged",
+    "judged",
+    "probabilities",
+    "scores_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -60,6 +70,7 @@ _SURELY: Final = 2.0
 _BY_CHANCE: Final = 0.5
 """Log likelihood that a number which is fitted gains where there is nothing to gain."""
 LOCAL: Final = frozenset({"load_step", "inertia_change"})
+UNCOMPUTED: Final = "cannot be computed: its simulation or its normal equations are not finite"
 
 
 @dataclass(frozen=True)
@@ -157,6 +168,11 @@ class Judged:
     share: float
     unseen: Unseen | None = None
 
+    @property
+    def is_computed(self) -> bool:
+        """Whether cost and normal equations are finite; a model without is never chosen."""
+        return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
+
     def gates(self, simpler: Judged, tried: int) -> Gates:
         """The three gates between this model and a simpler one.
 
@@ -198,7 +214,9 @@ class Judged:
         )
 
     def _flaw(self, terms: Sequence[AbstractTerm]) -> str:
-        """Why one of these terms is not what its kind is; empty where all are."""
+        """Why one of these terms is not what its kind is, or the model no candidate; else empty."""
+        if not self.is_computed:
+            return UNCOMPUTED
         values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
         for term in terms:
             own = {p.name: float(values[f"{term.name}.{p.name}"]) for p in term.parameters}
@@ -223,7 +241,12 @@ class Judged:
 
         Args:
             share: Effective share of the samples, the same for all that are compared.
+
+        Returns:
+            Infinity for a model that cannot be computed.
         """
+        if not self.is_computed:
+            return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
@@ -267,7 +290,7 @@ def _determined(fit: Fit) -> float:
     A parameter that is left where its prior has it costs no evidence: the asymmetry of a friction,
     where a motor turns one way only.
     """
-    return float(np.trace(np.linalg.lstsq(fit.equations.matrix, fit.equations.information)[0]))
+    return float(np.trace(least_squares(fit.equations.matrix, fit.equations.information)))
 
 
 def scores_of(models: Sequence[Judged]) -> list[float]:
@@ -311,6 +334,9 @@ def probabilities(scores: Sequence[float]) -> Array:
     Args:
         scores: Half the criterion of each model, all on the same data and effective samples.
     """
+    if not np.isfinite(scores).any():
+        # The first is the model at hand; where none can be computed it keeps its place alone.
+        return np.asarray(np.arange(len(scores)) == 0, dtype=np.float64)
     relative = -(np.asarray(scores) - np.min(scores))
     weights = np.exp(np.maximum(relative, -700.0))
     return np.asarray(weights / weights.sum())

@@ -52,6 +52,7 @@ class Searched:
         gates: How it fared in the refit, None where it was not refitted.
         chosen: Whether it was taken in that round.
         detail: Which variant of the kind: the channel or the run it concerns.
+        flaw: Why it could not be computed at all; empty where it could.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Searched:
     gates: Gates | None
     chosen: bool
     detail: str = ""
+    flaw: str = ""
 
 
 @dataclass(frozen=True)

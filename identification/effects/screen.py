@@ -25,6 +25,7 @@ from identification.effects.score import Score
 from identification.effects.start import Along
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
+from identification.linear import least_squares, solution
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
@@ -234,7 +235,7 @@ def _gain(square: Array, right: Array) -> tuple[float, Array]:
     if not (size > 0).all():
         return np.nan, right
     scaled = square / np.outer(size, size)
-    weights = np.linalg.lstsq(scaled, right / size, rcond=1e-8)[0] / size
+    weights = least_squares(scaled, right / size, 1e-8) / size
     return 0.5 * float(weights @ right), weights
 
 
@@ -319,10 +320,10 @@ def _normal(
             both += tangent.T @ scaled
             asked += tangent.T @ (white_residual * weight[:, 0] / weighting.deviation[channel] ** 2)
         asked -= gradient_of(residual, equations.tangents[k], weighting, k)
-        solved = np.linalg.solve(equations.state_matrices[k], both[n:])
+        solved = solution(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
         right -= solved.T @ (equations.state_gradients[k] + asked[n:])
-        own = np.linalg.solve(equations.state_matrices[k], asked[n:])
+        own = solution(equations.state_matrices[k], asked[n:])
         gradient += asked[:n] - equations.couplings[k].T @ own
         moved.append(solved)
         crossed += both[:n] - equations.couplings[k].T @ solved
@@ -330,11 +331,11 @@ def _normal(
     free = equations.matrix
     size = np.sqrt(np.diag(free))
     scaled_matrix = free / np.outer(size, size)
-    solved = np.linalg.lstsq(scaled_matrix, crossed / size[:, None], rcond=1e-12)[0]
+    solved = least_squares(scaled_matrix, crossed / size[:, None], 1e-12)
     moves = -solved / size[:, None]
     right += moves.T @ gradient
     states = [
-        np.asarray(-own - np.linalg.solve(matrix, coupling @ moves), dtype=np.float64)
+        -own - solution(matrix, coupling @ moves)
         for own, matrix, coupling in zip(
             moved, equations.state_matrices, equations.couplings, strict=True
         )

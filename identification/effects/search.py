@@ -22,7 +22,13 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import LEAST_SIZE, Judged, probabilities, scores_of
+from identification.effects.evidence import (
+    LEAST_SIZE,
+    UNCOMPUTED,
+    Judged,
+    probabilities,
+    scores_of,
+)
 from identification.effects.outcome import Alternative, Found, Outcome, Searched
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.score import Score
@@ -129,6 +135,8 @@ def _forward(state: _State, round_: int) -> bool:
         key = (score.candidate.term.name, score.candidate.final.variant)
         if key not in looked:
             state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
+    for name in trials.uncomputed(current):
+        state.searched.append(Searched(name, round_, np.nan, None, False, flaw=UNCOMPUTED))
     if chosen is None:
         return False
     state.current = chosen

@@ -69,6 +69,7 @@ class Trials:
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
+    _uncomputed: dict[Key, list[str]] = field(default_factory=dict)
     _led: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
@@ -160,9 +161,17 @@ class Trials:
             return []
         if known is None:
             candidates = _candidates(current.fit)
-            known = self._scores[key] = _single(screened(current.fit, candidates))
+            found = screened(current.fit, candidates)
+            scored = {score.candidate.term.name for score in found}
+            names = dict.fromkeys(candidate.term.name for candidate in candidates)
+            self._uncomputed[key] = [name for name in names if name not in scored]
+            known = self._scores[key] = _single(found)
             self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
         return known
+
+    def uncomputed(self, current: Judged) -> list[str]:
+        """Kinds of which no prototype has a finite score beside a model that was screened."""
+        return self._uncomputed.get(_key(current.fit), [])
 
     def curves(self, current: Judged) -> list[Score]:
         """Scores of curves and ripples that belong to no kind, best first."""

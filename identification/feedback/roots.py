@@ -16,6 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.linear import eigenvalues
+
 __all__ = ["monic_roots", "quadratic_roots"]
 
 Array = NDArray[np.float64]
@@ -56,7 +58,8 @@ def quadratic_roots(total: Array, product: Array) -> Complex:
         product: (n_polynomial,) their product.
     """
     half = total / 2
-    discriminant = half**2 - product
+    with np.errstate(over="ignore"):
+        discriminant = half**2 - product
     radius = np.sqrt(np.abs(discriminant))
     far = -(half + np.copysign(radius, half))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -73,10 +76,11 @@ def _one_real_root(coefficients: Array) -> Array:
     companion = np.zeros((c0.size, 3, 3))
     companion[:, 0] = -coefficients[:, 1:]
     companion[:, 1, 0] = companion[:, 2, 1] = 1.0
-    candidates = np.linalg.eigvals(companion).astype(np.complex128)
+    candidates = eigenvalues(companion)
     size = np.where(candidates.imag == 0, np.abs(candidates), -1.0)
     root = candidates[np.arange(c0.size), size.argmax(axis=1)].real
-    residual = ((root + c2) * root + c1) * root + c0
+    with np.errstate(over="ignore", invalid="ignore"):
+        residual = ((root + c2) * root + c1) * root + c0
     for _ in range(_POLISHING_STEPS):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             moved = root - residual / ((3 * root + 2 * c2) * root + c1)

@@ -43,11 +43,15 @@ _RISE: Final = (0.1, 0.9)
 _BAND: Final = 0.02
 # An excess over the final value below this share is rounding, not overshoot.
 _LEAST_OVERSHOOT: Final = 1e-9
+_MOST_PIECES: Final = 200
+"""Pieces of a response between two knots that are looked at: 100 oscillations."""
 
 
 @dataclass(frozen=True)
 class StepCharacteristics:
     """What is read off a step response; each (n_loop,), NaN where it does not exist.
+
+    Rise time and peak are NaN as well where 100 oscillations do not show them.
 
     Args:
         is_stable: All closed-loop poles have a negative real part.
@@ -175,6 +179,10 @@ class _RelativeResponse:
             is_found = np.isfinite(crossing[:, rows]).all(axis=0)
             going = ~(is_found & is_highest) & (right < self.horizon[rows])
             left, rows, number = right[going], rows[going], number + 1
+            if number == _MOST_PIECES:
+                # Nearly undamped: what is not known by now is undefined.
+                excess[rows] = peak_time[rows] = np.nan
+                break
         return crossing, excess, peak_time
 
     def _turning(self, left: Array, right: Array, rows: Index) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.linear import eigh
 
 __all__ = ["identified"]
 
@@ -60,7 +61,7 @@ def _data_deviations(fit: Fit, share: float) -> Array:
     seen = size > 0
     deviations = np.full(size.size, np.inf)
     scaled = information[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = eigh(scaled)
     inverse = np.where(values > _ABSENT, 1.0 / np.maximum(values, _ABSENT), 1.0 / _ABSENT**2)
     # In a direction that the data do not show, rounding leaves a little of every parameter.
     shares = np.where((values <= _ABSENT) & (vectors**2 < _ROUNDED), 0.0, vectors**2)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.normal_equations import products, state_precision
+from identification.linear import solution
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
@@ -71,7 +72,7 @@ def _fitted_to_heads(
             full, right = products(record.measured - logged[k], tangents[k], weighting, k)
             precision = state_precision(short, k)
             right = right + precision * (centres[k] - states[k])
-            moves.append(np.linalg.solve(full + np.diag(precision), right))
+            moves.append(solution(full + np.diag(precision), right))
         if not simulator.model.terms:
             # The motor is linear: the step leads to the optimum.
             states = tuple(state + move for state, move in zip(states, moves, strict=True))

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from identification.fit.solve import Fit, solve
+from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
 
 __all__ = [
@@ -249,9 +250,9 @@ def effective_share(fit: Fit) -> float:
             spread = signal.lfilter([1.0], taps, counted[::-1], axis=0) * (power / deviation)
             gradient += spread.T @ spread
     prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
-    root = np.linalg.cholesky(plain + prior)
-    turned = np.linalg.solve(curvature + prior, root)
-    ratios = np.linalg.eigvalsh(turned.T @ (gradient + prior) @ turned)
+    factor = root(plain + prior)
+    turned = solution(curvature + prior, factor)
+    ratios, _ = eigh(turned.T @ (gradient + prior) @ turned)
     inflation = float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-12)))))
     return 1.0 / max(inflation, 1.0)
 

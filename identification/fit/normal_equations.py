@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.linear import eigh, least_squares, solution
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
@@ -125,7 +126,7 @@ class NormalEquations:
         for k, curve in enumerate(curves):
             with np.errstate(invalid="ignore", over="ignore"):
                 right = -0.5 * gradient_of(curve, self.tangents[k], weighting, k)
-            coupled = self.couplings[k].T @ np.linalg.solve(self.state_matrices[k], right[n:])
+            coupled = self.couplings[k].T @ solution(self.state_matrices[k], right[n:])
             gradient += right[:n] - coupled
             state_gradients.append(right[n:])
         found = []
@@ -162,7 +163,7 @@ class NormalEquations:
             free &= ~beyond
         step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
         moved: list[Array] = [
-            np.asarray(np.linalg.solve(matrix, right - coupling @ step))
+            solution(matrix, right - coupling @ step)
             for matrix, coupling, right in zip(
                 self.state_matrices, self.couplings, state_gradients, strict=True
             )
@@ -179,7 +180,7 @@ class NormalEquations:
 
     def state_response(self, k: int) -> Array:
         """(n_state, n_parameter): how the best initial state of record `k` follows parameters."""
-        return np.asarray(-np.linalg.solve(self.state_matrices[k], self.couplings[k]))
+        return -solution(self.state_matrices[k], self.couplings[k])
 
 
 def normal_equations(
@@ -214,7 +215,7 @@ def normal_equations(
         if not np.max(np.abs(full)) < _LARGEST:
             # On the way to infinity: `is_finite` tells it, and nothing is solved.
             information[:], xx, xj = np.nan, np.eye(xx.shape[0]), np.zeros_like(xj)
-        solved = _by_states(xx, np.column_stack([xj, xg]))
+        solved = solution(xx, np.column_stack([xj, xg]))
         information += full[:n, :n] - xj.T @ solved[:, :n]
         gradient += right[:n] - xj.T @ solved[:, n]
         matrices.append(xx)
@@ -300,15 +301,7 @@ def _solved(matrix: Array, right: Array) -> Array:
         return right
     size = _sizes(matrix)
     scaled = matrix / np.outer(size, size)
-    return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size)
-
-
-def _by_states(matrix: Array, right: Array) -> Array:
-    """Solution for each column; not a number where what the states do is lost in rounding."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.full_like(right, np.nan)
+    return least_squares(scaled, right / size, 1e-13) / size
 
 
 def _sizes(matrix: Array) -> Array:
@@ -320,6 +313,6 @@ def _sizes(matrix: Array) -> Array:
 def _inverse(matrix: Array) -> Array:
     size = _sizes(matrix)
     scaled = matrix / np.outer(size, size)
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = eigh(scaled)
     values = np.maximum(values, 1e-14)
     return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from identification.linear import least_squares
 from identification.model.excitation import Record
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
@@ -141,7 +142,7 @@ def _least_squares(columns: Array, target: Array) -> Array:
     # The normal equations of scaled columns: far cheaper than an orthogonal factorisation of all
     # rows, and their squared condition is no harm to a start.
     scaled = columns / size
-    answer = np.linalg.lstsq(scaled.T @ scaled, scaled.T @ target, rcond=1e-12)[0]
+    answer = least_squares(scaled.T @ scaled, scaled.T @ target, 1e-12)
     return np.asarray(answer / size)
 
 

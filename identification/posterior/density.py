@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.linear import root
 from identification.model.simulate import Simulator
 from identification.posterior.coarse import coarser
 from identification.posterior.ridge import Ridge
@@ -103,9 +104,9 @@ class Posterior:
         It is compared with that of the fit at a few draws from the normal approximation.
         """
         fit = self.fit
-        root = np.linalg.cholesky(self.covariance())
-        normal = np.random.default_rng(0).standard_normal((_PROBES, root.shape[0]))
-        points = self.mirrored(np.vstack([self.centre, self.centre + normal @ root.T]))
+        factor = root(self.covariance())
+        normal = np.random.default_rng(0).standard_normal((_PROBES, factor.shape[0]))
+        points = self.mirrored(np.vstack([self.centre, self.centre + normal @ factor.T]))
         exact: Array | None = None
         for simulator in coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation):
             exact = self._density(fit.simulator, points) if exact is None else exact

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.linear import root
 from identification.posterior.density import Posterior
 
 __all__ = ["normal_draws"]
@@ -25,7 +26,7 @@ def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str
     """
     rng = np.random.default_rng(seed)
     covariance = posterior.covariance()
-    root = np.linalg.cholesky(covariance)
-    points = posterior.centre + rng.standard_normal((count, covariance.shape[0])) @ root.T
+    factor = root(covariance)
+    points = posterior.centre + rng.standard_normal((count, covariance.shape[0])) @ factor.T
     values = posterior.physical(posterior.mirrored(points))
     return {name: values[:, k] for k, name in enumerate(posterior.names)}

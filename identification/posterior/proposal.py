@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from identification.linear import root
 from identification.posterior.ridge import Ridge
 
 __all__ = ["AlongRidge", "Independent"]
@@ -35,7 +36,7 @@ class Independent:
 
     def __init__(self, centre: Array, covariance: Array, freedom: float) -> None:
         self._centre = centre
-        self._root = np.linalg.cholesky(covariance)
+        self._root = root(covariance)
         self._freedom = freedom
 
     def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:

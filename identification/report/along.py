@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.localise import Localisation, Missing
 from identification.fit.solve import Fit
+from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
@@ -146,7 +147,7 @@ class FinalPath:
             left = found.missing[:, k] - effects[:, k]
             known = np.isfinite(left)
             size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-            solved = np.linalg.lstsq(columns[known] / size, left[known], rcond=1e-8)[0]
+            solved = least_squares(columns[known] / size, left[known], 1e-8)
             parts.append(solved / size)
         return parts
 

@@ -102,6 +102,8 @@ def searched_entries(outcome: Outcome | None) -> list[dict[str, Any]]:
 def _reason(searched: Searched) -> str:
     if searched.chosen:
         return "passes chance, size and prediction, and explains most"
+    if searched.flaw:
+        return searched.flaw
     if searched.gates is None:
         return "screening promised less than the candidates that were fitted"
     return searched.gates.refusal or "another candidate explains more"

@@ -9,7 +9,14 @@ import pytest
 
 from bench import make_campaign
 from identification.effects import trials
-from identification.effects.evidence import Gates, Judged, Unseen, scores_of
+from identification.effects.evidence import (
+    UNCOMPUTED,
+    Gates,
+    Judged,
+    Unseen,
+    probabilities,
+    scores_of,
+)
 from identification.effects.load import LoadStep
 from identification.effects.refit import refitted_as, refitted_with, refitted_without
 from identification.effects.start import Start
@@ -48,6 +55,17 @@ def test_an_event_of_one_training_run_is_not_asked_of_other_runs() -> None:
 
     assert event.passed
     assert not replace(event, validation=-0.1).passed
+
+
+def test_a_candidate_without_finite_normal_equations_is_refused_and_said() -> None:
+    """Its score is infinite and its probability zero; numpy's least squares raised for it."""
+    fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
+    broken = replace(fit.equations, matrix=np.full_like(fit.equations.matrix, np.nan))
+    declared, candidate = Judged(fit, 1.0), Judged(replace(fit, equations=broken), 1.0)
+
+    assert candidate.gates(declared, tried=100).refusal == UNCOMPUTED
+    assert probabilities(scores_of([declared, candidate])).tolist() == pytest.approx([1.0, 0.0])
+    assert probabilities([np.inf, np.inf]).tolist() == pytest.approx([1.0, 0.0])
 
 
 def test_what_keeps_a_model_from_running_away_is_needed() -> None:

@@ -53,6 +53,22 @@ def second_order(damping: float, frequency: float = 1.0) -> StepCharacteristics:
     return characteristics([0, frequency**2], [1, 2 * damping * frequency, frequency**2])
 
 
+@pytest.mark.parametrize(("frequency", "rise"), [(50.0, np.log(9.0)), (1e3, np.nan)])
+def test_a_rise_that_takes_hundreds_of_oscillations_is_undefined(
+    frequency: float, rise: float
+) -> None:
+    """A real mode of 1 s rises in log 9; beside it a pair rings on, damped at a hundredth of it.
+
+    The ripple of 1/frequency moves the crossing of 90 %, where the slope is 0.1, by 10/frequency.
+    At 1,000 rad/s the rise has 350 oscillations; at 1e6 rad/s it took minutes.
+    """
+    closed = np.convolve([1, 1], [1, 0.02, frequency**2])
+
+    found = characteristics([0, 0, frequency**2], closed).rise_time[0]
+
+    assert found == pytest.approx(rise, abs=10.0 / frequency, nan_ok=True)
+
+
 def test_table_of_the_source_is_reproduced_to_four_digits() -> None:
     """Table 1 of the source at 25 and 125 degC, with its digits carried further."""
     motors = motor_draws(PAPER, [25.0, 125.0])

@@ -1,0 +1,87 @@
+"""Dense linear algebra whose status is in the result: not a number where there is no answer.
+
+A candidate of a search may diverge, and its normal equations are then not finite or singular.
+LAPACK raises or hangs on some of these by the last digit; here every such system has the solution
+NaN, which the caller's cost carries on and the comparison of models rejects.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
+
+Array = NDArray[np.float64]
+
+
+def solution(matrix: Array, right: Array) -> Array:
+    """Solution of a square system; NaN throughout where it is singular or not finite.
+
+    Args:
+        matrix: (n, n).
+        right: (n,) or (n, n_column).
+    """
+    if np.isfinite(matrix).all():
+        try:
+            return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    return np.full_like(right, np.nan, dtype=np.float64)
+
+
+def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Array:
+    """Least-squares solution of least norm; NaN throughout where the system is not finite.
+
+    Args:
+        matrix: (m, n).
+        right: (m,) or (m, n_column).
+        rcond: Singular values below this share of the largest count as zero [-].
+    """
+    if np.isfinite(matrix).all() and np.isfinite(right).all():
+        try:
+            return np.asarray(np.linalg.lstsq(matrix, right, rcond=rcond)[0], dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    return np.full((matrix.shape[1], *right.shape[1:]), np.nan)
+
+
+def eigh(matrix: Array) -> tuple[Array, Array]:
+    """Eigenvalues, ascending, and eigenvectors of symmetric matrices; NaN where not finite.
+
+    Args:
+        matrix: (..., n, n).
+    """
+    if np.isfinite(matrix).all():
+        try:
+            values, vectors = np.linalg.eigh(matrix)
+            return np.asarray(values, dtype=np.float64), np.asarray(vectors, dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    return np.full(matrix.shape[:-1], np.nan), np.full(matrix.shape, np.nan)
+
+
+def eigenvalues(matrices: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of general matrices; NaN for each matrix that is not finite.
+
+    Args:
+        matrices: (..., n, n).
+    """
+    finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
+    values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
+    return np.asarray(np.where(finite[..., None], values, np.nan), dtype=np.complex128)
+
+
+def root(covariance: Array) -> Array:
+    """A with A A' the covariance, (n, n): Cholesky's, or by eigenvalues where rounding denies it.
+
+    Args:
+        covariance: (n, n) symmetric, positive semi-definite up to rounding.
+    """
+    if np.isfinite(covariance).all():
+        try:
+            return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    values, vectors = eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)

@@ -1,0 +1,46 @@
+"""Linear algebra that answers not a number where there is no answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification.linear import eigenvalues, eigh, least_squares, root, solution
+
+Array = NDArray[np.float64]
+
+NAN = np.array([[1.0, np.nan], [np.nan, 1.0]])
+INFINITE = np.array([[np.inf, 0.0], [0.0, 1.0]])
+SINGULAR = np.ones((2, 2))
+
+
+@pytest.mark.parametrize("matrix", [NAN, INFINITE])
+def test_what_is_not_finite_has_answers_that_are_not_numbers(matrix: Array) -> None:
+    """LAPACK makes numpy raise LinAlgError for some of these, by its version."""
+    assert np.isnan(solution(matrix, np.ones(2))).all()
+    assert np.isnan(least_squares(matrix, np.ones((2, 3)))).all()
+    assert np.isnan(eigh(matrix)[0]).all()
+    assert np.isnan(eigenvalues(matrix)).all()
+    assert np.isnan(root(matrix)).all()
+
+
+def test_a_singular_system_has_no_solution_and_one_of_least_norm() -> None:
+    """From x + y = 2 twice: infinitely many solutions, (1, 1) the shortest."""
+    assert np.isnan(solution(SINGULAR, np.array([2.0, 2.0]))).all()
+    assert least_squares(SINGULAR, np.array([2.0, 2.0])) == pytest.approx([1.0, 1.0])
+
+
+def test_a_covariance_of_rank_one_has_a_root() -> None:
+    """Cholesky's fails for eigenvalues 0 and 2; A A' is the matrix all the same."""
+    found = root(SINGULAR)
+
+    assert found @ found.T == pytest.approx(SINGULAR)
+
+
+def test_one_matrix_that_is_not_finite_leaves_the_others_their_eigenvalues() -> None:
+    """Beside it the identity, whose eigenvalues are 1."""
+    found = eigenvalues(np.stack([NAN, np.eye(2)]))
+
+    assert np.isnan(found[0]).all()
+    assert found[1] == pytest.approx([1.0, 1.0])

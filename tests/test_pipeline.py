@@ -1,0 +1,40 @@
+"""What `identify` refuses before it calculates anything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification import InputError, Run, identify
+from tests.motors import campaign, motor_named
+
+RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
+
+
+def _with(channel: str, values: NDArray[np.float64]) -> Run:
+    changed: dict[str, Any] = {channel: values}
+    return replace(RUN, **changed)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e150])
+@pytest.mark.parametrize("channel", ["voltage", "speed", "temperature"])
+def test_a_value_that_no_sensor_logs_is_refused_with_its_sample(channel: str, value: float) -> None:
+    """A run need not come from the reader; 1e150 is finite and its square is not."""
+    values = np.asarray(getattr(RUN, channel)).copy()
+    values[7] = value
+
+    with pytest.raises(InputError, match=r"sample 7 is .*; expected a finite value below 1e\+15"):
+        identify([RUN], [_with(channel, values)])
+
+
+def test_time_that_stands_still_is_refused() -> None:
+    """Two samples at one time have no interval."""
+    time = RUN.time.copy()
+    time[5] = time[4]
+
+    with pytest.raises(InputError, match="time does not increase"):
+        identify([replace(RUN, time=time)])
