@@ -246,6 +246,7 @@ class ReportData:
         equations: The final model, printed from the expressions that were simulated.
         limits: More sentences on what the data cannot tell, beside the general ones.
         reasons: Why a parameter is not identified, one sentence by name.
+        undrawn: What could not be drawn and why, one sentence each.
         title: Head of the report.
     """
 
@@ -258,4 +259,5 @@ class ReportData:
     equations: tuple[Equation, ...] = ()
     limits: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
+    undrawn: tuple[str, ...] = ()
     title: str = "Motor identification"

@@ -15,6 +15,7 @@ from identification.model.printing import printed_equations
 from identification.report.along import final_path
 from identification.report.assemble import Findings
 from identification.report.atomic import write_text
+from identification.report.attempts import Attempts
 from identification.report.confusions import confusions_of
 from identification.report.data import (
     CoefficientCurve,
@@ -32,7 +33,7 @@ from identification.report.html import render_report
 from identification.report.missing import missing_terms, unexplained_terms
 from identification.report.missing_time import missing_traces
 from identification.report.netcdf import write_posterior
-from identification.report.result import write_result
+from identification.report.result import finite_or_null, write_result
 from identification.report.story import story_of
 
 __all__ = ["report_data", "write_outputs"]
@@ -43,10 +44,10 @@ _POINTS: Final = 80
 
 
 def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -> None:
-    """Write result.json, report.html and, where sampled, posterior.nc.
+    """Write posterior.nc where sampled, result.json, and then report.html.
 
-    The result is written last: where it stands, the others are complete.  A posterior of an
-    earlier fit is removed where this one has none.
+    Nothing is drawn before the numbers are on the disk.  A posterior or a report of an earlier fit
+    does not stay beside the result of this one.
     """
     directory.mkdir(parents=True, exist_ok=True)
     posterior = directory / "posterior.nc"
@@ -63,18 +64,20 @@ def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -
             acceptance=sample.convergence.acceptance,
             attributes={name: str(value) for name, value in result["software"].items()},
         )
-    write_text(directory / "report.html", render_report(report_data(result, findings)))
+    report = directory / "report.html"
+    report.unlink(missing_ok=True)
     write_result(directory / "result.json", result)
+    write_text(report, render_report(report_data(finite_or_null(result), findings)))
 
 
 def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
-    """Everything the report shows."""
-    sample = findings.sample
+    """Everything the report shows; a part that cannot be computed is left out and said."""
+    sample, attempts = findings.sample, Attempts()
     return ReportData(
         result=result,
         runs=tuple(_runs(findings)),
-        coefficients=tuple(_coefficients(findings)),
-        steps=tuple(_steps(findings)),
+        coefficients=attempts.rows("curve over temperature", lambda: _coefficients(findings)),
+        steps=attempts.rows("step response", lambda: _steps(findings)),
         posterior=None
         if sample is None
         else PosteriorChain(sample.names, sample.units, sample.chain),
@@ -82,12 +85,13 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
             Equation(f"{left} = {right}")
             for left, right in printed_equations(findings.final.simulator.model).items()
         ),
-        story=_story(result, findings),
-        reasons=_reasons(findings),
+        story=_story(result, findings, attempts),
+        reasons=attempts.part("reason of a parameter", lambda: _reasons(findings)) or {},
         limits=tuple(
             f"{confusion.title.capitalize()}. {confusion.apart}"
             for confusion in confusions_of([effect["name"] for effect in result["effects"]])
         ),
+        undrawn=tuple(attempts.remarks),
     )
 
 
@@ -111,8 +115,20 @@ def _steps(findings: Findings) -> list[StepResponse]:
     return steps
 
 
-def _story(result: dict[str, Any], findings: Findings) -> Story | None:
+def _story(result: dict[str, Any], findings: Findings, attempts: Attempts) -> Story | None:
     """How effects were found, with what was missing drawn where it is a voltage or a torque."""
+    found = attempts.part("missing term", lambda: _missing(result, findings))
+    terms, traces = found or ([], [])
+    return attempts.part(
+        "search for effects",
+        lambda: story_of(findings.outcome, result, findings.final, terms, traces),
+    )
+
+
+def _missing(
+    result: dict[str, Any], findings: Findings
+) -> tuple[list[MissingTerm], list[MissingTrace]]:
+    """What was missing against its drivers, and over time."""
     terms: list[MissingTerm] = []
     traces: list[MissingTrace] = []
     final = findings.final
@@ -125,7 +141,7 @@ def _story(result: dict[str, Any], findings: Findings) -> Story | None:
         found = findings.localisation.missing
         signals = signals_at(findings.declared.simulator.records, found)
         terms = unexplained_terms(result["diagnosis"]["trace"], found, signals)
-    return story_of(findings.outcome, result, final, terms, traces)
+    return terms, traces
 
 
 def _runs(findings: Findings) -> list[RunTraces]:

@@ -14,7 +14,8 @@ import base64
 import hashlib
 import json
 from collections.abc import Sequence
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from importlib import resources
 from typing import Any
 
@@ -22,6 +23,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identification.diagnosis.residual import Correlation
+from identification.report.attempts import Attempts
 from identification.report.data import ReportData, RunTraces, StepResponse
 from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
 from identification.report.figures.correlation import correlation_figure
@@ -48,6 +50,7 @@ __all__ = ["content_security_policy", "render_report"]
 
 _SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
 _STYLES = ("vendor/uPlot.min.css", "report.css")
+_NO_RUNS = Markup('{"runs":[]}')
 
 
 def render_report(data: ReportData) -> str:
@@ -59,30 +62,36 @@ def render_report(data: ReportData) -> str:
     Returns:
         HTML text, UTF-8 when written.
     """
+    attempts = Attempts(list(data.undrawn))
+    data = replace(data, result=finite_or_null(data.result))
     result = data.result
-    checks = _checks_by_role(data.runs)
-    coloured = coloured_channels(next(iter(checks.values()), []))
+    checks = attempts.part("residual check", lambda: _checks_by_role(data.runs)) or {}
+    deciding = next(iter(checks.values()), [])
+    coloured = attempts.rows("whiteness", lambda: coloured_channels(deciding))
+    rows, figure = attempts.rows, attempts.figure
     return _environment().get_template("report.html.j2").render(
         data=data,
         result=result,
         policy=content_security_policy(),
         scripts=[_asset(name) for name in _SCRIPTS],
         styles=[_asset(name) for name in _STYLES],
-        sentences=summary_sentences(result, coloured),
-        key_figures=key_figures(result, coloured),
-        parameters=parameter_rows(data),
-        runs=list(zip(run_rows(data), [Markup(run_thumbnail(run)) for run in data.runs],
-                      strict=True)),
-        payload=_payload(data),
+        sentences=rows("summary", lambda: summary_sentences(result, coloured)),
+        key_figures=rows("key figures", lambda: key_figures(result, coloured)),
+        parameters=rows("table of parameters", lambda: parameter_rows(data)),
+        runs=rows("table of runs", lambda: zip(run_rows(data), _thumbnails(data, attempts),
+                                               strict=True)),
+        payload=attempts.part("measured and simulated run", lambda: _payload(data)) or _NO_RUNS,
         has_before=any(run.before_speed is not None for run in data.runs),
-        checks=_check_figures(checks),
-        coefficients=_coefficient_figures(data),
-        steps=[Markup(step_figure(steps)) for steps in _by_controller(data.steps)],
-        feedback=feedback_tables(result["feedback"]),
-        comparisons=loop_comparisons(result),
-        errors=error_rows(result),
-        posterior=_posterior_figures(data),
-        story=_story_figures(data),
+        checks=_check_figures(checks, attempts),
+        coefficients=_coefficient_figures(data, attempts),
+        steps=[figure("step response", partial(step_figure, steps))
+               for steps in _by_controller(data.steps)],
+        feedback=rows("table of the loop", lambda: feedback_tables(result["feedback"])),
+        comparisons=rows("comparison of loops", lambda: loop_comparisons(result)),
+        errors=rows("table of errors", lambda: error_rows(result)),
+        posterior=_posterior_figures(data, attempts),
+        story=_story_figures(data, attempts),
+        undrawn=attempts.remarks,
     )  # fmt: skip
 
 
@@ -153,12 +162,18 @@ def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]
     return {role: checks for role, checks in found.items() if checks}
 
 
-def _check_figures(checks_by_role: dict[str, list[ResidualCheck]]) -> list[dict[str, Any]]:
+def _thumbnails(data: ReportData, attempts: Attempts) -> list[Markup]:
+    return [attempts.figure("run", partial(run_thumbnail, run)) for run in data.runs]
+
+
+def _check_figures(
+    checks_by_role: dict[str, list[ResidualCheck]], attempts: Attempts
+) -> list[dict[str, Any]]:
     return [
         {
             "role": role,
             "figures": [
-                _check_figure(check.channel, against, stage, correlation)
+                _check_figure(check.channel, against, stage, correlation, attempts)
                 for check in checks
                 for against, before, after in (
                     ("its own past", check.own_before, check.own),
@@ -173,22 +188,29 @@ def _check_figures(checks_by_role: dict[str, list[ResidualCheck]]) -> list[dict[
 
 
 def _check_figure(
-    channel: str, against: str, stage: str, correlation: Correlation
+    channel: str, against: str, stage: str, correlation: Correlation, attempts: Attempts
 ) -> dict[str, Any]:
     title = f"{channel.capitalize()} residual with {against}"
-    drawing = correlation_figure(title, correlation, "lag [samples]", is_before=stage == "before")
+    drawing = partial(
+        correlation_figure, title, correlation, "lag [samples]", is_before=stage == "before"
+    )
     return {
         "title": title,
         "stage": stage,
         "outside": correlation.outside,
-        "figure": Markup(drawing),
+        "figure": attempts.figure(title, drawing),
     }
 
 
-def _coefficient_figures(data: ReportData) -> list[dict[str, Any]]:
+def _coefficient_figures(data: ReportData, attempts: Attempts) -> list[dict[str, Any]]:
     logged = [run.temperature for run in data.runs if run.temperature is not None]
     return [
-        {"name": curve.name, "figure": Markup(coefficient_figure(curve, logged))}
+        {
+            "name": curve.name,
+            "figure": attempts.figure(
+                f"{curve.name} over temperature", partial(coefficient_figure, curve, logged)
+            ),
+        }
         for curve in data.coefficients
     ]
 
@@ -198,24 +220,33 @@ def _by_controller(steps: Sequence[StepResponse]) -> list[list[StepResponse]]:
     return [[step for step in steps if step.controller == one] for one in controllers]
 
 
-def _posterior_figures(data: ReportData) -> dict[str, Any] | None:
+def _posterior_figures(data: ReportData, attempts: Attempts) -> dict[str, Any] | None:
     if data.posterior is None:
         return None
     count = len(data.posterior.names)
     return {
-        "corner": Markup(corner_figure(data.posterior)),
+        "corner": attempts.figure("corner plot", partial(corner_figure, data.posterior)),
         "left_out": data.posterior.names[MOST_PARAMETERS:],
-        "traces": [Markup(trace_figure(data.posterior, index)) for index in range(count)],
+        "traces": [
+            attempts.figure("trace", partial(trace_figure, data.posterior, index))
+            for index in range(count)
+        ],
     }
 
 
-def _story_figures(data: ReportData) -> dict[str, Any] | None:
+def _story_figures(data: ReportData, attempts: Attempts) -> dict[str, Any] | None:
     if data.story is None:
         return None
     return {
         "sentences": data.story.sentences,
-        "terms": [(term, Markup(missing_term_figure(term))) for term in data.story.terms],
-        "traces": [(trace, Markup(missing_over_time(trace))) for trace in data.story.traces],
+        "terms": [
+            (term, attempts.figure("missing term", partial(missing_term_figure, term)))
+            for term in data.story.terms
+        ],
+        "traces": [
+            (trace, attempts.figure("missing term over time", partial(missing_over_time, trace)))
+            for trace in data.story.traces
+        ],
         "candidates": data.story.candidates,
         "remaining": data.story.remaining,
     }

@@ -60,6 +60,7 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     Returns:
         Texts; a part that is unknown is an en dash.
     """
+    median, low, high = _known(median), _known(low), _known(high)
     known = [value for value in (median, low, high) if value is not None]
     if known and not any(known):
         middle, lower, upper = ("0" if value == 0.0 else UNKNOWN for value in (median, low, high))
@@ -67,7 +68,9 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     exponent = _exponent(max((abs(value) for value in known), default=0.0))
     scale = 10.0**-exponent
     if low is not None and high is not None and high > low:
-        decimals = 1 - math.floor(math.log10((high - low) * scale / 3.0))
+        # An interval of a few denormals is no width: its logarithm may not exist.
+        width = max((high * scale - low * scale) / 3.0, 1e-12)
+        decimals = 1 - math.floor(math.log10(width))
     else:
         decimals = 4 - _leading(max((abs(value) for value in known), default=1.0) * scale)
     decimals = min(max(decimals, 0), 9)
@@ -77,10 +80,11 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
 
 def number_text(value: float | None, digits: int = 4) -> str:
     """Write one number to `digits` significant digits; an en dash where it is unknown."""
-    if value is None or not math.isfinite(value):
+    value = _known(value)
+    if value is None:
         return UNKNOWN
     # Rounded first: 0.99996 to four digits is 1.000, with one digit before the point.
-    value = float(f"{value:.{digits - 1}e}")
+    value = _known(float(f"{value:.{digits - 1}e}")) or value
     exponent = _exponent(abs(value))
     scaled = value * 10.0**-exponent
     decimals = min(max(digits - _leading(abs(scaled)), 0), 9)
@@ -89,25 +93,32 @@ def number_text(value: float | None, digits: int = 4) -> str:
 
 def percent_text(share: float | None, digits: int = 3) -> str:
     """Write a share as per cent; an en dash where it is unknown."""
-    if share is None or not math.isfinite(share):
+    share = _known(share)
+    if share is None:
         return UNKNOWN
     return f"{number_text(100.0 * share, digits)} %"
 
 
 def probability_text(share: float | None) -> str:
     """Write a probability as per cent with one decimal, never as a certainty that it is not."""
-    if share is None or not math.isfinite(share):
+    share = _known(share)
+    if share is None:
         return UNKNOWN
     if 0.0 < share < 0.001:
         return "< 0.1 %"
+    if not 0.0 <= share <= 1.0:
+        return percent_text(share)
     return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.1f} %"
 
 
 def signed_percent_text(share: float | None) -> str:
     """Write a change as per cent with its sign; an en dash where it is unknown."""
-    if share is None or not math.isfinite(share):
+    share = _known(share)
+    if share is None:
         return UNKNOWN
     percent = 100.0 * share
+    if abs(percent) >= 1e6:
+        return f"{'+' if percent > 0 else ''}{number_text(percent, 3)} %"
     digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
     return f"{percent:+.{digits}f} %".replace("-", "−")
 
@@ -124,12 +135,26 @@ def unit_text(unit: str) -> str:
 
 def unit_power(size: float) -> int:
     """Power of ten to take out of an axis whose largest value is `size`; none for plain numbers."""
-    return 0 if size == 0.0 or 0.05 <= size < 1000.0 else math.floor(math.log10(size))
+    known = _known(size)
+    if known is None or known <= 0.0 or 0.05 <= known < 1000.0:
+        return 0
+    return max(math.floor(math.log10(known)), _LEAST_EXPONENT)
 
 
 def scaled_unit(unit: str, power: int) -> str:
     """The unit behind the power of ten that was taken out, such as ``10⁻⁵ kg·m²``."""
     return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
+
+
+def _known(value: float | None) -> float | None:
+    """The number as a float; None where it is missing, not finite or beyond all floats."""
+    if value is None:
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 _LEAST_EXPONENT = -300

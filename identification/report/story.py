@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, Literal, cast
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from identification.report.result import parameter_entry
 __all__ = ["effect_entries", "searched_entries", "story_of"]
 
 Array = NDArray[np.float64]
+
+_LARGEST_LOG: Final = 14.0
+"""Logarithm of the largest factor that is written, a million."""
 
 
 def effect_entries(
@@ -208,13 +211,22 @@ def _change(fall: float) -> str:
 
 def _percent(fall: float) -> str:
     """Change of a root mean square from the fall of its logarithm, in per cent."""
-    return f"{100 * abs(1 - math.exp(-fall)):.1f} %"
+    return f"{100 * abs(1 - _power(-fall)):.1f} %"
+
+
+def _power(exponent: float) -> float:
+    """Factor of a logarithm, bounded: no error grows by more than anybody reads."""
+    return math.exp(min(exponent, _LARGEST_LOG))
 
 
 def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
     """How far the declared parameters had been off because the effects were in them."""
     moved = sorted(
-        ((name, shift["relative"]) for name, shift in shifts.items() if shift["off"]),
+        (
+            (name, shift["relative"])
+            for name, shift in shifts.items()
+            if shift["off"] and None not in shift["relative"].values()
+        ),
         key=lambda item: -abs(item[1]["median"]),
     )
     if not moved:
@@ -281,8 +293,8 @@ def _candidate(
     return Candidate(
         name=name,
         equation=equation,
-        explained=None if gates is None else max(0.0, 1 - math.exp(-2 * gates.training)),
-        held_out=None if held_out is None else math.exp(-2 * held_out) - 1,
+        explained=None if gates is None else max(0.0, 1 - _power(-2 * gates.training)),
+        held_out=None if held_out is None else _power(-2 * held_out) - 1,
         probability=probability,
         verdict=verdict,
         reason=reason,

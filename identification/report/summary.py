@@ -153,7 +153,11 @@ def _effects(result: Entry) -> str:
 def _shifted(result: Entry) -> str:
     """The parameters that the missing effects had spoilt most."""
     shifts = (result["diagnosis"].get("shifts") or {}).items()
-    medians = {name: shift["relative"]["median"] for name, shift in shifts if shift["off"]}
+    medians = {
+        name: shift["relative"]["median"]
+        for name, shift in shifts
+        if shift["off"] and shift["relative"]["median"] is not None
+    }
     worst = sorted(medians, key=lambda name: -abs(medians[name]))[:_NAMED]
     if not worst:
         return ""

@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -36,6 +37,15 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_LARGEST: Final = 1e300
+_LEAST: Final = 1e-300
+"""Largest end and least width of an axis, within which its arithmetic neither over- nor
+underflows."""
+_FINEST: Final = 1e15
+"""Size of a number over the step between ticks from which rounding hides the step."""
+_FAR: Final = 1e5
+"""Drawing units beyond which nothing is seen, and to which a line is led."""
+
 _identifiers: Iterator[int] = itertools.count(1)
 
 
@@ -47,11 +57,18 @@ class Frame:
         box: Left, top, width and height in drawing units.
         x_range: Data at the left and right edge.
         y_range: Data at the bottom and top edge.
+
+    Raises:
+        ValueError: A range is not finite.
     """
 
     box: tuple[float, float, float, float]
     x_range: tuple[float, float]
     y_range: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (*self.x_range, *self.y_range))):
+            raise ValueError(f"its axes would span {self.x_range} and {self.y_range}")
 
     def x(self, values: ArrayLike) -> Array:
         """Drawing coordinates of data along the horizontal axis, same shape."""
@@ -70,8 +87,11 @@ def span(*arrays: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     if values.size == 0:
         return (0.0, 1.0)
-    low, high = float(values.min()), float(values.max())
+    low, high = np.clip([values.min(), values.max()], -_LARGEST, _LARGEST).tolist()
     room = margin * (high - low) if high > low else 0.05 * abs(high) or 0.5
+    if high - low + 2.0 * room < _LEAST:
+        # Denormal numbers: their tick marks have no inverse.
+        return (low - 0.5, high + 0.5)
     return (low - room, high + room)
 
 
@@ -82,6 +102,8 @@ def ticks(low: float, high: float, about: int = 5) -> Array:
     raw = (high - low) / max(about, 1)
     ten = 10.0 ** math.floor(math.log10(raw))
     step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= raw * 0.999)
+    if max(abs(low), abs(high)) > _FINEST * step:
+        return np.array([low])
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
@@ -131,6 +153,7 @@ def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
     pieces = []
     finite = np.isfinite(x) & np.isfinite(y)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
+    x, y = np.clip(x, -_FAR, _FAR), np.clip(y, -_FAR, _FAR)
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         points = " ".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[first:last], y[first:last]))  # noqa: B905
         pieces.append(f"M{points}{'Z' if closed else ''}")
@@ -155,12 +178,16 @@ def band(frame: Frame, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str 
 
 def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
     """Points (n_point,) as one path of strokes without length, which round caps turn to dots."""
-    marks = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(frame.x(x), frame.y(y), strict=True))
+    places = np.column_stack([frame.x(x), frame.y(y)])
+    seen = (np.abs(places) <= _FAR).all(axis=1)
+    marks = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places[seen])
     return f'<path class="{kind}" d="{marks}"/>' if marks else ""
 
 
 def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = False) -> str:
-    """A word at a point of the page; `turned` writes it upwards."""
+    """A word at a point of the page; `turned` writes it upwards.  Nothing off the page."""
+    if not (abs(x) <= _FAR and abs(y) <= _FAR):
+        return ""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{escape(content)}</text>'
 

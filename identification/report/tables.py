@@ -263,7 +263,7 @@ def _shift(declared: Entry, final: Entry) -> str:
 def _shift_bounds(name: str, result: Entry) -> str:
     """The interval of the shift; empty where the result has none."""
     shift = (result["diagnosis"].get("shifts") or {}).get(name)
-    if shift is None or shift["relative"]["q05"] is None:
+    if shift is None or None in (shift["relative"]["q05"], shift["relative"]["q95"]):
         return ""
     low, high = (100.0 * shift["relative"][key] for key in ("q05", "q95"))
     decimals = interval_text(0.0, low, high).low.partition(".")[2]

@@ -45,7 +45,8 @@ def correlation_figure(
 
 
 def _stems(frame: Frame, found: Correlation, mask: np.ndarray, kind: str) -> str:
-    x, y = frame.x(found.lags[mask]), frame.y(found.values[mask])
+    mask = mask & np.isfinite(found.values)
+    x, y = frame.x(found.lags[mask]), frame.y(np.clip(found.values[mask], *frame.y_range))
     zero = float(frame.y(0.0))
     marks = "".join(f"M{a:.1f} {zero:.1f}V{b:.1f}" for a, b in zip(x, y, strict=True))
     return f'<path class="{kind}" d="{marks}"/>' if marks else ""
