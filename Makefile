@@ -129,6 +129,10 @@ coverage: $(READY) ## do 90 % intervals cover in 90 % of simulated campaigns? (l
 attribution: $(READY) ## are hidden effects named? (long)
 	$(BIN)/python -m benchmarks.attribution
 
+.PHONY: faults
+faults: $(READY) ## are faulty runs refused, and sound ones never? (some minutes)
+	$(BIN)/python -m benchmarks.faults
+
 .PHONY: torture
 torture: $(READY) ## the service under kills, bombs, fuzz and load; ARGS=--short for minutes (long)
 	$(BIN)/python -m benchmarks.torture $(ARGS)

@@ -5,6 +5,7 @@
 --controller P:1 PI:2,0.5
 --set Ra25=0.59 Kt25=0.071
 --map 'current_A=CH2 * 2.5 + 0.1 in mA'
+--map 'run3.csv:current_A=CH2 * -1'     of that file alone
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,9 +22,9 @@ import typer.core
 from identification.errors import OptionError
 from identification.numerals import decimal_of, whole_of
 
-__all__ = ["SeveralWords", "decimal", "mapping_of", "values_by_name", "whole"]
+__all__ = ["SeveralWords", "check_mapped_files", "decimal", "mapping_of", "values_by_name", "whole"]
 
-_MAP_FORM = "CHANNEL=HEADER, CHANNEL=HEADER * SCALE + OFFSET in UNIT with any part left out"
+_MAP_FORM = "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT with any part left out"
 
 
 def _is_number(word: str) -> bool:
@@ -148,7 +149,7 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
     Args:
         file: JSON file of a mapping, or None.
         settings: Words such as ``current_A=CH2 * 2.5 in mA``; an empty header leaves an optional
-            channel out.
+            channel out, and ``run3.csv:`` in front means that file alone.
 
     Returns:
         A mapping for `read_run`, or None where nothing was said.
@@ -160,34 +161,60 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
     if file is None and not settings:
         return None
     from identification.ingest import read_mapping
+    from identification.ingest.mapping import FILES
 
-    mapping: dict[str, object] = {}
+    mapping: dict[str, Any] = {}
     if file is not None:
         read_mapping(file)
         mapping = json.loads(file.read_text(encoding="utf-8-sig"))
     for setting in settings:
-        channel, entry = _map_entry(setting)
-        mapping[channel] = entry
+        name, channel, entry = _map_entry(setting)
+        into = mapping if name is None else mapping.setdefault(FILES, {}).setdefault(name, {})
+        into[channel] = entry
     read_mapping(mapping)
     return mapping
 
 
-def _map_entry(setting: str) -> tuple[str, dict[str, object] | None]:
-    channel, equals, column = (part.strip() for part in setting.partition("="))
-    if not equals or re.fullmatch(r"\w+", channel) is None:
+def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Path]) -> None:
+    """Refuse a mapping of a file that is not among the runs, as of a misspelt name.
+
+    Args:
+        mapping: Which column is which channel, or None.
+        files: The runs.
+
+    Raises:
+        OptionError: A file is mapped and not read.
+    """
+    from identification.ingest.mapping import FILES
+
+    mapped = (mapping or {}).get(FILES)
+    names = {file.name for file in files}
+    for name in mapped if isinstance(mapped, Mapping) else ():
+        if name not in names:
+            raise OptionError(
+                f"the mapping names the file {name!r}; expected one of {', '.join(sorted(names))}",
+                value=name,
+            )
+
+
+def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | None]:
+    place, equals, column = (part.strip() for part in setting.partition("="))
+    name, colon, channel = (part.strip() for part in place.rpartition(":"))
+    file = name if colon else None
+    if not equals or re.fullmatch(r"\w+", channel) is None or file == "":
         raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
     column, unit = _cut_at("in", column)
     column, offset = _cut_at("+", column)
     column, scale = _cut_at("*", column)
     if not column:
-        return channel, None
+        return file, channel, None
     entry: dict[str, object] = {"column": column}
     for key, text in (("scale", scale), ("offset", offset)):
         if text is not None:
             entry[key] = _map_number(setting, text)
     if unit is not None:
         entry["unit"] = unit
-    return channel, entry
+    return file, channel, entry
 
 
 def _cut_at(word: str, text: str) -> tuple[str, str | None]:

@@ -26,6 +26,7 @@ from app.option_types import (
     Controllers,
     DataDir,
     Effort,
+    Force,
     MappingFile,
     MapWords,
     NoEffects,
@@ -33,6 +34,7 @@ from app.option_types import (
     Quiet,
     Runs,
     Seed,
+    SetAside,
     Temperatures,
     TimeLimit,
 )
@@ -97,6 +99,8 @@ def fit(
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
     no_effects: NoEffects = False,
+    set_aside: SetAside = False,
+    force: Force = False,
     hold: Annotated[
         str, typer.Option(help="Voltage between samples: auto (the data decide), zoh or foh.")
     ] = "auto",
@@ -121,14 +125,16 @@ def fit(
         validation or [],
         out,
         commands.fit_options(
-            seed,
-            no_posterior,
-            no_effects,
+            seed=seed,
+            no_posterior=no_posterior,
+            no_effects=no_effects,
             hold=hold,
             effort=effort,
             time_limit=time_limit,
             temperature=temperature,
             controller=controller,
+            set_aside=set_aside,
+            force=force,
         ),
         mapping=commands.mapping_of(mapping, map or []),
         show=commands.Show(as_json=json, quiet=quiet),
@@ -214,6 +220,8 @@ def batch(
     no_effects: NoEffects = False,
     effort: Effort = "normal",
     time_limit: TimeLimit = None,
+    set_aside: SetAside = False,
+    force: Force = False,
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -230,7 +238,15 @@ def batch(
     run_batch(
         manifest,
         out,
-        commands.fit_options(seed, no_posterior, no_effects, effort=effort, time_limit=time_limit),
+        commands.fit_options(
+            seed=seed,
+            no_posterior=no_posterior,
+            no_effects=no_effects,
+            effort=effort,
+            time_limit=time_limit,
+            set_aside=set_aside,
+            force=force,
+        ),
         at_once=jobs or cores(),
         server=server,
         key=key,
@@ -262,7 +278,9 @@ def demo(
         training,
         validation,
         out or Path("out") / campaign,
-        commands.fit_options(seed, no_posterior, effort=effort, time_limit=time_limit),
+        commands.fit_options(
+            seed=seed, no_posterior=no_posterior, effort=effort, time_limit=time_limit
+        ),
         show=commands.Show(as_json=json, quiet=quiet),
     )
 

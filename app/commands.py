@@ -12,16 +12,15 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app import console
-from app.arguments import mapping_of, values_by_name
+from app.arguments import check_mapped_files, mapping_of, values_by_name
 from app.outputs import writable_directory, writable_file
 from app.regular import open_regular
-from identification.effort import EffortName
 from identification.errors import InputError, OptionError, UnreadableFile
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.options import FitOptions
@@ -58,31 +57,30 @@ class Show:
 
 
 def fit_options(
-    seed: int,
-    no_posterior: bool,
-    no_effects: bool = False,
     *,
-    hold: str = "auto",
-    effort: str = "normal",
-    time_limit: float | None = None,
+    no_posterior: bool = False,
+    no_effects: bool = False,
     temperature: Sequence[float] | None = None,
     controller: Sequence[str] | None = None,
+    **others: Any,
 ) -> FitOptions:
     """Options of a fit from the words of the command line, all checked.
+
+    Args:
+        no_posterior: Whether intervals come from the fit's covariance.
+        no_effects: Whether the nominal model is final.
+        temperature: Temperatures of the feedback metrics [degC]; the default ones where empty.
+        controller: Controllers of the feedback metrics; the default one where empty.
+        others: Further fields of `FitOptions`, under their own names.
 
     Raises:
         OptionError: A value is not accepted.
     """
-    options = FitOptions(
-        seed=seed,
-        posterior=not no_posterior,
-        effects=not no_effects,
-        hold=cast(Literal["auto", "zoh", "foh"], hold),
-        effort=cast(EffortName, effort),
-        time_limit=time_limit,
-        temperatures=tuple(temperature or (25.0, 125.0)),
-        controllers=tuple(controller or ("P:1",)),
-    )
+    if temperature:
+        others["temperatures"] = tuple(temperature)
+    if controller:
+        others["controllers"] = tuple(controller)
+    options = FitOptions(posterior=not no_posterior, effects=not no_effects, **others)
     parse_controllers(options.controllers)
     return options
 
@@ -135,6 +133,7 @@ def identify_into(
     from identification.ingest import read_run
 
     files = [*training, *validation]
+    check_mapped_files(mapping, files)
     runs = []
     for number, file in enumerate(files):
         progress("read", 0.05 * number / len(files))

@@ -14,6 +14,7 @@ __all__ = [
     "Controllers",
     "DataDir",
     "Effort",
+    "Force",
     "MapWords",
     "MappingFile",
     "NoEffects",
@@ -21,6 +22,7 @@ __all__ = [
     "Quiet",
     "Runs",
     "Seed",
+    "SetAside",
     "Temperatures",
     "TimeLimit",
 ]
@@ -36,9 +38,9 @@ MapWords = Annotated[
     list[str] | None,
     typer.Option(
         "--map",
-        metavar="CHANNEL=HEADER",
-        help="The same for one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA'; may be "
-        "repeated.",
+        metavar="[FILE:]CHANNEL=HEADER",
+        help="The same for one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA', or of one file, "
+        "such as 'run3.csv:current_A=CH2 * -1'; may be repeated.",
     ),
 ]
 Temperatures = Annotated[
@@ -87,6 +89,16 @@ NoPosterior = Annotated[
 ]
 NoEffects = Annotated[
     bool, typer.Option("--no-effects", help="Stop at the declared model; look for no effect.")
+]
+SetAside = Annotated[
+    bool,
+    typer.Option(
+        "--set-aside", help="Leave out runs that contradict physics or the other runs, and say so."
+    ),
+]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Fit although runs contradict; the result is marked."),
 ]
 AsJson = Annotated[
     bool, typer.Option("--json", help="A summary for scripts on standard output, as JSON.")

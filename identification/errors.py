@@ -28,6 +28,7 @@
     │   │   ├── RepeatedTime       two samples at one time
     │   │   ├── BackwardTime       a time before the one above it
     │   │   └── AbsurdValue        a value that no brushed motor has
+    │   ├── ContradictoryRuns      runs contradict physics or each other
     │   └── OptionError            an option has a value that is not accepted
     └── ComputationError           the input was sound, the calculation was not; exit status 1
 
@@ -37,6 +38,7 @@ what was expected and what to do next, on one line.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "AmbiguousUnit",
     "BackwardTime",
     "ComputationError",
+    "ContradictoryRuns",
     "DuplicateColumn",
     "EmptyFile",
     "FileTooLarge",
@@ -112,6 +115,21 @@ class InputError(IdentificationError):
         if self.column is not None:
             place.append(f"column {self.column}")
         return f"{', '.join(place)}: {self.message}" if place else self.message
+
+
+class ContradictoryRuns(InputError):
+    """Runs contradict physics or each other.
+
+    Args:
+        message: All findings, and what to do.
+        findings: Each finding as plain data.
+    """
+
+    code: ClassVar[str] = "contradictory_runs"
+
+    def __init__(self, message: str, findings: Sequence[Mapping[str, object]] = ()) -> None:
+        self.findings = [dict(finding) for finding in findings]
+        super().__init__(message)
 
 
 class RunFileError(InputError):

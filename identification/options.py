@@ -26,6 +26,8 @@ class FitOptions:
         effort: How much is computed at most: ``quick``, ``normal`` or ``thorough``.
         time_limit: Time after which the search and the sampler stop with what they have [s]; None
             for no limit, and then no clock has a part in the result.
+        set_aside: Whether runs that contradict physics or the other runs are left out.
+        force: Whether to fit although runs contradict; the result is marked.
     """
 
     seed: int = 0
@@ -36,6 +38,8 @@ class FitOptions:
     controllers: tuple[str, ...] = ("P:1",)
     effort: EffortName = "normal"
     time_limit: float | None = None
+    set_aside: bool = False
+    force: bool = False
 
     def __post_init__(self) -> None:
         if self.hold not in ("auto", "zoh", "foh"):

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.checks.admission import admitted
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
@@ -94,7 +95,7 @@ def identify(
         checkpoint: Where a posterior in progress is kept, so that the same job goes on from there.
 
     Raises:
-        InputError: There is too little to fit.
+        InputError: There is too little to fit, or the runs contradict physics or each other.
         ComputationError: No model can be simulated over the runs.
     """
     try:
@@ -123,6 +124,8 @@ def _identified(
     tell("fit", 0.0)
     _check(training, validation)
     parse_controllers(options.controllers)
+    admission = admitted(training, validation, options)
+    training, validation = admission.training, admission.validation
     campaign = campaign_of(training, validation)
     declared = _declared(campaign, options)
     gains = current_gains(declared, campaign)
@@ -164,6 +167,7 @@ def _identified(
     tell("report", 0.9)
     findings = Findings(
         campaign=campaign,
+        admission=admission,
         options=options,
         declared=declared,
         declared_draws=declared_draws,

@@ -7,6 +7,8 @@ effort          quick
 time_limit      60
 temperatures    25;125            a list in YAML
 controllers     P:1;PI:2,0.5      a list in YAML
+set_aside       true, yes or 1
+force           true, yes or 1
 """
 
 from __future__ import annotations
@@ -83,7 +85,7 @@ def _checked(name: str, value: object, place: Place) -> object:
     """A value of the right type; lists become tuples, and whole numbers may be temperatures."""
     expected = _EXPECTED[name]
     match name, value:
-        case ("posterior" | "effects", bool()) | ("hold" | "effort", str()):
+        case ("posterior" | "effects" | "set_aside" | "force", bool()) | ("hold" | "effort", str()):
             return value
         case "time_limit", int() | float() if _is_number(value):
             return float(value)
@@ -114,6 +116,8 @@ _OF_WORD: dict[str, Callable[[str], object]] = {
     "time_limit": decimal_of,
     "temperatures": lambda word: tuple(decimal_of(part) for part in _parts(word)),
     "controllers": lambda word: tuple(_parts(word)),
+    "set_aside": lambda word: _TRUTH[word.lower()],
+    "force": lambda word: _TRUTH[word.lower()],
 }
 _EXPECTED = {
     "seed": "a whole number",
@@ -124,4 +128,6 @@ _EXPECTED = {
     "time_limit": "a positive number of seconds",
     "temperatures": "temperatures in degC",
     "controllers": "controllers such as P:1 or PI:2,0.5",
+    "set_aside": "true or false",
+    "force": "true or false",
 }

@@ -50,6 +50,8 @@ _FIT: dict[str, Any] = {
         "hold": "auto",
         "temperatures": [25.0, 125.0],
         "controllers": ["P:1"],
+        "set_aside": False,
+        "force": False,
     },
     "attempt": 1,
     "batch": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
@@ -101,6 +103,14 @@ class FitOptionsIn(BaseModel):
         description="Time after which the fit stops with the best found so far [s]; its result "
         "then depends on the machine.",
     )
+    set_aside: bool = Field(
+        default=_DEFAULT.set_aside,
+        description="Whether runs that contradict physics or the other runs are left out.",
+    )
+    force: bool = Field(
+        default=_DEFAULT.force,
+        description="Whether to fit although runs contradict; the result is marked.",
+    )
 
 
 class FitCreate(Received):
@@ -150,6 +160,11 @@ class FitError(BaseModel):
     file: str | None = None
     row: int | None = None
     column: str | None = None
+    findings: list[dict[str, Any]] | None = Field(
+        default=None,
+        description="With the code `contradictory_runs`: each contradiction with file, column, "
+        "the number that decided, and the corrections.",
+    )
 
 
 class FitSummary(BaseModel):

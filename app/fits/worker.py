@@ -26,7 +26,12 @@ from app.nursery.answers import tell
 from app.regular import open_regular, sha256_of
 from app.space import is_full
 from app.storage import sync_directory
-from identification.errors import ComputationError, InputError, RunFileError
+from identification.errors import (
+    ComputationError,
+    ContradictoryRuns,
+    InputError,
+    RunFileError,
+)
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
@@ -182,6 +187,8 @@ def _check_stored(path: Path, name: str, sha256: str) -> None:
 
 
 def _input_problem(error: InputError) -> dict[str, Any]:
+    if isinstance(error, ContradictoryRuns):
+        return {"code": error.code, "detail": str(error), "findings": error.findings}
     code = error.code if isinstance(error, RunFileError) else "input"
     if isinstance(error, _StoredRunLost):
         code = "file_lost"

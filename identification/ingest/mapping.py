@@ -5,6 +5,10 @@
      "position_rad": null}
 
 ``value in SI = (cell * scale + offset) in the given unit``; null leaves an optional channel out.
+The key ``files`` holds mappings of single files by name, which win over what holds for all:
+
+    {"files": {"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}}
+
 Everything in a mapping is checked, and a key that means nothing is an error: a misspelt ``scael``
 would otherwise be a silent factor.
 """
@@ -29,12 +33,15 @@ from identification.ingest.units import (
     find_unit,
 )
 
-__all__ = ["OPTIONAL_CHANNELS", "ChannelMapping", "MappingLike", "read_mapping"]
+__all__ = ["FILES", "OPTIONAL_CHANNELS", "ChannelMapping", "MappingLike", "read_mapping"]
 
 OPTIONAL_CHANNELS = ("temperature_degC", "position_rad")
 
 MappingLike = Mapping[str, object] | str | os.PathLike[str]
 """A mapping itself, or the path of a JSON file that holds one."""
+
+FILES = "files"
+"""Key of a mapping under which mappings of single files stand, by file name."""
 
 _KEYS = ("column", "unit", "scale", "offset")
 _LARGEST_FILE = 1_000_000
@@ -62,11 +69,12 @@ class ChannelMapping:
     scaled: bool = False
 
 
-def read_mapping(mapping: MappingLike | None) -> dict[str, ChannelMapping]:
+def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[str, ChannelMapping]:
     """Check a mapping, out of a file where it is a path.
 
     Args:
         mapping: The mapping, the path of a JSON file, or None for none.
+        run: Name of the run file that it is for; what ``files`` says of others is checked too.
 
     Returns:
         What was said about each channel, by canonical name.
@@ -87,9 +95,23 @@ def read_mapping(mapping: MappingLike | None) -> dict[str, ChannelMapping]:
             'a mapping is an object such as {"speed_rad_s": {"column": "n", "unit": "rpm"}}',
             file=file,
         )
-    checked = {str(channel): _channel(channel, entry, file) for channel, entry in content.items()}
-    _refuse_shared_columns(checked, file)
-    return checked
+    shared = _channels({k: v for k, v in content.items() if k != FILES}, file)
+    files = content.get(FILES, {})
+    if not isinstance(files, Mapping) or not all(isinstance(v, Mapping) for v in files.values()):
+        raise MappingError(
+            f"files is {_shown(files)}; expected a mapping for each file name, such as "
+            '{"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}',
+            file=file,
+        )
+    single = {str(name): _channels(said, file) for name, said in files.items()}
+    for said in single.values():
+        _refuse_shared_columns(shared | said, file)
+    _refuse_shared_columns(shared, file)
+    return shared | single.get(run or "", {})
+
+
+def _channels(content: Mapping[object, object], file: str | None) -> dict[str, ChannelMapping]:
+    return {str(channel): _channel(channel, entry, file) for channel, entry in content.items()}
 
 
 def _from_file(path: Path, name: str) -> object:

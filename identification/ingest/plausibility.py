@@ -49,6 +49,15 @@ BOUNDS = {
 }
 """Bounds of every channel but time; docs/run-files.md prints them."""
 
+_OTHER_UNITS = {
+    "voltage_V": "mV",
+    "current_A": "mA",
+    "speed_rad_s": "rpm",
+    "temperature_degC": "K",
+    "position_rad": "deg",
+}
+"""Unit that is the likeliest where a value is impossible."""
+
 # Room temperature and all that a motor reaches, in kelvin.
 _KELVIN = (250.0, 430.0)
 _SMALLEST_VOLTAGE = 0.1
@@ -84,13 +93,18 @@ def check_values(channels: dict[str, Array], time: Array, places: Places) -> lis
     return warnings
 
 
+def _correction(name: str, places: Places, unit: str) -> str:
+    """The words that read a channel of this file in another unit."""
+    return f"--map '{places.file}:{name}={places.columns.get(name, name)} in {unit}'"
+
+
 def _refuse_kelvin(temperature: Array, places: Places) -> None:
     low, high = float(np.min(temperature)), float(np.max(temperature))
     if _KELVIN[0] < low and high < _KELVIN[1]:
         raise places.error(
             AbsurdValue,
             f"temperatures from {low:.4g} to {high:.4g} degC are those of a motor in kelvin; "
-            'give the unit in the header or with "unit": "K" in a mapping',
+            f"give the unit in the header or with {_correction('temperature_degC', places, 'K')}",
             "temperature_degC",
             0,
             low,
@@ -107,8 +121,8 @@ def _check_bounds(name: str, signal: Array, places: Places) -> list[RunWarning]:
         raise places.error(
             AbsurdValue,
             f"{value:.6g} {unit} is not what a brushed motor has; expected "
-            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}, {bounds.hint} "
-            "Correct the value, or the unit with a mapping",
+            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}, {bounds.hint} Correct the "
+            f"value, or the unit with {_correction(name, places, _OTHER_UNITS[name])}",
             name,
             sample,
             value,

@@ -27,7 +27,7 @@ from identification.ingest.display import listed, plain
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.place import Places
 from identification.ingest.plausibility import check_values
-from identification.ingest.run import Run, RunWarning
+from identification.ingest.run import Run, RunWarning, Source
 from identification.ingest.source import Limits, read_blocks
 from identification.ingest.table import Table, TableReader
 from identification.ingest.timing import check_time, find_segments
@@ -77,7 +77,7 @@ def read_run(
 
 
 def _read(path: Path, file: str, mapping: MappingLike | None, limits: Limits) -> Run:
-    said = read_mapping(mapping)
+    said = read_mapping(mapping, file)
     digest = hashlib.sha256()
     blocks = read_blocks(path, file, limits, digest)
     block = next(blocks)
@@ -93,7 +93,11 @@ def _read(path: Path, file: str, mapping: MappingLike | None, limits: Limits) ->
     places = Places(file, {n: c.column.label for n, c in channels.items()}, table.lines.line)
     run = _checked(table, channels, places, digest.hexdigest())
     notes = _header_warnings(columns, channels, run, places) + _end_warnings(table, places)
-    return dataclasses.replace(run, warnings=(*notes, *run.warnings))
+    sources = {
+        name: Source(channel.column.title, channel.unit.name, channel.scale, channel.offset)
+        for name, channel in channels.items()
+    }
+    return dataclasses.replace(run, warnings=(*notes, *run.warnings), sources=sources)
 
 
 def _refuse_short(table: Table, layout: Layout, file: str) -> None:

@@ -6,12 +6,13 @@ converts or repairs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Run", "RunWarning"]
+__all__ = ["Run", "RunWarning", "Source"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,16 @@ class RunWarning:
 
 
 @dataclass(frozen=True)
+class Source:
+    """Column of a file that a channel was read from: ``(cell * scale + offset)`` in `unit`."""
+
+    header: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
 class Run:
     """One run of one motor.
 
@@ -54,6 +65,7 @@ class Run:
             ``((0, n_sample),)``.  The state of the motor is continuous within a segment only.
         clipped: Channel name to boolean (n_sample,), True where the sensor was at its limit.
         warnings: What was noticed while reading.
+        sources: Channel name to the column that it was read from; empty for a run that was made.
     """
 
     name: str
@@ -67,6 +79,7 @@ class Run:
     segments: tuple[tuple[int, int], ...] = ()
     clipped: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     warnings: tuple[RunWarning, ...] = ()
+    sources: Mapping[str, Source] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.segments:

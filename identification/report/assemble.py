@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
@@ -73,6 +74,7 @@ class Findings:
         after: Whether the final model does.
         interrupted: Whether the time limit stopped a stage.
         warnings: What the stages noticed.
+        admission: What the checks found in the runs given, None where they were not checked.
     """
 
     campaign: Campaign
@@ -93,6 +95,7 @@ class Findings:
     after: Detection | None = None
     interrupted: bool = False
     warnings: tuple[str, ...] = field(default=())
+    admission: Admission | None = None
 
     @cached_property
     def simulated(self) -> dict[str, dict[str, list[Simulated]]]:
@@ -141,6 +144,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "software": _software(),
         "options": _options(findings),
         "runs": _runs(findings.campaign),
+        **_checks(findings.admission),
         "declared": {"parameters": before},
         "parameters": after,
         "effects": effect_entries(
@@ -245,6 +249,20 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
     ]
 
 
+def _checks(admission: Admission | None) -> dict[str, object]:
+    """What the checks found, whether the fit was forced, and which runs were set aside."""
+    if admission is None:
+        return {"checks": [], "forced": False, "set_aside": []}
+    return {
+        "checks": [finding.entry() for finding in admission.findings],
+        "forced": admission.forced,
+        "set_aside": [
+            {"file": run.name, "sha256": run.sha256, "role": role}
+            for run, role in admission.set_aside
+        ],
+    }
+
+
 def _parameters(fit: Fit, draws: dict[str, Array], share: float) -> dict[str, dict[str, Any]]:
     known = identified(fit, share)
     return {
@@ -308,7 +326,8 @@ def _temperatures(findings: Findings) -> list[str]:
 def _warnings(findings: Findings) -> list[str]:
     campaign = findings.campaign
     runs = (*campaign.training_runs, *campaign.validation_runs)
-    messages = [str(warning) for run in runs for warning in run.warnings]
+    messages = findings.admission.warnings if findings.admission else []
+    messages += [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
     messages += coarse_warnings(campaign.training_runs, findings.noise)
     messages += _temperatures(findings)

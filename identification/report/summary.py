@@ -22,6 +22,8 @@ Entry = Mapping[str, Any]
 _DOWN_TO_NOISE = 1.02
 _NEAR_NOISE = 1.10
 _NAMED = 2
+_HALF = 0.5
+"""Error over the movement of a channel from which no noise ratio makes a fit good."""
 _WIDE = 0.2
 """Width of the 90 % interval over the median from which a figure of the loop is no prediction."""
 
@@ -44,6 +46,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
         coloured: Channels whose residual is no white noise on the deciding runs.
     """
     sentences = [
+        _forced(result),
         _campaign(result["runs"]),
         _effects(result),
         _shifted(result),
@@ -69,7 +72,9 @@ def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
             f"{percent_text(1.0 - errors[channel]['nrmse'], 4)} fit"
             if errors[channel]["nrmse"] is not None
             else "",
-            _tone(errors[channel]["noise_ratio"], channel in coloured),
+            "bad"
+            if (errors[channel]["nrmse"] or 0.0) > _HALF
+            else _tone(errors[channel]["noise_ratio"], channel in coloured),
         )
         for channel in ("current", "speed")
         if errors.get(channel)
@@ -102,6 +107,16 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
             ("steady_state", "Final value", ""),
         )
     ]
+
+
+def _forced(result: Entry) -> str:
+    """The mark of a fit that the checks would have refused."""
+    if not result.get("forced"):
+        return ""
+    return (
+        "The runs contradict physics or each other and were fitted by force: no number below is to "
+        "be relied on (see Warnings)."
+    )
 
 
 def _campaign(runs: Sequence[Entry]) -> str:
@@ -186,7 +201,23 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
         ]
     )
     verdict = _verdict(result, max(ratios.values()), coloured)
+    missed = _unexplained(errors)
+    if missed:
+        verdict = (
+            f"yet the model explains little of {missed}: it is no model of these runs, or the "
+        )
+        verdict += "sensor gives mostly noise"
     return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+
+
+def _unexplained(errors: Entry) -> str:
+    """Channels of which the simulation is off by half their movement or more, with the error."""
+    told = [
+        f"the {channel} (off by {percent_text(errors[channel]['nrmse'], 3)} of its movement)"
+        for channel in ("current", "speed")
+        if errors.get(channel) and (errors[channel]["nrmse"] or 0.0) > _HALF
+    ]
+    return _list(told)
 
 
 def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
@@ -222,6 +253,8 @@ def _formerly(error: Entry | None) -> str:
 
 def _identified(result: Entry) -> str:
     entries: Entry = result["parameters"]
+    if result.get("forced"):
+        return ""
     unknown = [name for name, entry in entries.items() if not entry["identified"]]
     if unknown:
         return (

@@ -217,3 +217,24 @@ def test_scale_that_overflows_is_refused_at_its_cell(tmp_path: Path) -> None:
     """1e300 times any voltage is no voltage."""
     with pytest.raises(RunFileError, match="is not what a brushed motor|too large once scaled"):
         read_run(nameless(tmp_path), mapping=mapping(voltage_V={"column": "CH1", "scale": 9e299}))
+
+
+def test_what_is_said_of_a_file_wins_over_what_is_said_of_all(tmp_path: Path) -> None:
+    """One run has its current sensor the wrong way round; the others keep the shared mapping."""
+    path = nameless(tmp_path)
+    shared = mapping()
+    single = {"run.csv": {"current_A": {"column": "CH2", "scale": -1.0}}}
+
+    plain = read_run(path, mapping=shared)
+    turned = read_run(path, mapping=shared | {"files": single})
+    other = read_run(path, name="other.csv", mapping=shared | {"files": single})
+
+    np.testing.assert_array_equal(turned.current, -plain.current)
+    np.testing.assert_array_equal(other.current, plain.current)
+
+
+@pytest.mark.parametrize("files", [3, {"run.csv": 3}, {"run.csv": {"curent_A": {"column": "I"}}}])
+def test_a_mapping_of_files_is_checked_for_every_file(files: object) -> None:
+    """Also where the file is not the one that is read."""
+    with pytest.raises(MappingError):
+        read_mapping({"files": files}, "another.csv")

@@ -1,0 +1,214 @@
+"""Faults as benches make them, each put into the tables of a campaign.
+
+Every fault takes the tables of all runs and a generator, and gives them back changed: in one run
+(the second), or in all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import pandas as pd
+
+from bench import make_campaign
+
+__all__ = ["FAULTS", "Fault", "Tables"]
+
+Tables = list[pd.DataFrame]
+Scope = Literal["one", "all"]
+Outcome = Literal["refuse", "suspect", "said"]
+
+_RPM: Final = 60.0 / (2.0 * math.pi)
+_ODD: Final = 1
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of a campaign.
+
+    Args:
+        name: What a table calls it.
+        scope: Whether one run has it or all.
+        outcome: What is expected at least: a refusal, a suspicion, or a remark of any stage.
+        make: Puts it into the tables.
+        corrected: Whether a mapping can correct it.
+    """
+
+    name: str
+    scope: Scope
+    outcome: Outcome
+    make: Callable[[Tables, np.random.Generator], Tables]
+    corrected: bool = False
+
+
+def _each(scope: Scope, change: Callable[[pd.DataFrame], pd.DataFrame]) -> Callable[..., Tables]:
+    def make(tables: Tables, rng: np.random.Generator) -> Tables:
+        return [
+            change(table.copy()) if scope == "all" or k == _ODD else table
+            for k, table in enumerate(tables)
+        ]
+
+    return make
+
+
+def _scaled(column: str, factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: table[column] * factor})
+
+
+def _magnitude(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: table[column].abs()})
+
+
+def _exchanged(one: str, other: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{one: table[other], other: table[one]})
+
+
+def _copied(source: str, onto: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{onto: table[source]})
+
+
+def _dead(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        size = 0.005 * float(table[column].abs().max())
+        noise = np.random.default_rng(len(table)).normal(0.0, size, len(table))
+        return table.assign(**{column: noise})
+
+    return change
+
+
+def _constant(column: str, value: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: value})
+
+
+def _stuck(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        values = table[column].to_numpy(float).copy()
+        start = values.size // 2 + int(np.argmax(np.abs(values[values.size // 2 :])) // 2)
+        values[start:] = values[start]
+        return table.assign(**{column: values})
+
+    return change
+
+
+def _stuck_temperature(table: pd.DataFrame) -> pd.DataFrame:
+    """A thermometer that shows the room, 60 K below the motor or 60 K above."""
+    mean = float(table["temperature_degC"].mean())
+    return table.assign(temperature_degC=mean - 60.0 if mean > 40.0 else mean + 60.0)
+
+
+def _jumping(table: pd.DataFrame) -> pd.DataFrame:
+    values = table["temperature_degC"].to_numpy(float).copy()
+    values[len(values) // 3 : len(values) // 3 + 40] += 55.0
+    return table.assign(temperature_degC=values)
+
+
+def _shifted(column: str, samples: int) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda table: table.assign(**{column: np.roll(table[column].to_numpy(float), samples)})
+
+
+def _saturated(table: pd.DataFrame) -> pd.DataFrame:
+    limit = 0.5 * float(table["current_A"].abs().max())
+    return table.assign(current_A=table["current_A"].clip(-limit, limit))
+
+
+def _motionless(table: pd.DataFrame) -> pd.DataFrame:
+    noise = np.random.default_rng(len(table)).normal(size=(len(table), 3))
+    sizes = [0.002 * float(table[c].abs().max()) for c in ("voltage_V", "current_A", "speed_rad_s")]
+    return table.assign(
+        voltage_V=noise[:, 0] * sizes[0],
+        current_A=noise[:, 1] * sizes[1],
+        speed_rad_s=noise[:, 2] * sizes[2],
+    )
+
+
+def _foreign(tables: Tables, rng: np.random.Generator) -> Tables:
+    """The second run is one of a motor drawn by another seed."""
+    other = make_campaign(int(tables[0].attrs["motor"]) + 1, rows=len(tables[0]))
+    return [other.runs[_ODD].frame if k == _ODD else table for k, table in enumerate(tables)]
+
+
+def _twice(tables: Tables, rng: np.random.Generator) -> Tables:
+    return [tables[0] if k == _ODD else table for k, table in enumerate(tables)]
+
+
+def _pieces(tables: Tables, rng: np.random.Generator) -> Tables:
+    """All runs in one file, 1 s apart, in 40 pieces."""
+    parts, clock = [], 0.0
+    for table in tables[:5]:
+        step = float(np.median(np.diff(table["time_s"])))
+        for rows in np.array_split(np.arange(len(table)), 8):
+            part = table.iloc[rows].copy()
+            part["time_s"] = part["time_s"] - part["time_s"].iloc[0] + clock
+            clock = float(part["time_s"].iloc[-1]) + max(1.0, 20 * step)
+            parts.append(part)
+    return [pd.concat(parts, ignore_index=True), *tables[5:]]
+
+
+def _both(
+    name: str,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    outcome: tuple[Outcome, Outcome] = ("refuse", "refuse"),
+    corrected: bool = False,
+) -> list[Fault]:
+    scopes: Sequence[Scope] = ("one", "all")
+    return [
+        Fault(name, scope, expected, _each(scope, change), corrected)
+        for scope, expected in zip(scopes, outcome, strict=True)
+    ]
+
+
+def _one(
+    name: str,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    outcome: Outcome = "refuse",
+    corrected: bool = False,
+) -> Fault:
+    return Fault(name, "one", outcome, _each("one", change), corrected)
+
+
+FAULTS: Final[tuple[Fault, ...]] = (
+    *_both("current flipped", _scaled("current_A", -1.0), corrected=True),
+    *_both("speed flipped", _scaled("speed_rad_s", -1.0), corrected=True),
+    *_both("voltage flipped", _scaled("voltage_V", -1.0), corrected=True),
+    *_both("speed without sign", _magnitude("speed_rad_s")),
+    *_both("current without sign", _magnitude("current_A")),
+    *_both("rpm", _scaled("speed_rad_s", _RPM), ("refuse", "suspect"), corrected=True),
+    *_both("mA", _scaled("current_A", 1e3), ("refuse", "suspect"), corrected=True),
+    *_both("mV", _scaled("voltage_V", 1e3), ("refuse", "suspect"), corrected=True),
+    *_both("voltage and speed swapped", _exchanged("voltage_V", "speed_rad_s"), corrected=True),
+    *_both("current and voltage swapped", _exchanged("current_A", "voltage_V"), corrected=True),
+    *_both("current and speed swapped", _exchanged("current_A", "speed_rad_s"), corrected=True),
+    *_both("voltage copied onto current", _copied("voltage_V", "current_A")),
+    *_both("speed copied onto voltage", _copied("speed_rad_s", "voltage_V")),
+    *_both("current dead, noise only", _dead("current_A")),
+    *_both("current constant", _constant("current_A", 0.0), ("refuse", "said")),
+    _one("current stuck part-way", _stuck("current_A")),
+    *_both("speed dead, noise only", _dead("speed_rad_s")),
+    *_both("speed constant", _constant("speed_rad_s", 0.0), ("refuse", "said")),
+    _one("speed stuck part-way", _stuck("speed_rad_s")),
+    Fault("another motor", "one", "refuse", _foreign),
+    *_both(
+        "Fahrenheit",
+        lambda t: t.assign(temperature_degC=1.8 * t["temperature_degC"] + 32.0),
+        ("refuse", "suspect"),
+        corrected=True,
+    ),
+    *_both("kelvin", lambda t: t.assign(temperature_degC=t["temperature_degC"] + 273.15)),
+    _one("temperature stuck", _stuck_temperature, corrected=True),
+    _one("temperature jumping", _jumping, corrected=True),
+    *_both("ms as s", _scaled("time_s", 1e3), ("refuse", "suspect"), corrected=True),
+    Fault("run twice", "one", "said", _twice),
+    _one("current shifted", _shifted("current_A", 150)),
+    _one("speed shifted", _shifted("speed_rad_s", 400)),
+    _one("cut off", lambda t: t.iloc[: len(t) // 10], "said"),
+    *_both("no motion", _motionless, ("said", "refuse")),
+    Fault("40 pieces in one file", "one", "said", _pieces),
+    _one("saturated current", _saturated, "said"),
+    _one("decimal comma lost", _scaled("current_A", 1e3), "refuse", corrected=True),
+    _one("decimal comma lost in speed", _scaled("speed_rad_s", 1e3), "refuse", corrected=True),
+)
+"""All faults; a name with its scope is one line of the table."""

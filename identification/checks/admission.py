@@ -1,0 +1,103 @@
+"""Which runs are fitted after the checks: all, those that do not contradict, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from identification.checks.campaign import check_runs
+from identification.checks.finding import Finding
+from identification.errors import ContradictoryRuns
+from identification.ingest.run import Run
+from identification.options import FitOptions
+
+__all__ = ["Admission", "admitted"]
+
+
+@dataclass(frozen=True)
+class Admission:
+    """The runs that are fitted and what was found in all that were given.
+
+    Args:
+        training: Runs to fit.
+        validation: Runs to check on.
+        findings: What the checks found in the runs given, contradictions first.
+        set_aside: Runs left out for a contradiction, with their roles.
+        forced: Whether contradictions are in the runs that are fitted.
+    """
+
+    training: tuple[Run, ...]
+    validation: tuple[Run, ...]
+    findings: tuple[Finding, ...] = ()
+    set_aside: tuple[tuple[Run, str], ...] = ()
+    forced: bool = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences for the result, the gravest first."""
+        left_out = {run.name for run, _ in self.set_aside}
+        forced = [
+            f"fitted by force although the runs contradict physics or each other, so no number of "
+            f"this result is to be relied on: {f}"
+            for f in self.findings
+            if f.severity == "refuse" and f.file not in left_out
+        ]
+        aside = [
+            f"set aside, and neither fitted nor checked on: {f}"
+            for f in self.findings
+            if f.severity == "refuse" and f.file in left_out
+        ]
+        return forced + aside + [str(f) for f in self.findings if f.severity == "suspect"]
+
+
+def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:
+    """Check all runs, and decide which are fitted.
+
+    Args:
+        training: Runs given to fit.
+        validation: Runs given to check on.
+        options: Whether contradicting runs are set aside, and whether to go on all the same.
+
+    Raises:
+        ContradictoryRuns: Runs contradict physics or each other, and the options do not say what
+            to do with them; the message holds all findings.
+    """
+    verdict = check_runs([*training, *validation])
+    findings = list(verdict.findings)
+    left_out: set[str] = set()
+    refused = verdict.refused
+    while options.set_aside and (separable := {f.file for f in refused if f.separable}):
+        left_out |= separable
+        kept = [run for run in (*training, *validation) if run.name not in left_out]
+        # A fault may have hidden another one, or have been what the others contradicted.
+        refused = check_runs(kept).refused
+        known = {str(f) for f in findings}
+        findings = [f for f in findings if f.separable or f in refused]
+        findings += [f for f in refused if str(f) not in known]
+    kept_training = tuple(run for run in training if run.name not in left_out)
+    if (refused and not options.force) or (left_out and not kept_training):
+        raise _refusal([f for f in findings if f.severity == "refuse"], options)
+    aside = [(run, "training") for run in training if run.name in left_out]
+    aside += [(run, "validation") for run in validation if run.name in left_out]
+    return Admission(
+        kept_training,
+        tuple(run for run in validation if run.name not in left_out),
+        tuple(findings),
+        tuple(aside),
+        forced=bool(refused),
+    )
+
+
+def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryRuns:
+    """The error that lists all findings, and what may be done."""
+    count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
+    ways = "correct the runs"
+    if not options.set_aside and any(f.separable for f in findings):
+        ways += ", leave the runs named out with --set-aside"
+    elif options.set_aside:
+        ways += " (too few are left to set any aside)"
+    text = "; ".join(f"({k}) {finding}" for k, finding in enumerate(findings, 1))
+    return ContradictoryRuns(
+        f"{count} in the runs; {ways}, or go on with --force: {text}",
+        [finding.entry() for finding in findings],
+    )

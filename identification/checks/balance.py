@@ -1,0 +1,245 @@
+"""Regressions on the two balances of a motor, averaged over windows.
+
+Integrated over a window of length T the balances are linear in the logged signals,
+
+    v = R i + K w + L (i_end - i_begin) / T + u sign(i) + v0
+    i = (J (w_end - w_begin) / T + b w + c sign(w) + m) / K
+
+so that no derivative is taken and noise is averaged.  Brush drop u, dry friction c and the zero
+errors v0 and m have regressors of their own and do not spoil the others.
+
+Standard errors come from a jackknife over contiguous blocks, which is right for residuals that
+are correlated in time (Kunsch, Annals of Statistics 17 (1989), 1217-1241).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.ingest.run import Run
+
+__all__ = [
+    "Balance",
+    "Regression",
+    "Signals",
+    "balances_of",
+    "has_signal",
+    "mean_square",
+    "regress",
+    "signals_of",
+]
+
+Array = NDArray[np.float64]
+
+SAMPLES: Final = 200_000
+"""Samples of a run that are looked at: a sensor is wrong from the beginning."""
+_WINDOW_SAMPLES: Final = 8
+_WINDOWS: Final = 120
+_FEWEST_WINDOWS: Final = 30
+_BLOCKS: Final = 10
+_NOISE_WINDOW: Final = 16
+_NOISE_TIMES: Final = 4.0
+
+
+@dataclass(frozen=True)
+class Signals:
+    """The three electrical and mechanical signals of a run, in SI units.
+
+    Args:
+        time: (n_sample,) [s].
+        voltage: (n_sample,) [V].
+        current: (n_sample,) [A].
+        speed: (n_sample,) [rad/s].
+        joined: (n_sample - 1,) False where an interval crosses a gap of the record, or has an end
+            at the limit of a sensor.
+    """
+
+    time: Array
+    voltage: Array
+    current: Array
+    speed: Array
+    joined: NDArray[np.bool_]
+
+
+def signals_of(run: Run) -> Signals:
+    """The signals of a run up to `SAMPLES`, with samples at a sensor's limit cut out."""
+    joined = np.ones(run.time.size - 1, dtype=bool)
+    for start, _ in run.segments[1:]:
+        joined[start - 1] = False
+    for name in ("current_A", "speed_rad_s"):
+        if name in run.clipped:
+            joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])
+    return Signals(
+        run.time[:SAMPLES],
+        run.voltage[:SAMPLES],
+        run.current[:SAMPLES],
+        run.speed[:SAMPLES],
+        joined[: SAMPLES - 1],
+    )
+
+
+def has_signal(signal: Array) -> bool:
+    """Whether a signal is more than white noise: means over 16 samples scatter by more.
+
+    Args:
+        signal: (n_sample,) any unit.
+    """
+    count = signal.size // _NOISE_WINDOW
+    if count < _FEWEST_WINDOWS // 3:
+        return True
+    means = signal[: count * _NOISE_WINDOW].reshape(count, _NOISE_WINDOW).mean(axis=1)
+    white = 0.5 * mean_square(np.diff(signal)) / _NOISE_WINDOW
+    return float(np.var(means)) > _NOISE_TIMES * white
+
+
+@dataclass(frozen=True)
+class Regression:
+    """A linear regression with jackknife errors.
+
+    Args:
+        values: (n_regressor,) coefficients.
+        errors: (n_regressor,) their standard errors.
+        shares: (n_regressor,) each term's root mean square over the target's, with its sign.
+        missed: Share of the target's variance that is left.
+    """
+
+    values: Array
+    errors: Array
+    shares: Array
+    missed: float
+
+    def is_negative(self, k: int, errors: float, share: float) -> bool:
+        """Whether a coefficient is below zero by so many errors and so large a term."""
+        return bool(self.values[k] < -errors * self.errors[k] and self.shares[k] < -share)
+
+
+def mean_square(signal: Array) -> float:
+    """Mean of the squared signal."""
+    return float(np.mean(signal**2))
+
+
+def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
+    """Least squares of a target with an intercept; None where regressors are dependent.
+
+    Args:
+        target: (n,) any unit.
+        regressors: Each (n,).
+    """
+    matrix = np.column_stack(regressors)
+    matrix = matrix - matrix.mean(axis=0)
+    target = target - target.mean()
+    scale, size = np.sqrt(np.mean(matrix**2, axis=0)), float(np.sqrt(mean_square(target)))
+    if size <= 0.0 or not np.all(scale > 0.0):
+        return None
+    unit = matrix / scale
+    moments = unit.T @ unit
+    if np.linalg.cond(moments) > 1e10:
+        return None
+    product = unit.T @ target
+    values = np.linalg.solve(moments, product)
+    estimates = []
+    for block in np.array_split(np.arange(target.size), _BLOCKS):
+        left = moments - unit[block].T @ unit[block]
+        without = product - unit[block].T @ target[block]
+        estimates.append(np.linalg.lstsq(left, without, rcond=1e-12)[0])
+    spread = np.array(estimates)
+    errors = np.sqrt((_BLOCKS - 1) * np.mean((spread - spread.mean(axis=0)) ** 2, axis=0))
+    missed = mean_square(target - unit @ values) / size**2
+    return Regression(values / scale, errors / scale, values / size, missed)
+
+
+class _Windows:
+    """Cuts a record into windows of equally many samples; those across a gap are left out."""
+
+    def __init__(self, signals: Signals, length: int) -> None:
+        self._step = np.diff(signals.time)
+        self._edges = np.arange((signals.time.size - 1) // length + 1) * length
+        broken = np.add.reduceat(~signals.joined, self._edges[:-1])
+        self._kept = broken == 0
+        self._duration = np.diff(signals.time[self._edges])
+
+    @property
+    def count(self) -> int:
+        return int(self._kept.sum())
+
+    def mean(self, signal: Array) -> Array:
+        area = np.cumsum(0.5 * (signal[1:] + signal[:-1]) * self._step)
+        edges = np.concatenate(([0.0], area))[self._edges]
+        return np.asarray((np.diff(edges) / self._duration)[self._kept])
+
+    def rate(self, signal: Array) -> Array:
+        return np.asarray((np.diff(signal[self._edges]) / self._duration)[self._kept])
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The two balances over windows of one length.
+
+    Args:
+        voltage: (n_window,) means [V].
+        current: (n_window,) means [A].
+        speed: (n_window,) means [rad/s].
+        current_rate: (n_window,) [A/s].
+        speed_rate: (n_window,) [rad/s2].
+    """
+
+    voltage: Array
+    current: Array
+    speed: Array
+    current_rate: Array
+    speed_rate: Array
+
+    @cached_property
+    def electrical(self) -> Regression | None:
+        """Coefficients R, K, L, then the brush drop where the current has both signs."""
+        regressors = [self.current, self.speed, self.current_rate]
+        if _reverses(self.current):
+            regressors.append(_soft_sign(self.current))
+        return regress(self.voltage, regressors)
+
+    @cached_property
+    def mechanical(self) -> Regression | None:
+        """Coefficients J / K, b / K, then the dry friction where the motor reverses."""
+        regressors = [self.speed_rate, self.speed]
+        if _reverses(self.speed):
+            regressors.append(_soft_sign(self.speed))
+        return regress(self.current, regressors)
+
+
+def balances_of(signals: Signals) -> list[Balance]:
+    """The balances over short and over long windows, as far as the run is long enough."""
+    rows = signals.time.size
+    lengths = {_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, rows // _WINDOWS)}
+    found = []
+    for length in sorted(lengths):
+        if rows <= _FEWEST_WINDOWS * length:
+            continue
+        windows = _Windows(signals, length)
+        if windows.count < _FEWEST_WINDOWS:
+            continue
+        found.append(
+            Balance(
+                windows.mean(signals.voltage),
+                windows.mean(signals.current),
+                windows.mean(signals.speed),
+                windows.rate(signals.current),
+                windows.rate(signals.speed),
+            )
+        )
+    return found
+
+
+def _reverses(signal: Array) -> bool:
+    high, low = float(np.max(signal)), float(np.min(signal))
+    return min(high, -low) > 0.1 * max(high, -low)
+
+
+def _soft_sign(signal: Array) -> Array:
+    """Sign of a signal, linear up to a tenth of its size."""
+    return np.asarray(np.clip(signal / max(0.1 * float(np.abs(signal).max()), 1e-300), -1.0, 1.0))

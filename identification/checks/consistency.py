@@ -1,0 +1,297 @@
+"""Runs against each other: one that is scaled otherwise, or comes from another motor.
+
+Scaling voltage, current, speed and time by factors gives another motor that obeys the same
+balances, so one run alone cannot show it.  Between runs of one motor resistance, torque constant
+and inertia agree, but for heat and for effects; a factor of 9.55 or 1,000 is no effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from identification.checks.balance import balances_of, signals_of
+from identification.checks.correction import factor
+from identification.checks.finding import Finding
+from identification.ingest.run import Run
+
+__all__ = ["Estimate", "consistency_findings", "estimate_of"]
+
+_COPPER: Final = 0.0039
+_MAGNET: Final = -0.0010
+_REFERENCE: Final = 25.0
+_CLEAN: Final = 0.02
+"""Unexplained share of the voltage up to which a run's coefficients mean something."""
+_ERRORS: Final = 5.0
+_CONSTANT: Final = math.log(1.35)
+"""Largest deviation of ln K between runs.  Of 1,680 healthy runs with and without effects 99 % are
+within 9 % of the median; late demagnetisation and saturation reach 25 %."""
+_RESISTANCE: Final = math.log(2.5)
+"""The same of ln R, which heat, brushes and lost voltage change more: they reach a factor 1.7."""
+_MANY_WINDOWS: Final = 60
+_FEW_WINDOWS: Final = 3.0
+"""Factor on both limits where so few windows leave the errors themselves unknown."""
+_NAMED: Final = math.log(1.35)
+_NAMED_RESISTANCE: Final = math.log(1.6)
+_TIME: Final = math.log(1.6)
+
+_SCALES: Final = (
+    ("speed_rad_s", 60.0 / (2.0 * math.pi), "rpm"),
+    ("speed_rad_s", 180.0 / math.pi, "degrees per second"),
+    ("speed_rad_s", 2.0 * math.pi, ""),
+    ("current_A", 1e3, "mA"),
+    ("voltage_V", 1e3, "mV"),
+    *(
+        (name, size, "")
+        for size in (1e3, 100.0, 1e4, 1e6)
+        for name in ("voltage_V", "current_A", "speed_rad_s")
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Coefficients of one run.
+
+    Args:
+        run: The run.
+        resistance: At 25 degC with copper's coefficient [ohm].
+        resistance_error: Its relative standard error.
+        raw_resistance: At the run's own temperature [ohm].
+        constant: Torque constant at 25 degC with a middling magnet's coefficient [V s/rad].
+        constant_error: Its relative standard error.
+        inertia: [kg m^2].
+        inertia_error: Its relative standard error.
+        interval: Median sample interval [s].
+        missed: Share of the voltage that is left unexplained.
+        friction: Viscous friction of the same regression [N m s/rad].
+        windows: Number of windows of that regression.
+    """
+
+    run: Run
+    resistance: float
+    resistance_error: float
+    raw_resistance: float
+    constant: float
+    constant_error: float
+    inertia: float
+    inertia_error: float
+    interval: float
+    missed: float
+    friction: float
+    windows: int
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the balances hold well enough to compare the coefficients."""
+        return (
+            self.missed < _CLEAN
+            and self.resistance > 0.0
+            and self.constant > 0.0
+            and max(self.resistance_error, self.constant_error) < 1.0 / _ERRORS
+        )
+
+
+def estimate_of(run: Run) -> Estimate | None:
+    """Coefficients of a run; None where it is too short or nothing moves.
+
+    Args:
+        run: The run.
+    """
+    balances = balances_of(signals_of(run))
+    fits = [
+        (e, m, b.voltage.size)
+        for b in balances
+        if (e := b.electrical) is not None and (m := b.mechanical) is not None
+    ]
+    if not fits:
+        return None
+    e, m, windows = min(fits, key=lambda fit: fit[0].missed)
+    warmth = 0.0 if run.temperature is None else float(np.mean(run.temperature)) - _REFERENCE
+    resistance, constant, inertia = e.values[0], e.values[1], m.values[0] * e.values[1]
+    return Estimate(
+        run,
+        float(resistance / max(1.0 + _COPPER * warmth, 0.1)),
+        _relative(e.errors[0], resistance),
+        float(resistance),
+        float(constant / max(1.0 + _MAGNET * warmth, 0.1)),
+        _relative(e.errors[1], constant),
+        float(inertia),
+        _relative(m.errors[0], m.values[0]),
+        float(np.median(np.diff(run.time))),
+        e.missed,
+        float(m.values[1] * constant),
+        windows,
+    )
+
+
+def _relative(error: float, value: float) -> float:
+    return float(error / abs(value)) if value else math.inf
+
+
+def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
+    """Runs whose coefficients contradict those of the others.
+
+    Args:
+        estimates: Of all runs whose signs are right.
+    """
+    sound = [e for e in estimates if e.is_sound]
+    if len(sound) < 2:
+        return []
+    centre = _median([e.constant for e in sound]), _median([e.resistance for e in sound])
+    odd = [e for e in sound if _is_odd(e, *centre)]
+    late = [e for e in sound if e not in odd and _is_slow(e, sound)]
+    if not odd:
+        return [_time_finding(e, sound) for e in late]
+    if 2 * len(odd) >= len(sound):
+        return [_divided(sound)]
+    fitting = [e for e in sound if e not in odd]
+    return [_odd_finding(e, fitting) for e in odd] + [_time_finding(e, sound) for e in late]
+
+
+def _median(values: Sequence[float]) -> float:
+    """The lower middle value, which is one of them."""
+    return sorted(values)[(len(values) - 1) // 2]
+
+
+def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
+    wide = 1.0 if e.windows >= _MANY_WINDOWS else _FEW_WINDOWS
+    far = abs(math.log(e.constant / constant))
+    if far > max(wide * _CONSTANT, _ERRORS * e.constant_error):
+        return True
+    if _has_unknown_gain(e.run):
+        return False
+    return abs(math.log(e.resistance / resistance)) > max(
+        wide * _RESISTANCE, _ERRORS * e.resistance_error
+    )
+
+
+def _has_unknown_gain(run: Run) -> bool:
+    return any(w.code == "unknown_gain" for w in run.warnings)
+
+
+def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
+    constant = _median([f.constant for f in fitting])
+    resistance = _median([f.resistance for f in fitting])
+    named = _scale(e, constant, resistance)
+    if named is not None:
+        return _scale_finding(e, *named, constant)
+    far_constant = abs(math.log(e.constant / constant)) > _CONSTANT
+    name, value, usual, limit = (
+        ("Kt", e.constant, constant, _CONSTANT)
+        if far_constant
+        else ("Ra", e.resistance, resistance, _RESISTANCE)
+    )
+    return Finding(
+        "foreign_motor",
+        "refuse",
+        e.run.name,
+        None,
+        f"is not of the motor of the other runs, or a channel is scaled otherwise: {name} of this "
+        f"run alone is {value:.3g}, of the others {usual:.3g}; leave it out, or correct the scale",
+        f"{name} over that of the others",
+        value / usual,
+        math.exp(limit if value > usual else -limit),
+    )
+
+
+def _scale(e: Estimate, constant: float, resistance: float) -> tuple[str, float, str] | None:
+    """Channel, factor on its values and unit that explain the coefficients of a run."""
+    at = math.log(e.constant / constant), math.log(e.resistance / resistance)
+    for channel, size, unit in _SCALES:
+        for s, word in ((size, unit), (1.0 / size, "")):
+            step = math.log(s)
+            expected = {
+                "voltage_V": (step, step),
+                "current_A": (0.0, -step),
+                "speed_rad_s": (-step, 0.0),
+            }[channel]
+            if abs(at[0] - expected[0]) < _NAMED and abs(at[1] - expected[1]) < _NAMED_RESISTANCE:
+                return channel, s, word
+    return None
+
+
+def _scale_finding(e: Estimate, channel: str, s: float, unit: str, constant: float) -> Finding:
+    kind = f", as of values in {unit}" if unit else ""
+    return Finding(
+        "scaled_channel",
+        "refuse",
+        e.run.name,
+        channel,
+        f"is {s:.4g} times what the other runs say{kind}",
+        "Kt over that of the others" if channel != "current_A" else "factor",
+        e.constant / constant if channel != "current_A" else s,
+        math.exp(math.copysign(_CONSTANT, math.log(e.constant / constant)))
+        if channel != "current_A"
+        else math.exp(_RESISTANCE),
+        (factor(e.run, channel, 1.0 / s),),
+    )
+
+
+def _divided(sound: Sequence[Estimate]) -> Finding:
+    """The runs fall into parts of which none is the larger."""
+    low, high = (min(sound, key=lambda e: e.constant), max(sound, key=lambda e: e.constant))
+    if high.constant / low.constant < math.exp(_CONSTANT):
+        low = min(sound, key=lambda e: e.resistance)
+        high = max(sound, key=lambda e: e.resistance)
+    corrections: tuple[str, ...] = ()
+    hint = "give runs of one motor, recorded in the same units"
+    for one, other in ((low, high), (high, low)):
+        named = _scale(one, other.constant, other.resistance)
+        # Units that are forgotten are small ones, so that numbers are too large.
+        if named is not None and named[1] > 1.0:
+            corrections = (factor(one.run, named[0], 1.0 / named[1]),)
+            hint = f"{named[0]} of {one.run.name} may be in {named[2] or 'another unit'}"
+            break
+    return Finding(
+        "contradicting_runs",
+        "refuse",
+        "",
+        None,
+        f"{low.run.name} (Kt {low.constant:.3g}, Ra {low.resistance:.3g}) and {high.run.name} "
+        f"(Kt {high.constant:.3g}, Ra {high.resistance:.3g}) contradict each other, and no "
+        f"majority tells which is right; {hint}",
+        "largest Kt over smallest",
+        max(e.constant for e in sound) / min(e.constant for e in sound),
+        math.exp(_CONSTANT),
+        corrections,
+        separable=False,
+    )
+
+
+def _is_slow(e: Estimate, sound: Sequence[Estimate]) -> bool:
+    """Whether a run has another unit of time: interval and inertia are off by one factor."""
+    return e.inertia > 0.0 and e.inertia_error < 1.0 / _ERRORS and _time_ratio(e, sound) is not None
+
+
+def _time_ratio(e: Estimate, sound: Sequence[Estimate]) -> float | None:
+    others = [o for o in sound if o is not e and o.inertia > 0.0]
+    if not others:
+        return None
+    interval = e.interval / _median([o.interval for o in others])
+    inertia = e.inertia / _median([o.inertia for o in others])
+    for ratio in (1e3, 1e6, 1e9, 60.0):
+        if abs(math.log(interval / ratio)) < _TIME and abs(math.log(inertia / ratio)) < 2.0 * _TIME:
+            return ratio
+    return None
+
+
+def _time_finding(e: Estimate, sound: Sequence[Estimate]) -> Finding:
+    ratio = _time_ratio(e, sound) or 1.0
+    unit = {1e3: "ms", 1e6: "us", 1e9: "ns", 60.0: "another unit"}.get(ratio, "another unit")
+    return Finding(
+        "scaled_channel",
+        "refuse",
+        e.run.name,
+        "time_s",
+        f"the time runs {ratio:g} times as fast as in the other runs, as of values in {unit}: "
+        "sample interval and inertia are off by the same factor",
+        "interval over that of the others",
+        e.interval / _median([o.interval for o in sound if o is not e]),
+        ratio / math.exp(_TIME),
+        (factor(e.run, "time_s", 1.0 / ratio),),
+    )

@@ -1,0 +1,169 @@
+"""The logged temperature against the winding's resistance, which is a thermometer of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.checks.consistency import Estimate
+from identification.checks.correction import left_out, other_unit
+from identification.checks.finding import Finding
+from identification.ingest.run import Run
+
+__all__ = ["heat_findings", "jump_findings"]
+
+_COPPER: Final = 0.0039
+_REFERENCE: Final = 25.0
+_JUMP_K: Final = 25.0
+_JUMP_K_S: Final = 50.0
+"""A winding at ten times its rated current heats by some 10 K/s, a thermometer in it follows."""
+_FAR: Final = 0.08
+_TIMES: Final = 4.0
+_FEWEST: Final = 3
+_SPAN_K: Final = 30.0
+_FAHRENHEIT: Final = (0.0019, 0.0029)
+"""Coefficient of copper over a Fahrenheit scale, 0.00245 at 25, with room on either side."""
+_LINE: Final = 0.03
+"""Scatter of the resistances about their line over the temperature, as a share of Ra25."""
+_COPPERS: Final = (0.0035, 0.00415)
+
+
+def jump_findings(run: Run) -> list[Finding]:
+    """Jumps that no thermometer makes.
+
+    Args:
+        run: The run.
+    """
+    if run.temperature is None:
+        return []
+    step = np.abs(np.diff(run.temperature))
+    # Across a gap of the record anything may have happened.
+    step[[start - 1 for start, _ in run.segments[1:]]] = 0.0
+    rate = step / np.diff(run.time)
+    jumps = np.flatnonzero((step > _JUMP_K) & (rate > _JUMP_K_S))
+    if not jumps.size:
+        return []
+    worst = int(jumps[np.argmax(step[jumps])])
+    return [
+        Finding(
+            "jumping_temperature",
+            "refuse",
+            run.name,
+            "temperature_degC",
+            f"jumps by {step[worst]:.3g} K between two samples at {run.time[worst]:.6g} s, "
+            f"{jumps.size} jumps in all, as of a loose thermometer; correct it, or leave the "
+            "channel out",
+            "K per s",
+            float(rate[worst]),
+            _JUMP_K_S,
+            (left_out(run, "temperature_degC"),),
+        )
+    ]
+
+
+def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
+    """Runs whose logged temperature contradicts their resistance, by that of the other runs.
+
+    Args:
+        estimates: Of runs that agree in all else.
+    """
+    sound = [e for e in estimates if e.is_sound and e.run.temperature is not None]
+    if len(sound) < _FEWEST:
+        return []
+    found = [finding for e in sound if (finding := _against(e, sound)) is not None]
+    # Where several stand out, there is no rule that one breaks.
+    return found[:1] if len(found) == 1 else _common(sound)
+
+
+def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
+    """A run whose resistance at 25 degC stands out by far from those of the others."""
+    others = np.log([o.resistance for o in sound if o is not e])
+    middle = float(np.median(others))
+    spread = float(np.abs(others - middle).max())
+    off = math.log(e.resistance) - middle
+    limit = max(_FAR, _TIMES * spread, _TIMES * e.resistance_error)
+    if abs(off) < limit or e.run.temperature is None:
+        return None
+    logged = float(np.mean(e.run.temperature))
+    felt = _REFERENCE + (e.raw_resistance / math.exp(middle) - 1.0) / _COPPER
+    at = _Deviation(off, limit, logged, felt)
+    fahrenheit = (logged - 32.0) / 1.8
+    mended = math.log(e.raw_resistance / (1.0 + _COPPER * (fahrenheit - _REFERENCE))) - middle
+    if abs(mended) < min(max(0.03, spread), 0.4 * abs(off)):
+        kind = f"in degrees Fahrenheit ({fahrenheit:.3g} degC)"
+        word = other_unit(e.run, "temperature_degC", "degF")
+        return _finding(e, "wrong_unit", at, kind, word)
+    others_move = all(np.ptp(_temperature(o)) > 0.0 for o in sound if o is not e)
+    if np.ptp(e.run.temperature) == 0.0 and others_move:
+        kind = "a thermometer that stands still"
+        return _finding(e, "stuck_sensor", at, kind, left_out(e.run, "temperature_degC"))
+    return None
+
+
+def _temperature(e: Estimate) -> NDArray[np.float64]:
+    """(n_sample,) logged temperature, zero where there is none [degC]."""
+    return np.zeros(1) if e.run.temperature is None else e.run.temperature
+
+
+@dataclass(frozen=True)
+class _Deviation:
+    """How a run's resistance stands against its temperature: [ln], [ln], [degC], [degC]."""
+
+    off: float
+    limit: float
+    logged: float
+    felt: float
+
+
+def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str) -> Finding:
+    return Finding(
+        code,
+        "refuse",
+        e.run.name,
+        "temperature_degC",
+        f"is {at.logged:.4g} degC on average where the resistance of this run, by the other runs, "
+        f"says about {at.felt:.3g} degC: it is {kind}",
+        "ln of Ra25 over that of the others",
+        at.off,
+        math.copysign(at.limit, at.off),
+        (correction,),
+    )
+
+
+def _common(sound: Sequence[Estimate]) -> list[Finding]:
+    """What is suspect of the temperature in all runs."""
+    logged = np.array([float(np.mean(_temperature(e))) for e in sound])
+    raw = np.array([e.raw_resistance for e in sound])
+    if np.ptp(logged) < _SPAN_K or logged.max() < 60.0:
+        return []
+    slope, base = np.polyfit(logged - _REFERENCE, raw, 1)
+    left = raw - base - slope * (logged - _REFERENCE)
+    if np.sqrt(np.mean(left**2)) > _LINE * base or base <= 0.0:
+        return []
+    coefficient = slope / base
+    # The same line over degC: T = 1.8 C + 32.
+    celsius = 1.8 * slope / (base + slope * (1.8 * _REFERENCE + 32.0 - _REFERENCE))
+    if not (_FAHRENHEIT[0] < coefficient < _FAHRENHEIT[1] and _COPPERS[0] < celsius < _COPPERS[1]):
+        return []
+    run = sound[0].run
+    word = other_unit(run, "temperature_degC", "degF").removeprefix(f"{run.name}:")
+    return [
+        Finding(
+            "suspicious_unit",
+            "suspect",
+            "",
+            "temperature_degC",
+            f"may be in degrees Fahrenheit in all runs: the resistance rises by {coefficient:.4f} "
+            f"per logged degree, and copper by 0.0039 per K, which is {celsius:.4f} if it is",
+            "coefficient of the winding [1/K]",
+            float(coefficient),
+            _FAHRENHEIT[1],
+            (word,),
+            separable=False,
+        )
+    ]

@@ -1,0 +1,111 @@
+"""Channels that were logged as magnitudes, without their sign.
+
+A magnitude keeps its sign while the voltage reverses, leaves the voltage balance unexplained, and
+explains it once the sign is put back.  The sign is that of the voltage less the other term, so that
+a motor that is braked or reversed keeps turning: it is found in turns with the regression.  The
+speed has one sign from one standstill to the next; the current may change it at any sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from identification.checks.balance import Array, Balance, Signals, balances_of
+from identification.checks.finding import Finding
+from identification.ingest.run import Run
+
+__all__ = ["magnitude_findings"]
+
+_REVERSAL: Final = 0.1
+"""Share of its peak up to which a channel counts as never negative."""
+_MISSED: Final = 0.03
+_BETTER: Final = 0.35
+"""Share of what is unexplained that may be left once the sign is put back."""
+_TURNS: Final = 4
+_STANDSTILL: Final = 0.05
+
+
+def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
+    """Channels of a run that hold magnitudes.
+
+    Args:
+        run: The run.
+        signals: Its signals.
+    """
+    if not _reverses(signals.voltage):
+        return []
+    unsigned = [
+        name
+        for name, signal in (("current_A", signals.current), ("speed_rad_s", signals.speed))
+        if not _reverses(signal) and np.ptp(signal) > 0.0
+    ]
+    if not unsigned:
+        return []
+    before = _missed(signals)
+    choices = [[name] for name in unsigned] + ([unsigned] if len(unsigned) == 2 else [])
+    for names in choices:
+        after = _missed(_signed(signals, names))
+        if before > _MISSED and after < _BETTER * before:
+            return [_finding(run, name, before, after) for name in names]
+    return []
+
+
+def _finding(run: Run, name: str, before: float, after: float) -> Finding:
+    return Finding(
+        "unsigned_channel",
+        "refuse",
+        run.name,
+        name,
+        "holds magnitudes: it keeps one sign while the drive reverses, and the voltage balance "
+        "holds only with the sign put back; log the signed value, since no motor can be "
+        "identified from a magnitude",
+        "unexplained share of the voltage",
+        before,
+        max(after / _BETTER, _MISSED),
+    )
+
+
+def _missed(signals: Signals) -> float:
+    """Least share of the voltage that windows of either length leave, with positive R and K."""
+    fits = [b.electrical for b in balances_of(signals)]
+    shares = [f.missed for f in fits if f is not None and f.values[0] > 0 and f.values[1] > 0]
+    return min(shares, default=1.0)
+
+
+def _signed(signals: Signals, names: list[str]) -> Signals:
+    """Signals with signs put back by what the voltage says."""
+    sign = np.where(signals.voltage < 0.0, -1.0, 1.0)
+    current = sign * signals.current if "current_A" in names else signals.current
+    speed = signals.speed
+    if "speed_rad_s" in names:
+        speed = _by_region(signals.speed, sign)
+    for _ in range(_TURNS):
+        balances: list[Balance] = balances_of(replace(signals, current=current, speed=speed))
+        fit = balances[-1].electrical if balances else None
+        if fit is None:
+            break
+        resistance, constant = max(float(fit.values[0]), 0.0), max(float(fit.values[1]), 0.0)
+        if "current_A" in names:
+            left = signals.voltage - constant * speed
+            current = np.where(left < 0.0, -1.0, 1.0) * signals.current
+        if "speed_rad_s" in names:
+            speed = _by_region(signals.speed, signals.voltage - resistance * current)
+    return replace(signals, current=current, speed=speed)
+
+
+def _by_region(speed: Array, drive: Array) -> Array:
+    """Speed with one sign from one standstill to the next, that of the mean drive there."""
+    moving = np.abs(speed) > _STANDSTILL * float(np.abs(speed).max())
+    edges = np.flatnonzero(np.diff(moving.astype(np.int8))) + 1
+    starts = np.concatenate(([0], edges))
+    total = np.add.reduceat(drive, starts)
+    sign = np.where(total < 0.0, -1.0, 1.0)
+    return np.asarray(speed * np.repeat(sign, np.diff(np.append(starts, speed.size))))
+
+
+def _reverses(signal: Array) -> bool:
+    high, low = float(np.max(signal)), float(np.min(signal))
+    return min(high, -low) > _REVERSAL * max(high, -low)
