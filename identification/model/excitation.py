@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 _MANY: Final = 10
 """Times the edges that a record has to be long to do without them."""
 _KNOTS: Final = 200
+_EDGE: Final = 20
+"""Samples on either side of a gap whose medians are compared."""
+_LEAST_STEP_K: Final = 1.0
+_STEP_ERRORS: Final = 6.0
 _STIFFNESSES: Final = np.geomspace(1e-3, 1e10, 80)
 
 
@@ -198,27 +202,67 @@ def smooth_temperature(run: Run) -> Array:
 
     A motor's temperature moves over many samples while its logger steps by a tenth or a whole
     degree; a smooth curve through the means of short spans, its stiffness chosen by
-    generalised cross-validation, follows the first and not the second.  A run without
-    temperature is taken to be at 25 degC throughout.
+    generalised cross-validation, follows the first and not the second.  Nothing is smoothed across
+    a gap at which the temperature is another one.  A run without temperature is taken to be at
+    25 degC throughout.
     """
     if run.temperature is None:
         return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)
-    edges = np.unique(np.linspace(0, run.time.size, min(_KNOTS, run.time.size) + 1).astype(int))
-    count = np.diff(edges)
-    time = np.add.reduceat(run.time, edges[:-1]) / count
-    mean = np.add.reduceat(run.temperature, edges[:-1]) / count
-    if time.size < 8 or np.ptp(mean) == 0.0:
-        return np.interp(run.time, time, mean)
-    squares = np.add.reduceat(run.temperature**2, edges[:-1]) / count
-    within = float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
     steps = np.diff(np.unique(run.temperature))
     quantum = float(steps.min()) if steps.size else 0.0
+    smooth = [
+        _smooth_stretch(run.time[start:stop], run.temperature[start:stop], quantum)
+        for start, stop in _stretches(run.temperature, run.segments, quantum)
+    ]
+    return np.concatenate(smooth)
+
+
+def _stretches(
+    logged: Array, segments: Sequence[tuple[int, int]], quantum: float
+) -> list[tuple[int, int]]:
+    """Segments, joined where the temperature goes on across the gap between them."""
+    joined = [segments[0]]
+    for start, stop in segments[1:]:
+        first = joined[-1][0]
+        before, after = logged[max(first, start - _EDGE) : start], logged[start:stop][:_EDGE]
+        noise = float(np.hypot(_median_error(before), _median_error(after)))
+        step = abs(float(np.median(after)) - float(np.median(before)))
+        if step > max(_LEAST_STEP_K, 2.0 * quantum, _STEP_ERRORS * noise):
+            joined.append((start, stop))
+        else:
+            joined[-1] = (first, stop)
+    return joined
+
+
+def _median_error(values: Array) -> float:
+    """Standard error of the median of white noise about a level, from first differences."""
+    if values.size < 2:
+        return 0.0
+    return float(np.std(np.diff(values)) / np.sqrt(values.size))
+
+
+def _smooth_stretch(clock: Array, logged: Array, quantum: float) -> Array:
+    """A stretch without jumps, smoothed.
+
+    Args:
+        clock: (n_sample,) [s].
+        logged: (n_sample,) [degC].
+        quantum: Resolution of the logger [K].
+    """
+    edges = np.unique(np.linspace(0, clock.size, min(_KNOTS, clock.size) + 1).astype(int))
+    count = np.diff(edges)
+    time = np.add.reduceat(clock, edges[:-1]) / count
+    mean = np.add.reduceat(logged, edges[:-1]) / count
+    if time.size < 8 or np.ptp(mean) == 0.0:
+        return np.interp(clock, time, mean)
+    squares = np.add.reduceat(logged**2, edges[:-1]) / count
+    within = float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
     # Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
     # cross-validation would take the steps for signal.
     hidden = quantum / np.sqrt(12.0) if within < 0.1 * quantum else 0.0
     # Natural ends: half a span beyond the first and the last mean the curve goes on straight.
     spline = CubicSpline(time, _smoothed(mean, hidden), bc_type="natural")
-    return np.asarray(spline(run.time), dtype=np.float64)
+    return np.asarray(spline(clock), dtype=np.float64)
 
 
 def _smoothed(series: Array, hidden: float) -> Array:

@@ -165,3 +165,23 @@ def test_the_head_of_a_record_is_robust_against_one_bad_sample() -> None:
     (record,) = records_of([replace(run, current=current)])
 
     assert abs(record.head[0]) < 1.0
+
+
+def test_nothing_is_smoothed_across_a_gap_to_another_temperature() -> None:
+    """40 pieces at 25 or 85 degC in turn, 1 s apart: a smooth across them is off by 30 K."""
+    levels = np.repeat(np.tile([25.0, 85.0], 20), 200)
+    noise = np.random.default_rng(4).normal(0.0, 0.1, levels.size)
+    segments = tuple((k * 200, (k + 1) * 200) for k in range(40))
+    run = replace(run_at(levels + noise, levels.size), segments=segments)
+
+    assert np.abs(smooth_temperature(run) - levels).max() < 0.3
+
+
+def test_a_gap_without_a_step_leaves_the_smooth_as_it_is() -> None:
+    """Rows that are missing do not make the stretches short that noise is averaged over."""
+    truth = np.linspace(25.0, 60.0, 4000)
+    logged = truth + np.random.default_rng(5).normal(0.0, 0.5, truth.size)
+    whole = run_at(logged, truth.size)
+    cut = replace(whole, segments=tuple((k * 40, (k + 1) * 40) for k in range(100)))
+
+    np.testing.assert_array_equal(smooth_temperature(cut), smooth_temperature(whole))
