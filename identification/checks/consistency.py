@@ -70,6 +70,7 @@ class Estimate:
         missed: Share of the voltage that is left unexplained.
         friction: Viscous friction of the same regression [N m s/rad].
         windows: Number of windows of that regression.
+        ohmic: Share of the voltage's movement that falls across the resistance.
     """
 
     run: Run
@@ -84,6 +85,7 @@ class Estimate:
     missed: float
     friction: float
     windows: int
+    ohmic: float
 
     @property
     def is_sound(self) -> bool:
@@ -126,6 +128,7 @@ def estimate_of(run: Run) -> Estimate | None:
         e.missed,
         float(m.values[1] * constant),
         windows,
+        float(e.shares[0]),
     )
 
 

@@ -22,8 +22,10 @@ _REFERENCE: Final = 25.0
 _JUMP_K: Final = 25.0
 _JUMP_K_S: Final = 50.0
 """A winding at ten times its rated current heats by some 10 K/s, a thermometer in it follows."""
-_FAR: Final = 0.08
+_FAR: Final = 0.1
 _TIMES: Final = 4.0
+_OHMIC: Final = 0.15
+"""Share of the voltage across the resistance below which lags and filters bias it by a tenth."""
 _FEWEST: Final = 3
 _SPAN_K: Final = 30.0
 _FAHRENHEIT: Final = (0.0019, 0.0029)
@@ -87,7 +89,7 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
     spread = float(np.abs(others - middle).max())
     off = math.log(e.resistance) - middle
     limit = max(_FAR, _TIMES * spread, _TIMES * e.resistance_error)
-    if abs(off) < limit or e.run.temperature is None:
+    if abs(off) < limit or e.ohmic < _OHMIC or e.run.temperature is None:
         return None
     logged = float(np.mean(e.run.temperature))
     felt = _REFERENCE + (e.raw_resistance / math.exp(middle) - 1.0) / _COPPER

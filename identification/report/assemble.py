@@ -25,6 +25,7 @@ from identification.effects.gauge import lines_of
 from identification.effects.outcome import Outcome
 from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
 from identification.fit.campaign import Campaign
+from identification.fit.ceiling import bounded_noise
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
 from identification.fit.noise import noise_deviation
@@ -46,6 +47,9 @@ _CHANNELS = ("current", "speed")
 
 _GROSS = 1.5
 """Error over the noise above which no colour of the noise explains it."""
+_NOTHING = 0.9
+"""Error over the movement of a channel from which a model explains nothing of it."""
+_BEYOND_NOISE = 2.0
 _TOLD = 12
 """Runs of which a warning names the temperature."""
 
@@ -120,17 +124,20 @@ class Findings:
         Where the residual of the training runs is far larger than noise can be, it is the noise
         with the missing voltage and torque taken out: what the model lacks is no noise.  Nor is
         what only runs have that do not fit the others.  Where it is little larger, slow noise of a
-        sensor and a voltage that wanders may look alike.
+        sensor and a voltage that wanders may look alike.  It is never more than what the other
+        channels of a run leave unexplained, so that a model that explains nothing cannot pass.
         """
         training = self.simulated["after"]["training"]
+        error = root_mean_square(training)
         if self.after is None or self.left is None:
-            return noise_of_most(training, noise_deviation(self.final))
-        noise = root_mean_square(training)
+            found = noise_of_most(training, noise_deviation(self.final))
+            return bounded_noise(self.campaign.training, found, error)
+        noise = error.copy()
         for k, channel in enumerate(_CHANNELS):
             checks = self.after.of(channel, "training")
             if any(check.is_too_large and check.noise_ratio > _GROSS for check in checks):
                 noise[k] = min(noise[k], self.left.noise[k])
-        return noise_of_most(training, noise)
+        return bounded_noise(self.campaign.training, noise_of_most(training, noise), error)
 
 
 def assemble(findings: Findings) -> dict[str, object]:
@@ -139,6 +146,9 @@ def assemble(findings: Findings) -> dict[str, object]:
     convergence = findings.sample.convergence if findings.sample else None
     before = _parameters(declared, findings.declared_draws, findings.share)
     after = _parameters(final, findings.draws, findings.share)
+    missed = _missed(findings)
+    if missed:
+        after = {name: entry | {"identified": False} for name, entry in after.items()}
     return {
         "schema_version": 1,
         "software": _software(),
@@ -184,8 +194,20 @@ def assemble(findings: Findings) -> dict[str, object]:
             "r_hat_max": convergence.r_hat_max,
             "converged": convergence.reached,
         },
-        "warnings": _warnings(findings),
+        "warnings": _warnings(findings, missed),
     }
+
+
+def _missed(findings: Findings) -> list[str]:
+    """Sentences on channels of which the final model explains nothing that is not noise."""
+    errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
+    return [
+        f"the model explains nothing of the {channel} of the training runs (its error is "
+        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % of the movement, {entry['noise_ratio']:.3g} "
+        "times the noise), so no parameter of it is taken as determined: check the runs"
+        for channel, entry in errors.items()
+        if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
+    ]
 
 
 def _missing(findings: Findings) -> list[str]:
@@ -323,10 +345,11 @@ def _temperatures(findings: Findings) -> list[str]:
     ]
 
 
-def _warnings(findings: Findings) -> list[str]:
+def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
     campaign = findings.campaign
     runs = (*campaign.training_runs, *campaign.validation_runs)
     messages = findings.admission.warnings if findings.admission else []
+    messages += missed
     messages += [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
     messages += coarse_warnings(campaign.training_runs, findings.noise)
