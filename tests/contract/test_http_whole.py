@@ -39,3 +39,29 @@ def test_motor_is_identified_from_its_run_files_over_http(data_dir: Path) -> Non
         assert abs(entry["median"] - value) < max(5 * entry["sd"], 0.005 * abs(value)), name
     assert report.lower().startswith("<!doctype html>")
     assert "training_1.csv" in report
+
+
+def test_a_fit_of_runs_that_contradict_fails_with_its_findings_over_http(data_dir: Path) -> None:
+    """The current sensor of one run is the wrong way round; with it set aside the fit succeeds."""
+    with (
+        serving(data_dir, "--no-auth", PIPELINE="identification.pipeline:identify") as server,
+        Caller(server) as caller,
+    ):
+        content = (CAMPAIGN / "training_1.csv").read_bytes()
+        sound = caller.upload(content, "training_1.csv")["id"]
+        other = (CAMPAIGN / "training_2.csv").read_bytes()
+        flip = {"current_A": {"column": "current_A", "scale": -1.0}}
+        wrong = caller.upload(other, "training_2.csv", mapping=json.dumps(flip))["id"]
+        refused = caller.begin(sound, wrong, posterior=False, effects=False)
+        refused = caller.wait(refused["id"], seconds=120)
+        without = caller.begin(sound, wrong, posterior=False, effects=False, set_aside=True)
+        without = caller.wait(without["id"], seconds=120)
+
+    assert refused["status"] == "failed"
+    assert refused["error"]["code"] == "contradictory_runs"
+    [finding] = refused["error"]["findings"]
+    assert (finding["file"], finding["column"]) == ("training_2.csv", "current_A")
+    # What was scaled by -1 is scaled back.
+    assert finding["corrections"] == ["training_2.csv:current_A=current_A * 1"]
+    assert without["status"] == "succeeded", without["error"]
+    assert [run["file"] for run in without["result"]["set_aside"]] == ["training_2.csv"]
