@@ -8,7 +8,7 @@ import time
 __all__ = ["Postponed"]
 
 _FIRST_PAUSE_S = 0.5
-_LONGEST_PAUSE_S = 30.0
+_LONGEST_PAUSE_S = 10.0
 _FORGOTTEN_S = 3600.0
 
 

@@ -20,7 +20,18 @@ from pathlib import Path
 from benchmarks.torture.document import section, with_section
 from benchmarks.torture.outcome import Outcome
 
-MODULES = ("kills", "throughput", "files", "fuzz", "api", "access", "load", "limits", "batches")
+MODULES = (
+    "kills",
+    "jobs",
+    "throughput",
+    "files",
+    "fuzz",
+    "api",
+    "access",
+    "load",
+    "limits",
+    "batches",
+)
 _TABLE = Path("docs/benchmarks/torture.md")
 
 

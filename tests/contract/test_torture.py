@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 
-@pytest.mark.parametrize("name", ["files", "fuzz", "api", "load", "limits"])
+@pytest.mark.parametrize("name", ["jobs", "files", "fuzz", "api", "load", "limits"])
 def test_service_stands_a_little_torture(tmp_path: Path, name: str) -> None:
     """Each outcome says itself what was asked and what was measured."""
     module = importlib.import_module(f"benchmarks.torture.{name}")
