@@ -88,6 +88,11 @@ class Estimate:
     ohmic: float
 
     @property
+    def is_long(self) -> bool:
+        """Whether there are windows enough to know the errors as well."""
+        return self.windows >= _MANY_WINDOWS
+
+    @property
     def is_sound(self) -> bool:
         """Whether the balances hold well enough to compare the coefficients."""
         return (
@@ -162,7 +167,7 @@ def _median(values: Sequence[float]) -> float:
 
 
 def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
-    wide = 1.0 if e.windows >= _MANY_WINDOWS else _FEW_WINDOWS
+    wide = 1.0 if e.is_long else _FEW_WINDOWS
     far = abs(math.log(e.constant / constant))
     if far > max(wide * _CONSTANT, _ERRORS * e.constant_error):
         return True

@@ -74,7 +74,7 @@ def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
     Args:
         estimates: Of runs that agree in all else.
     """
-    sound = [e for e in estimates if e.is_sound and e.run.temperature is not None]
+    sound = [e for e in estimates if e.is_sound and e.is_long and e.run.temperature is not None]
     if len(sound) < _FEWEST:
         return []
     found = [finding for e in sound if (finding := _against(e, sound)) is not None]
