@@ -38,6 +38,8 @@ _WIDE: Final = (5.0, 1.1)
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _LENGTHS: Final = 50.0
+_TRIAL: Final = 500
+"""Steps after which a chain is given up that would not be long enough at the last one."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,9 @@ def sample(
         if progress is not None:
             goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
             progress(min(1.0, done / min(goal, most_steps, affordable)))
+        if done >= _TRIAL and not 1.25 * _LENGTHS * tau < min(most_steps, affordable):
+            # More steps within the limits would not make the chain long enough.
+            break
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
             break

@@ -36,6 +36,7 @@ from identification.options import FitOptions
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
+from identification.report.early_ends import early_ends
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 
@@ -366,37 +367,6 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
             f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
             "rest on general knowledge of motors"
         )
-    if not findings.final.converged:
-        messages.append(
-            "the fit stopped before it converged; its values are the best found, and its intervals "
-            "may be too narrow"
-        )
-    effort = findings.options.effort
-    limit = f"the time limit of {findings.options.time_limit} s" if findings.interrupted else ""
-    if findings.outcome is not None and not findings.outcome.complete:
-        messages.append(
-            f"the search for effects stopped at {limit or _budget(effort)}; there may be effects "
-            f"that it did not reach, and alternatives to those it names{_more(effort, limit)}"
-        )
-    sample = findings.sample
-    if sample is not None and not sample.convergence.reached:
-        messages.append(
-            f"the sampler stopped after {sample.convergence.steps} steps, "
-            f"{sample.convergence.steps / sample.convergence.autocorrelation_time:.0f} "
-            "autocorrelation times; expected at least 50"
-            + (f"; it met {limit}" if limit else _more(effort, limit))
-        )
-    return messages
-
-
-def _budget(effort: str) -> str:
-    return f"the budget of --effort {effort}"
-
-
-def _more(effort: str, limit: str) -> str:
-    """What a user may do for a stage that ended by its budget."""
-    if limit:
-        return "; allow more time"
-    if effort == "thorough":
-        return "; shorter or fewer runs need less"
-    return "; --effort thorough allows ten times as much"
+    options = findings.options
+    stopped = (options.effort, options.time_limit if findings.interrupted else None)
+    return messages + early_ends(findings.final, findings.outcome, findings.sample, *stopped)

@@ -1,0 +1,62 @@
+"""Warnings of stages that ended before they were done: what it means, and what to do."""
+
+from __future__ import annotations
+
+from identification.effects.outcome import Outcome
+from identification.fit.solve import Fit
+from identification.posterior.convergence import LARGEST_R_HAT, Convergence
+from identification.posterior.sample import Sample
+
+__all__ = ["early_ends"]
+
+
+def early_ends(
+    final: Fit,
+    outcome: Outcome | None,
+    sample: Sample | None,
+    effort: str,
+    time_limit: float | None,
+) -> list[str]:
+    """Warnings of the fit, the search and the sampler.
+
+    Args:
+        final: Fit of the final model.
+        outcome: What the search found, None where none was made.
+        sample: The chain, None where none was asked for.
+        effort: Effort level, whose budget a stage may have spent.
+        time_limit: Time limit where it stopped a stage [s].
+    """
+    limit = f"the time limit of {time_limit} s" if time_limit is not None else ""
+    messages = []
+    if not final.converged:
+        messages.append(
+            "the fit stopped before it converged; its values are the best found, and its intervals "
+            "may be too narrow"
+        )
+    if outcome is not None and not outcome.complete:
+        messages.append(
+            f"the search for effects stopped at {limit or f'the budget of --effort {effort}'}; "
+            "there may be effects that it did not reach, and alternatives to those it "
+            f"names{_remedy(effort, limit)}"
+        )
+    if sample is not None and not sample.convergence.reached:
+        messages.append(_unconverged(sample.convergence, effort, limit))
+    return messages
+
+
+def _unconverged(found: Convergence, effort: str, limit: str) -> str:
+    return (
+        f"the sampler did not converge: it stopped after {found.steps} steps, "
+        f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
+        f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; the intervals "
+        "may be too narrow" + (f"; it met {limit}" if limit else "") + _remedy(effort, limit)
+    )
+
+
+def _remedy(effort: str, limit: str) -> str:
+    """What a user may do for a stage that ended by its budget or the time limit."""
+    if limit:
+        return "; allow more time"
+    if effort == "thorough":
+        return "; shorter or fewer runs need less"
+    return "; --effort thorough allows ten times as much"
