@@ -21,7 +21,7 @@ __all__ = ["plausibility_findings"]
 
 _SHEAR_PA: Final = 5e3
 _TIP_M_S: Final = 35.0
-_FAST_RAD_S: Final = 1100.0
+_FAST_RAD_S: Final = 1500.0
 _LIGHT: Final = 0.02
 _IRON: Final = 7.5e3
 _SLOW_S: Final = 8.0
@@ -78,9 +78,9 @@ def _fast(run: Run, speed: float, tip: float, constant: float) -> Finding:
         f"reaches {speed:.4g} rad/s ({speed * 30 / math.pi:.3g} rpm) at a Kt of {constant:.3g} "
         "V s/rad, fast for a motor of this torque; if it is in rpm, Kt is 9.55 times larger "
         "(compare Kt = Ke with the data sheet)",
-        "estimated speed of the rotor's surface [m/s]",
-        tip,
-        _TIP_M_S,
+        "estimated speed of the rotor's surface [m/s]" if tip > _TIP_M_S else "speed [rad/s]",
+        tip if tip > _TIP_M_S else speed,
+        _TIP_M_S if tip > _TIP_M_S else _FAST_RAD_S,
         (_everywhere(run, other_unit(run, "speed_rad_s", "rpm")),),
         separable=False,
     )
