@@ -137,6 +137,10 @@ faults: $(READY) ## are faulty runs refused, and sound ones never? (some minutes
 torture: $(READY) ## the service under kills, bombs, fuzz and load; ARGS=--short for minutes (long)
 	$(BIN)/python -m benchmarks.torture $(ARGS)
 
+.PHONY: fuzz-fits
+fuzz-fits: $(READY) ## absurd campaigns, none may end in an internal error; ARGS="--only SEED" (long)
+	$(BIN)/python -m benchmarks.fuzz_fits $(ARGS)
+
 .PHONY: audit
 audit: $(READY) ## known weaknesses of the locked packages, by pip-audit; AUDIT=osv asks another service
 	$(BIN)/pip-audit --strict --no-deps --disable-pip --vulnerability-service $(or $(AUDIT),pypi) \

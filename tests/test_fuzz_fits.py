@@ -1,0 +1,46 @@
+"""A few absurd campaigns of `make fuzz-fits`; the measurement itself is long."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.absurd_runs import EXCITATIONS, FAULTS, drawn
+from benchmarks.fuzz_fits import ending_of
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_absurd_campaign_ends_in_a_result_or_an_error_of_its_own(seed: int) -> None:
+    """Small runs without sampling; a search for effects in the last of them."""
+    case = drawn(seed, rows=100, effects=0.0, posterior=0.0)
+
+    assert ending_of(case).kind != "internal"
+
+
+def test_the_same_seed_draws_the_same_campaign() -> None:
+    """`--only SEED` has to repeat what was reported."""
+    one, other = drawn(3), drawn(3)
+
+    assert one.words == other.words
+    for run, again in zip(one.training, other.training, strict=True):
+        assert np.array_equal(run.current, again.current)
+
+
+def test_each_fault_and_excitation_is_drawn() -> None:
+    """300 campaigns have some 900 runs, each with one of 9 excitations and 1.4 of 26 faults."""
+    words = "; ".join(";".join(drawn(seed, rows=60).faults) for seed in range(300))
+
+    assert [name for name in (*FAULTS, *EXCITATIONS) if name not in words] == []
+
+
+def test_an_internal_error_is_reported_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run without a sample is none that the reader makes, and no error is meant for it."""
+    case = drawn(0, rows=60, effects=0.0, posterior=0.0)
+    broken = replace(case.training[0], voltage=np.zeros(3))
+
+    ending = ending_of(replace(case, training=(broken,)))
+
+    assert ending.kind == "internal"
+    assert "identification/" in ending.message
