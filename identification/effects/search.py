@@ -22,13 +22,7 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import (
-    LEAST_SIZE,
-    UNCOMPUTED,
-    Judged,
-    probabilities,
-    scores_of,
-)
+from identification.effects.evidence import LEAST_SIZE, UNCOMPUTED, Judged, probabilities, scores_of
 from identification.effects.outcome import Alternative, Found, Outcome, Searched
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.score import Score
@@ -51,7 +45,7 @@ _FAR_LESS: Final = 0.1
 """Share of the best promise below which nothing is refitted."""
 _LISTED_SHARE: Final = 0.75
 _REFIT_SHARE: Final = 0.06
-"""Shares of the budget that the catalogue and a single refit may take."""
+"""Shares of the budget for the catalogue and for one refit."""
 _MOST_EFFECTS: Final = 4
 _KEPT: Final = 0.005
 _ALIKE: Final = 1.0
@@ -84,7 +78,7 @@ def search(
         campaign: Records of training and of runs left out.
         progress: Called with the fraction done.
         work: Operations after which nothing new is begun; what passed until then stands.
-        begin: Fit of a model with effects from which the search goes on; of none where None.
+        begin: Fit of the model that the search goes on from; the nominal one where None.
     """
     tell = progress or (lambda fraction: None)
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work)
