@@ -102,20 +102,6 @@ def test_a_speed_sensor_the_wrong_way_round_in_one_run_ends_no_fit(
     assert fitted_with(tmp_path / "out", run_files[0], wrong)
 
 
-def test_a_run_that_is_checked_on_itself_is_no_check(
-    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Said in a warning and not in praise; in the result the place of the run it repeats."""
-    [told] = fitted_with(tmp_path / "out", run_files[0], "--validation", run_files[0])
-
-    assert "run1.csv, hold the same samples" in told
-    shown = capsys.readouterr().out
-    assert "so nothing checks it" in shown
-    assert "had not seen" not in shown
-    runs = json.loads((tmp_path / "out" / "result.json").read_text())["runs"]
-    assert [run["same_as"] for run in runs] == [None, 0]
-
-
 def test_a_current_in_steps_of_two_amperes_is_said(run_files: list[Path], tmp_path: Path) -> None:
     """Its noise is 0.1 A, so nearly all samples of a plateau carry the same error."""
     coarse = [
