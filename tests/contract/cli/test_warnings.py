@@ -155,3 +155,20 @@ def test_draws_a_last_digit_below_their_bound_end_no_fit(
     monkeypatch.setattr(pipeline, "normal_draws", below)
 
     assert fitted_with(tmp_path / "out", *run_files[:2]) == []
+
+
+def test_a_run_that_is_checked_on_its_own_samples_is_no_check(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same samples under other bytes: said in a warning and not in praise."""
+    copy = tmp_path / "run1.csv"
+    copy.write_text(run_files[0].read_text(encoding="utf-8") + "\n", encoding="utf-8")
+
+    [told] = fitted_with(tmp_path / "out", run_files[0], "--validation", copy)
+
+    assert "run1.csv, hold the same samples" in told
+    shown = capsys.readouterr().out
+    assert "so nothing checks it" in shown
+    assert "had not seen" not in shown
+    runs = json.loads((tmp_path / "out" / "result.json").read_text())["runs"]
+    assert [run["same_as"] for run in runs] == [None, 0]
