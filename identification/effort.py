@@ -37,8 +37,8 @@ class Effort:
 
 
 EFFORTS: Final[dict[EffortName, Effort]] = {
-    "quick": Effort(search=1.5e10, search_each=3e6, sampling=1e11, steps=600),
-    "normal": Effort(search=6e10, search_each=1.2e7, sampling=6e11, steps=3000),
+    "quick": Effort(search=1.5e10, search_each=3e6, sampling=2e11, steps=600),
+    "normal": Effort(search=6e10, search_each=1.2e7, sampling=1.2e12, steps=3000),
     "thorough": Effort(search=6e11, search_each=1.2e8, sampling=1e13, steps=20000),
 }
 """A normal search of 24,000 samples may take half a minute of one core, one of 370 samples six

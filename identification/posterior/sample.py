@@ -38,7 +38,7 @@ _WIDE: Final = (5.0, 1.1)
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _LENGTHS: Final = 50.0
-_TRIAL: Final = 500
+_TRIAL: Final = 300
 """Steps after which a chain is given up that would not be long enough at the last one."""
 
 
