@@ -277,7 +277,7 @@ FAULTS: Final[dict[str, Callable[[Random, Run], Run]]] = {
     "scaled by 1e-6": _scaled(1e-6),
     "scaled by 1e6": _scaled(1e6),
     "spike of 1e9": _on_one(_spike(1e9)),
-    "spike of infinity": _on_one(_spike(np.inf)),
+    "spike of 1e14": _on_one(_spike(1e14)),
     "denormal": _on_one(lambda random, v: 5e-324 * np.round(3 * v / (np.ptp(v) or 1.0))),
     "random walk": _on_one(lambda random, v: np.cumsum(random.standard_normal(v.size))),
     "noise": _on_one(lambda random, v: random.standard_normal(v.size)),

@@ -51,7 +51,7 @@ _MOST_PIECES: Final = 200
 class StepCharacteristics:
     """What is read off a step response; each (n_loop,), NaN where it does not exist.
 
-    Rise time and peak are NaN as well where 100 oscillations do not show them.
+    Times and peak are NaN as well where 100 oscillations do not show them.
 
     Args:
         is_stable: All closed-loop poles have a negative real part.
@@ -220,7 +220,7 @@ class _RelativeResponse:
         with np.errstate(invalid="ignore", divide="ignore"):
             passed = np.ceil((right - self.first_knot) / self.spacing)
         passed = np.where(np.isfinite(self.spacing), passed, right > self.first_knot)
-        number = np.clip(passed, 0, self.knot_count).astype(np.intp)
+        number, pieces = np.clip(passed, 0, self.knot_count).astype(np.intp), 0
         while rows.size:
             left = np.where(number > 0, self._knot(number - 1, rows), 0.0)
             left = np.minimum(left, right)
@@ -232,6 +232,10 @@ class _RelativeResponse:
             settling[rows[has]] = self._enters(begin[has], end[has], rows[has])
             going = ~has & (number > 0)
             right, rows, number = left[going], rows[going], number[going] - 1
+            pieces += 1
+            if pieces == _MOST_PIECES:
+                settling[rows] = np.nan
+                break
         return settling
 
     def _enters(self, begin: Array, end: Array, rows: Index) -> Array:

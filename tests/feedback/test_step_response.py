@@ -69,6 +69,14 @@ def test_a_rise_that_takes_hundreds_of_oscillations_is_undefined(
     assert found == pytest.approx(rise, abs=10.0 / frequency, nan_ok=True)
 
 
+def test_a_loop_that_all_but_never_settles_has_no_settling_time() -> None:
+    """Damped by 1e-17 it swings 1e17 times, whose phase no number holds; looking took for ever."""
+    found = characteristics([0, 1.7e126], [1, 7.4e45, 1.7e126])
+
+    assert np.isnan(found.settling_time[0])
+    assert found.overshoot[0] == pytest.approx(100.0)
+
+
 def test_table_of_the_source_is_reproduced_to_four_digits() -> None:
     """Table 1 of the source at 25 and 125 degC, with its digits carried further."""
     motors = motor_draws(PAPER, [25.0, 125.0])
