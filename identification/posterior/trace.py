@@ -15,6 +15,7 @@ from scipy.linalg import null_space
 
 from identification.fit.normal_equations import NormalEquations, normal_equations
 from identification.fit.solve import Fit
+from identification.linear import eigh, least_squares, solution
 from identification.posterior.ridge import Ridge
 
 __all__ = ["ridge_of"]
@@ -100,7 +101,7 @@ def _directions(fit: Fit, share: float) -> list[_Direction]:
     free = ~(lower | upper)
     root = _scaled_root(precision[np.ix_(free, free)])
     size = np.sqrt(np.sum(root**2, axis=1))
-    values, vectors = np.linalg.eigh(root @ root.T / np.outer(size, size))
+    values, vectors = eigh(root @ root.T / np.outer(size, size))
     found = []
     for k in range(size.size - 1, max(size.size - 1 - _DIRECTIONS, -1), -1):
         tangent = np.zeros(free.size)
@@ -200,7 +201,7 @@ def _optimised(
         far = float(step @ precision @ step)
         position = position + step
         states = tuple(
-            x + np.linalg.solve(m, g - c @ step)
+            x + solution(m, g - c @ step)
             for x, m, g, c in zip(
                 states,
                 equations.state_matrices,
@@ -220,9 +221,7 @@ def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[
     matrix = matrix + scale * np.outer(along, along)
     right = gradient + scale * short * along
     size = np.sqrt(np.diag(matrix))
-    return np.asarray(
-        np.linalg.lstsq(matrix / np.outer(size, size), right / size, rcond=1e-14)[0] / size
-    )
+    return least_squares(matrix / np.outer(size, size), right / size, 1e-14) / size
 
 
 def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
@@ -259,6 +258,6 @@ def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _P
 def _scaled_root(precision: Array) -> Array:
     """Cholesky factor of the inverse of a precision, scaled to unit diagonal on the way."""
     size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
-    values, vectors = np.linalg.eigh(precision / np.outer(size, size))
+    values, vectors = eigh(precision / np.outer(size, size))
     upper = np.linalg.qr((vectors / np.sqrt(np.maximum(values, 1e-14))).T, mode="r")
     return np.asarray((upper * np.sign(np.diag(upper))[:, None]).T / size[:, None])
