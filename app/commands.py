@@ -183,7 +183,7 @@ def predict(
     content = read_result(result)
     measured = read_run(run, mapping=mapping)
     with writable_file(out):
-        from identification.predict import predict as simulate
+        from identification.prediction import predict as simulate
         from identification.report.atomic import write_text
 
         prediction = simulate(content, measured, declared)

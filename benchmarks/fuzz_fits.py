@@ -34,9 +34,8 @@ import jsonschema
 
 from app.commands import Show, feedback, motor_of, read_result
 from benchmarks.absurd_runs import Case, drawn
-from identification import identify
+from identification import identify, predict
 from identification.errors import IdentificationError
-from identification.predict import predict
 from identification.report.result import result_schema
 from identification.threads import use_threads
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from identification.ingest import Run, read_run
     from identification.options import FitOptions
     from identification.pipeline import Identification, identify
-    from identification.predict import Prediction, predict
+    from identification.prediction import Prediction, predict
 
 __all__ = [
     "ComputationError",
@@ -45,10 +45,10 @@ __all__ = [
 _HOMES = {
     "FitOptions": "options",
     "Identification": "pipeline",
-    "Prediction": "predict",
+    "Prediction": "prediction",
     "Run": "ingest",
     "identify": "pipeline",
-    "predict": "predict",
+    "predict": "prediction",
     "read_run": "ingest",
 }
 

@@ -11,7 +11,7 @@ import pytest
 
 from identification import FitOptions, Identification, identify
 from identification.ingest.run import Run
-from identification.predict import predict
+from identification.prediction import predict
 from tests.motors import NAMES, drive, motor_named, run_of
 
 SERVO = motor_named("servo 100 W")

@@ -96,3 +96,10 @@ def test_no_file_outgrows_one_idea(file: str) -> None:
     lines = (ROOT / file).read_text(encoding="utf-8").count("\n")
 
     assert lines <= LONGEST_FILE_IN_LINES
+
+
+def test_the_library_offers_functions_and_classes_and_no_module_of_their_name() -> None:
+    """A module named `predict` took the place of the function as soon as it was imported."""
+    for name in identification.__all__:
+        assert callable(getattr(identification, name))
+        assert callable(getattr(identification, name)), "after the import of its module"
