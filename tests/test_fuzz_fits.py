@@ -13,8 +13,16 @@ from benchmarks.fuzz_fits import ending_of
 
 @pytest.mark.parametrize("seed", range(20))
 def test_an_absurd_campaign_ends_in_a_result_or_an_error_of_its_own(seed: int) -> None:
-    """Small runs without sampling; a search for effects in the last of them."""
+    """Runs of 50 to 100 samples, without sampling and without a search for effects."""
     case = drawn(seed, rows=100, effects=0.0, posterior=0.0)
+
+    assert ending_of(case).kind != "internal"
+
+
+@pytest.mark.parametrize("seed", [23, 20070])
+def test_a_campaign_that_had_ended_in_an_internal_error_ends(seed: int) -> None:
+    """A loop of 1e63 rad/s took for ever, and a ridge that is not finite raised LinAlgError."""
+    case = drawn(seed, rows=150, effects=0.02, posterior=0.005)
 
     assert ending_of(case).kind != "internal"
 

@@ -220,7 +220,7 @@ def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[
     scale = float(np.max(np.diag(matrix))) * _STIFF / float(along @ along)
     matrix = matrix + scale * np.outer(along, along)
     right = gradient + scale * short * along
-    size = np.sqrt(np.diag(matrix))
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return least_squares(matrix / np.outer(size, size), right / size, 1e-14) / size
 
 
