@@ -78,6 +78,8 @@ _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constan
 """Codes of warnings that may be why a campaign cannot be calculated, the likeliest first."""
 
 
+# A candidate that overflows has an infinite cost, which says it all; numpy need not.
+@np.errstate(all="ignore")
 def identify(
     training: Sequence[Run],
     validation: Sequence[Run] = (),

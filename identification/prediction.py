@@ -47,6 +47,7 @@ class Prediction:
     speed: Array
 
 
+@np.errstate(all="ignore")
 def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Prediction:
     """Simulate a run from its inputs alone.
 

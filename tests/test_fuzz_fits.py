@@ -16,7 +16,10 @@ def test_an_absurd_campaign_ends_in_a_result_or_an_error_of_its_own(seed: int) -
     """Runs of 50 to 100 samples, without sampling and without a search for effects."""
     case = drawn(seed, rows=100, effects=0.0, posterior=0.0)
 
-    assert ending_of(case).kind != "internal"
+    ending = ending_of(case)
+
+    assert ending.kind != "internal"
+    assert ending.warned == ()
 
 
 @pytest.mark.parametrize("seed", [23, 20070])

@@ -47,6 +47,7 @@ _QUANTILES: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 _LEAST_DEFINED: Final = 0.5
 
 
+@np.errstate(all="ignore")
 def feedback_metrics(
     draws: Mapping[str, ArrayLike], temperatures: Sequence[float], controllers: Sequence[str]
 ) -> list[dict[str, Any]]:
