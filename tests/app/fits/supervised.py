@@ -75,7 +75,7 @@ class Engine(AbstractEngine):
 
     def threads(self, jobs: int) -> int:
         """A share of eight."""
-        return 8 // min(jobs, self.most)
+        return 8 // max(1, min(jobs, self.most))
 
     def start(self, job: Job) -> AbstractRunning:
         """Start nothing."""

@@ -78,7 +78,8 @@ def test_batch_that_is_ended_leaves_no_process_and_goes_on(
     words = ["batch", str(manifest), "--out", str(tmp_path / "out"), "--jobs", "2"]
     process = begin(mark, *words)
     table = tmp_path / "out" / "results.csv"
-    assert until(lambda: table.exists() and "m0" in table.read_text() and in_work(mark))
+    # Either of the first two; the table is written every two seconds at most.
+    assert until(lambda: table.exists() and ",fitted," in table.read_text() and in_work(mark))
 
     process.send_signal(number)
     _, said = process.communicate(timeout=60)
@@ -89,7 +90,7 @@ def test_batch_that_is_ended_leaves_no_process_and_goes_on(
     assert (again.communicate(timeout=120)[1], again.returncode) == ("", 0)
     with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
-    assert (len(statuses), statuses[0], statuses[-1]) == (6, "kept", "fitted")
+    assert (len(statuses), "kept" in statuses, statuses[-1]) == (6, True, "fitted")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
