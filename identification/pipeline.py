@@ -8,7 +8,7 @@ identification.write(Path("out"))
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from identification.checks.admission import admitted
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
+from identification.effects.catalogue import CATALOGUE
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.long import search_long
 from identification.effects.outcome import Outcome
 from identification.effort import EFFORTS
-from identification.errors import ComputationError, InputError
+from identification.errors import ComputationError, InputError, OptionError
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
@@ -86,6 +87,7 @@ def identify(
     options: FitOptions = FitOptions(),  # noqa: B008  frozen
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
+    withheld: Collection[str] = (),
 ) -> Identification:
     """Identify one motor from its runs.
 
@@ -95,6 +97,7 @@ def identify(
         options: What the user chose.
         progress: Told how far the job is.
         checkpoint: Where a posterior in progress is kept, so that the same job goes on from there.
+        withheld: Kinds of effect that the search must not add, to measure what they are worth.
 
     Raises:
         InputError: There is too little to fit, or the runs contradict physics or each other.
@@ -102,7 +105,7 @@ def identify(
     """
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():
-            return _identified(training, validation, options, progress, checkpoint)
+            return _identified(training, validation, options, progress, checkpoint, withheld)
     except ComputationError as error:
         raise ComputationError(f"{error}{_suspects([*training, *validation])}") from error
 
@@ -121,10 +124,12 @@ def _identified(
     options: FitOptions,
     progress: Progress | None,
     checkpoint: Checkpoint | None,
+    withheld: Collection[str],
 ) -> Identification:
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
     _check(training, validation)
+    _check_withheld(withheld)
     parse_controllers(options.controllers)
     admission = admitted(training, validation, options)
     training, validation = admission.training, admission.validation
@@ -145,6 +150,7 @@ def _identified(
             campaign,
             lambda done: tell("effects", 0.15 + 0.35 * done),
             EFFORTS[options.effort].search_of(rows),
+            withheld,
         )
     tell("fit", 0.5)
     closed = with_noise_model(outcome.fit if outcome else declared)
@@ -207,6 +213,15 @@ def _check(training: Sequence[Run], validation: Sequence[Run]) -> None:
         )
     for run in (*training, *validation):
         _check_values(run)
+
+
+def _check_withheld(kinds: Collection[str]) -> None:
+    unknown = [kind for kind in kinds if kind not in CATALOGUE]
+    if unknown:
+        raise OptionError(
+            f"withheld has the kind {unknown[0]!r}; expected kinds of {', '.join(CATALOGUE)}",
+            value=unknown[0],
+        )
 
 
 def _check_values(run: Run) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import InputError, Run, identify
+from identification import InputError, OptionError, Run, identify
 from tests.motors import campaign, motor_named
 
 RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
@@ -38,3 +38,9 @@ def test_time_that_stands_still_is_refused() -> None:
 
     with pytest.raises(InputError, match="time does not increase"):
         identify([replace(RUN, time=time)])
+
+
+def test_a_withheld_kind_that_is_none_is_refused_with_all_kinds() -> None:
+    """A misspelt kind would be searched all the same."""
+    with pytest.raises(OptionError, match="the kind 'coulomb'; expected .*coulomb_friction"):
+        identify([RUN], withheld=["coulomb"])

@@ -12,7 +12,7 @@ samples from the model that was found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
@@ -43,6 +43,7 @@ def search_long(
     campaign: Campaign,
     progress: Callable[[float], None] | None = None,
     work: float = np.inf,
+    withheld: Collection[str] = (),
 ) -> Outcome:
     """Search the catalogue for what the nominal model lacks, whatever the length of the records.
 
@@ -51,21 +52,26 @@ def search_long(
         campaign: Records of training and validation.
         progress: Called with the fraction done.
         work: Operations after which nothing new is begun.
+        withheld: Kinds of the catalogue that are not candidates.
     """
     tell = progress or (lambda fraction: None)
     part = part_of(campaign, declared)
     if part is None:
-        return search(declared, campaign, progress, work)
+        return search(declared, campaign, progress, work, withheld=withheld)
     budget = Budget(work)
     stretches, nominal = part
-    found = search(nominal, stretches, lambda done: tell(0.6 * done), _PART * work)
+    found = search(
+        nominal, stretches, lambda done: tell(0.6 * done), _PART * work, withheld=withheld
+    )
     whole, effects = _confirmed(declared, campaign, found, budget)
     tell(0.8)
     if _excess(whole, found.fit) < LEAST_SIZE or budget.spent:
         complete = found.complete and not budget.spent
         return replace(found, fit=whole.full(), effects=effects, complete=complete)
     begin = whole if effects else None
-    more = search(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin)
+    more = search(
+        declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin, withheld
+    )
     return replace(more, searched=(*found.searched, *more.searched))
 
 

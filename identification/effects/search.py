@@ -15,7 +15,7 @@ taken in its place have to pass again beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -70,6 +70,7 @@ def search(
     progress: Callable[[float], None] | None = None,
     work: float = np.inf,
     begin: Fit | None = None,
+    withheld: Collection[str] = (),
 ) -> Outcome:
     """Search the catalogue for what the declared model lacks.
 
@@ -79,9 +80,10 @@ def search(
         progress: Called with the fraction done.
         work: Operations after which nothing new is begun; what passed until then stands.
         begin: Fit of the model that the search goes on from; the nominal one where None.
+        withheld: Kinds of the catalogue that are not candidates.
     """
     tell = progress or (lambda fraction: None)
-    trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work)
+    trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
     listed = Budget(_LISTED_SHARE * work)
     first = trials.judge(declared)
     state = _State(trials, first if begin is None else trials.judge(begin))

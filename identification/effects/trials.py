@@ -7,7 +7,7 @@ of it, so that looking again costs nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -59,12 +59,14 @@ class Trials:
         budget: Operations after which nothing new is begun.
         longest: Operations after which a first refit is given up; the best are finished later.
         tried: Number of prototypes that were scored in one round.
+        withheld: Kinds of the catalogue that are not candidates.
     """
 
     campaign: Campaign
     budget: Budget = field(default_factory=Budget)
     longest: float = np.inf
     tried: int = 1
+    withheld: Collection[str] = ()
     _judged: dict[Key, Judged] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
@@ -160,7 +162,7 @@ class Trials:
         if not np.isfinite(current.fit.cost):
             return []
         if known is None:
-            candidates = _candidates(current.fit)
+            candidates = _candidates(current.fit, self.withheld)
             found = screened(current.fit, candidates)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
@@ -309,14 +311,14 @@ def _key(fit: Fit) -> Key:
     return frozenset(_name(term) for term in fit.simulator.model.terms)
 
 
-def _candidates(fit: Fit) -> list[Candidate]:
+def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
     """Every structure of every kind that is not in the model yet."""
     survey = survey_of(fit)
     present = {term.name for term in fit.simulator.model.terms}
     return [
         candidate
         for name, kind in CATALOGUE.items()
-        if name not in present
+        if name not in present and name not in withheld
         for candidate in kind.candidates(survey)
     ]
 

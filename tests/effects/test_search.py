@@ -38,6 +38,22 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
     assert outcome.effects[0].gates.validation > 0.05
 
 
+def test_a_withheld_kind_is_no_candidate() -> None:
+    """Dry friction is hidden, and found where it is not withheld (above); here it is not tried."""
+    measured = make_campaign(
+        "servo_150w", ["coulomb_friction"], seed=12, rows=1500, training=3, validation=1
+    )
+    campaign = records_of_bench(measured)
+
+    outcome = search(
+        fit_declared(campaign.training, "zoh"), campaign, withheld=["coulomb_friction"]
+    )
+
+    tried = {one.name for one in outcome.searched} | {one.name for one in outcome.effects}
+    assert "coulomb_friction" not in tried
+    assert "stribeck_friction" in tried
+
+
 def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
     """Orders 1, 2 and 3 of the slots are one kind; without the third nothing would fit.
 
