@@ -129,6 +129,10 @@ coverage: $(READY) ## do 90 % intervals cover in 90 % of simulated campaigns? (l
 attribution: $(READY) ## are hidden effects named? (long)
 	$(BIN)/python -m benchmarks.attribution
 
+.PHONY: benches
+benches: $(READY) ## motors from runs as benches record them; ARGS="--first 0 --count 26" (long)
+	$(BIN)/python -m benchmarks.benches $(ARGS)
+
 .PHONY: faults
 faults: $(READY) ## are faulty runs refused, and sound ones never? (some minutes)
 	$(BIN)/python -m benchmarks.faults
