@@ -182,7 +182,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warned.update(ending.warned)
         if ending.kind == "internal":
             print(
-                f"internal error, --only {ending.seed}: {ending.message} [{ending.words}]",
+                f"internal error, --only {ending.seed} --rows {chosen.rows} --effects "
+                f"{chosen.effects:g} --posterior {chosen.posterior:g}: {ending.message} "
+                f"[{ending.words}]",
                 flush=True,
             )
         if kinds.total() % _TOLD == 0:

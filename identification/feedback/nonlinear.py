@@ -161,11 +161,16 @@ class _Bench:
             self.own = np.zeros(self.own.size)
 
     def responses(self, controller: Controller) -> list[SimulatedLoop]:
-        """Simulated loops of one controller, by temperature; none where it is not stable."""
+        """Simulated loops of one controller, by temperature; none where it is not stable.
+
+        None either where no step keeps to the range of the runs, as of a motor that stood still.
+        """
         horizon = self._horizon(controller)
         if horizon is None:
             return []
         step = self._step(controller, horizon)
+        if step is None:
+            return []
         runs, events = self._converged(ClosedLoop(self.model.terms, controller=controller),
                                        step, horizon)  # fmt: skip
         return [
@@ -185,8 +190,11 @@ class _Bench:
             return None
         return _BEYOND_SETTLING * float(np.quantile(settling, 0.95))
 
-    def _step(self, controller: Controller, horizon: float) -> float:
-        """The largest step, to two digits, that keeps the linear loop in the range of the runs."""
+    def _step(self, controller: Controller, horizon: float) -> float | None:
+        """The largest step, to two digits, that keeps the linear loop in the range of the runs.
+
+        None where that range is nothing.
+        """
         middle = np.median(self.values[:7], axis=1, keepdims=True)
         runs = self._runs(ClosedLoop((), controller=controller), middle, 1.0, horizon, _SAMPLES)
         peaks = [
@@ -194,6 +202,8 @@ class _Bench:
             for name in ("current", "speed", "voltage")
         ]
         largest = float(np.min(self.range / np.maximum(peaks, 1e-300)))
+        if not 0.0 < largest < np.inf:
+            return None
         ten = 10.0 ** (np.floor(np.log10(largest)) - 1)
         return float(f"{np.floor(largest / ten) * ten:.2g}")
 

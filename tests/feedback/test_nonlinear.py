@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -216,6 +217,17 @@ def test_step_stays_within_what_the_runs_have_shown(fits: tuple[Fit, Fit]) -> No
 
     assert 0 < 2 * loop.step <= voltage
     assert loop.step <= speed
+
+
+def test_motor_at_rest_has_no_step_to_simulate(fits: tuple[Fit, Fit]) -> None:
+    """No step of the reference keeps to speeds and currents that are all zero."""
+    simulator = fits[1].simulator
+    still = tuple(
+        replace(record, measured=np.zeros_like(record.measured)) for record in simulator.records
+    )
+    fit = replace(fits[1], simulator=replace(simulator, records=still))
+
+    assert simulated_loops(fit, spread(fit), [25.0], ["P:1"]) == []
 
 
 def test_default_loops_take_under_three_seconds(fits: tuple[Fit, Fit]) -> None:
