@@ -21,6 +21,7 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.long import search_long
+from identification.effects.omitted import OmittedTerm, with_omitted_drawn
 from identification.effects.outcome import Outcome
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
@@ -162,6 +163,7 @@ def _identified(
     chain, draws = _drawn(
         Posterior(closed, share),
         lines_of(final),
+        outcome.omitted if outcome else (),
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),
         checkpoint and checkpoint.about(hashes, options),
@@ -275,14 +277,20 @@ def _declared(campaign: Campaign, options: FitOptions) -> Fit:
 def _drawn(
     posterior: Posterior,
     lines: Sequence[Line],
+    omitted: Sequence[OmittedTerm],
     options: FitOptions,
     progress: Callable[[float], None],
     checkpoint: Checkpoint | None,
 ) -> tuple[Sample | None, dict[str, Array]]:
     """The chain, where one is asked for, and draws, with what the data leave open drawn as well."""
+
+    def opened(draws: dict[str, Array]) -> dict[str, Array]:
+        draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
+        draws = with_scale_drawn(draws, posterior.fit, options.seed)
+        return with_lines_drawn(draws, lines, options.seed)
+
     if not options.posterior:
-        draws = with_scale_drawn(normal_draws(posterior, options.seed), posterior.fit, options.seed)
-        return None, with_lines_drawn(draws, lines, options.seed)
+        return None, opened(normal_draws(posterior, options.seed))
     effort = EFFORTS[options.effort]
     chain = sample(
         posterior,
@@ -292,10 +300,8 @@ def _drawn(
         progress=progress,
         checkpoint=checkpoint,
     )
-    if lines or posterior.fit.simulator.model.unlogged.is_relative:
-        draws = {name: chain.chain[:, :, k] for k, name in enumerate(chain.names)}
-        draws = with_scale_drawn(draws, posterior.fit, options.seed)
-        draws = with_lines_drawn(draws, lines, options.seed)
+    if lines or omitted or posterior.fit.simulator.model.unlogged.is_relative:
+        draws = opened({name: chain.chain[:, :, k] for k, name in enumerate(chain.names)})
         units = (*chain.units, *(line.unit for line in lines))
         values = np.stack(list(draws.values()), axis=2)
         chain = replace(chain, chain=values, names=tuple(draws), units=units)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification.effects.evidence import Gates
+from identification.effects.omitted import OmittedTerm
 from identification.effects.tracing import Trace
 from identification.fit.solve import Fit
 
@@ -75,6 +76,7 @@ class Outcome:
         complete: Whether it ended by itself and not because its time was up.
         traces: What the declared model lacks against the signals it may depend on, best first;
             empty where nothing was found.
+        omitted: Terms that promise more than chance beside the final model and passed no gate.
     """
 
     fit: Fit
@@ -82,3 +84,4 @@ class Outcome:
     searched: tuple[Searched, ...]
     complete: bool = True
     traces: tuple[Trace, ...] = ()
+    omitted: tuple[OmittedTerm, ...] = ()

@@ -117,7 +117,9 @@ def search(
     effects = _explained(state)
     traces = traced(trials.curves(first)) if effects else ()
     fit = with_known_amplitudes(state.current.fit).full()
-    return Outcome(fit, tuple(effects), tuple(state.searched), complete, traces)
+    return Outcome(
+        fit, tuple(effects), tuple(state.searched), complete, traces, trials.omitted(state.current)
+    )
 
 
 def _forward(state: _State, round_: int) -> bool:

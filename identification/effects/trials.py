@@ -16,6 +16,7 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
 from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
+from identification.effects.omitted import OmittedTerm, omitted_terms
 from identification.effects.refit import (
     as_declared,
     refined,
@@ -182,6 +183,11 @@ class Trials:
         if known is None:
             known = self._curves[key] = missing_curves(current.fit)
         return known
+
+    def omitted(self, current: Judged) -> tuple[OmittedTerm, ...]:
+        """What a model leaves out and is no chance, the kinds and the curves."""
+        scores = [*self.scores(current), *self.curves(current)]
+        return omitted_terms(current.fit, current.share, scores, self.tried)
 
     def refits(
         self, current: Judged, scores: Sequence[Score], hopeless: float = np.inf

@@ -32,14 +32,18 @@ _ROUNDED: Final = 1e-8
 """Squared share of a parameter in a direction, below which it has no part in it."""
 
 
-def identified(fit: Fit, share: float) -> dict[str, bool]:
+def identified(fit: Fit, share: float, added: Array | None = None) -> dict[str, bool]:
     """Whether each parameter of the fit is determined by the data.
 
     Args:
         fit: The fit.
         share: Effective share of the samples, see `effective_share`.
+        added: (n_parameter,) variances that are added to those by the data, in search
+            coordinates, for what the model lacks.
     """
     deviations = _data_deviations(fit, share)
+    if added is not None:
+        deviations = np.sqrt(deviations**2 + added)
     slopes = fit.coordinates.slopes(fit.position)
     answer = {}
     for k, parameter in enumerate(fit.coordinates.parameters):

@@ -22,6 +22,7 @@ from identification.diagnosis.localise import Localisation
 from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
+from identification.effects.omitted import OmittedTerm, consider_variances
 from identification.effects.outcome import Outcome
 from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
 from identification.fit.campaign import Campaign
@@ -37,6 +38,7 @@ from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.early_ends import early_ends
+from identification.report.omitted import omitted_entries, omitted_warnings
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 
@@ -114,6 +116,16 @@ class Findings:
         }
 
     @property
+    def omitted(self) -> tuple[OmittedTerm, ...]:
+        """Terms that promise more than chance and are not in the final model."""
+        return self.outcome.omitted if self.outcome else ()
+
+    @cached_property
+    def known(self) -> dict[str, bool]:
+        """Whether the data determine each parameter of the final model, whatever it lacks."""
+        return identified(self.final, self.share, consider_variances(self.final, self.omitted))
+
+    @property
     def has_effects(self) -> bool:
         """Whether the final model is another than the declared one."""
         return self.outcome is not None and bool(self.outcome.effects)
@@ -145,8 +157,8 @@ def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
     convergence = findings.sample.convergence if findings.sample else None
-    before = _parameters(declared, findings.declared_draws, findings.share)
-    after = _parameters(final, findings.draws, findings.share)
+    before = _parameters(declared, findings.declared_draws, identified(declared, findings.share))
+    after = _parameters(final, findings.draws, findings.known)
     missed = _missed(findings)
     if missed:
         after = {name: entry | {"identified": False} for name, entry in after.items()}
@@ -158,15 +170,14 @@ def assemble(findings: Findings) -> dict[str, object]:
         **_checks(findings.admission),
         "declared": {"parameters": before},
         "parameters": after,
-        "effects": effect_entries(
-            findings.outcome, final, findings.draws, identified(final, findings.share)
-        ),
+        "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
         "diagnosis": {
             "residual": detection_entry(findings.before),
             "trace": trace_entry(
                 findings.localisation, findings.outcome, declared.simulator.records
             ),
             "searched": searched_entries(findings.outcome),
+            "omitted": omitted_entries(final, findings.omitted),
             "remaining": detection_entry(findings.after)
             | trace_entry(findings.left, None, declared.simulator.records),
             "shifts": shift_entries(after, before, findings.draws, findings.declared_draws)
@@ -286,8 +297,9 @@ def _checks(admission: Admission | None) -> dict[str, object]:
     }
 
 
-def _parameters(fit: Fit, draws: dict[str, Array], share: float) -> dict[str, dict[str, Any]]:
-    known = identified(fit, share)
+def _parameters(
+    fit: Fit, draws: dict[str, Array], known: dict[str, bool]
+) -> dict[str, dict[str, Any]]:
     return {
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
@@ -357,7 +369,8 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
     messages += _temperatures(findings)
     messages += findings.warnings
     messages += _missing(findings)
-    known = identified(findings.final, findings.share)
+    messages += omitted_warnings(findings.final, findings.omitted)
+    known = findings.known
     # A line that a curve may have is said by the declared parameter that it trades with.
     lines = {line.name for line in lines_of(findings.final)}
     lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}

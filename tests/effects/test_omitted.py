@@ -1,0 +1,119 @@
+"""A term that the model lacks pulls at its parameters, and the intervals include how far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bench import EffectRequest, make_campaign
+from identification.effects.effect import survey_of
+from identification.effects.electrical import BrushDrop
+from identification.effects.friction import CoulombFriction
+from identification.effects.omitted import (
+    OmittedTerm,
+    consider_variances,
+    omitted_terms,
+    with_omitted_drawn,
+)
+from identification.effects.screen import screened
+from identification.fit.declared import fit_declared
+from identification.fit.identifiability import identified
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit
+from identification.model.excitation import records_of
+from identification.posterior.density import Posterior
+from identification.posterior.normal import normal_draws
+from tests.effects.hidden import records_of_bench
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+KINDS = (CoulombFriction, BrushDrop)
+
+
+def left_out(fit: Fit) -> tuple[OmittedTerm, ...]:
+    """The two kinds that promise more than chance beside a fit."""
+    candidates = [c for kind in KINDS for c in kind.candidates(survey_of(fit))]
+    tried = sum(candidate.prototypes for candidate in candidates)
+    return omitted_terms(fit, effective_share(fit), screened(fit, candidates), tried)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Fit:
+    """A servo with nothing hidden in it."""
+    return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> tuple[Fit, dict[str, float]]:
+    """A servo with dry friction, fitted without it, and its true parameters."""
+    hidden = make_campaign(
+        "servo_150w", [EffectRequest(name="coulomb_friction")], seed=5, rows=1500
+    )
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    return fit, hidden.truth["parameters"]
+
+
+def test_clean_motor_omits_nothing(clean: Fit) -> None:
+    """Neither kind promises more than chance reaches, and the draws stay as they are."""
+    posterior = Posterior(clean, effective_share(clean))
+    draws = normal_draws(posterior, 1, 50)
+
+    assert left_out(clean) == ()
+    assert with_omitted_drawn(draws, clean, (), 1) is draws
+
+
+def test_step_of_the_missing_term_leads_to_the_true_friction(
+    rubbing: tuple[Fit, dict[str, float]],
+) -> None:
+    """Viscous friction has stood in for the dry one; the step takes most of that away."""
+    fit, truth = rubbing
+    row = fit.coordinates.names.index("b")
+    term = next(term for term in left_out(fit) if term.name == "coulomb_friction")
+
+    position = fit.position.copy()
+    position[row] += term.steps["b"]
+    stepped = fit.coordinates.values(position)[row]
+
+    assert abs(stepped - truth["b"]) < 0.35 * abs(fit.values[row] - truth["b"])
+
+
+def test_intervals_with_an_omitted_term_hold_the_true_parameters(
+    rubbing: tuple[Fit, dict[str, float]],
+) -> None:
+    """By noise alone the interval of the friction is narrow and wrong."""
+    fit, truth = rubbing
+    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1)
+    wide = with_omitted_drawn(narrow, fit, left_out(fit), 1)
+
+    def holds(draws: dict[str, Array], name: str) -> bool:
+        low, high = np.quantile(draws[name], [0.05, 0.95])
+        return bool(low <= truth[name] <= high)
+
+    assert not holds(narrow, "b")
+    assert all(holds(wide, name) for name in ("Ra25", "Kt25", "J", "b"))
+
+
+def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str, float]]) -> None:
+    """Noise and omitted terms are independent: their variances add."""
+    fit, _ = rubbing
+    omitted = left_out(fit)
+    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1, 20_000)
+    wide = with_omitted_drawn(narrow, fit, omitted, 1)
+
+    def variance(draws: dict[str, Array]) -> Array:
+        values = np.stack([draws[name] for name in ("Ra25", "Kt25", "J")])
+        return np.asarray(np.log(values).var(axis=1))
+
+    rows = [fit.coordinates.names.index(name) for name in ("Ra25", "Kt25", "J")]
+    expected = variance(narrow) + consider_variances(fit, omitted)[rows]
+    np.testing.assert_allclose(variance(wide), expected, rtol=0.05)
+
+
+def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> None:
+    """A step by the whole of it leaves nothing of what the data say."""
+    share = effective_share(clean)
+    taken = (OmittedTerm("brush_drop", 100.0, 10.0, {"Ra25": 1.0}),)
+
+    assert identified(clean, share)["Ra25"]
+    assert not identified(clean, share, consider_variances(clean, taken))["Ra25"]
