@@ -323,7 +323,16 @@ def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:
 
     A parameter that the runs hardly determine, as of a sensor the wrong way round, has draws at
     its bound of 0, where a last digit decides.
+
+    Raises:
+        ComputationError: A draw is infinite or no number.
     """
+    beyond = [name for name in _SIGNED if not np.isfinite(draws.get(name, 0.0)).all()]
+    if beyond:
+        raise ComputationError(
+            f"the posterior of {', '.join(beyond)} has no end: the runs determine no motor; check "
+            "the largest values of each channel, and their units"
+        )
     return draws | {name: np.abs(draws[name]) for name in _SIGNED if name in draws}
 
 

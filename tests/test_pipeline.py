@@ -1,4 +1,4 @@
-"""What `identify` refuses before it calculates anything."""
+"""What `identify` refuses, and what it does not call a motor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import InputError, OptionError, Run, identify
+from identification import ComputationError, InputError, OptionError, Run, identify
+from identification.pipeline import _within_signs
 from tests.motors import campaign, motor_named
 
 RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
@@ -44,3 +45,11 @@ def test_a_withheld_kind_that_is_none_is_refused_with_all_kinds() -> None:
     """A misspelt kind would be searched all the same."""
     with pytest.raises(OptionError, match="the kind 'coulomb'; expected .*coulomb_friction"):
         identify([RUN], withheld=["coulomb"])
+
+
+def test_draws_without_an_end_are_no_motor() -> None:
+    """They are an error of the calculation, and no option of the user."""
+    draws = {"Ra25": np.ones(3), "Kt25": np.array([1.0, np.inf, 2.0])}
+
+    with pytest.raises(ComputationError, match=r"posterior of Kt25 .* check the largest values"):
+        _within_signs(draws)

@@ -122,7 +122,10 @@ def _directions(fit: Fit, share: float) -> list[_Direction]:
         along = np.zeros(free.size)
         along[bound] = 1.0 / tangent[bound]
         found.append(_Direction(tangent, along, moving))
-    return found
+    kept = [d for d in found if np.isfinite(d.tangent).all() and np.isfinite(d.along).all()]
+    # Where the precision spans more than numbers hold, any way will do: none is followed.
+    first = np.eye(free.size)[0]
+    return kept or [_Direction(first, first, free)]
 
 
 def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:

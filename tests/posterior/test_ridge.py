@@ -169,3 +169,15 @@ def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
 
     assert convergence.reached
     assert convergence.autocorrelation_time < 10.0
+
+
+def test_curvature_of_nothing_has_a_way_all_the_same() -> None:
+    """A channel with one sample of 1e14 leaves such a fit; without a curvature no way is one."""
+    fit = servo_fit()
+    nothing = np.zeros_like(fit.equations.matrix)
+    flat = replace(fit.equations, matrix=nothing, information=nothing)
+
+    with np.errstate(all="ignore"):
+        ridge = ridge_of(replace(fit, equations=flat), WHITE)
+
+    assert np.isfinite(ridge.along).all()
