@@ -34,7 +34,7 @@ from identification.work import Budget
 
 __all__ = ["search_long"]
 
-_PART: Final = 0.5
+_PART: Final = 0.7
 """Share of the budget that the search on the part may take."""
 
 

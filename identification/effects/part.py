@@ -34,11 +34,11 @@ __all__ = ["part_of"]
 
 Array = NDArray[np.float64]
 
-_ROWS: Final = 32_000
+_ROWS: Final = 10_000
 """Samples of training, and half as many of validation, in a part."""
 _LEAST: Final = 1_000
 """Samples of a stretch at least; it has to be many times the slowest time constant."""
-_LONGER: Final = 2.0
+_LONGER: Final = 1.5
 """Times the part that the records have to be long for a part to be worth its overhead."""
 _PLACES: Final = 4
 """Places to a stretch's length at which one may begin."""

@@ -46,7 +46,7 @@ _FAR_LESS: Final = 0.1
 _LISTED_SHARE: Final = 0.75
 _REFIT_SHARE: Final = 0.06
 """Shares of the budget for the catalogue and for one refit."""
-_MOST_EFFECTS: Final = 4
+_MOST_EFFECTS: Final = 6
 _KEPT: Final = 0.005
 _ALIKE: Final = 1.0
 _PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}

@@ -18,15 +18,15 @@ MOTOR = motor_named("servo 100 W")
 
 @pytest.fixture(scope="module")
 def long_campaign() -> Campaign:
-    """Three runs of 40,000 samples, the last for validation; only their third quarter is lively."""
-    runs = campaign(MOTOR, seed=3, rows=40_000, runs=3)
+    """Three runs of 20,000 samples, the last for validation; only their third quarter is lively."""
+    runs = campaign(MOTOR, seed=3, rows=20_000, runs=3)
     return campaign_of([_quiet(run) for run in runs[:2]], [_quiet(runs[2])])
 
 
 def _quiet(run: Run) -> Run:
     """The run as if the motor had stood still but for its third quarter."""
     lively = np.zeros(run.rows, dtype=bool)
-    lively[20_000:30_000] = True
+    lively[10_000:12_500] = True
     return replace(
         run,
         voltage=np.where(lively, run.voltage, 0.0),
@@ -36,7 +36,7 @@ def _quiet(run: Run) -> Run:
 
 
 def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign: Campaign) -> None:
-    """16,000 of 40,000 samples each; the lively 10,000 begin at sample 20,000."""
+    """5,000 of 20,000 samples each; the lively 2,500 begin at sample 10,000."""
     declared = fit_declared(long_campaign.training, "zoh")
 
     found = part_of(long_campaign, declared)
@@ -45,13 +45,13 @@ def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign:
     part, nominal = found
     assert [record.run for record in part.training] == [0, 1]
     for record, whole in zip(part.training, long_campaign.training, strict=True):
-        assert record.rows == 16_000
-        assert record.start <= 20_000
-        assert record.start + record.rows >= 30_000
+        assert record.rows == 5_000
+        assert record.start <= 10_000
+        assert record.start + record.rows >= 12_500
         assert record.inputs[-1, 0] == 0.0
         span = slice(record.start, record.start + record.rows)
         np.testing.assert_array_equal(record.measured, whole.measured[span])
-    assert sum(record.rows for record in part.validation) == 16_000
+    assert sum(record.rows for record in part.validation) == 5_000
     assert nominal.coordinates.names == declared.coordinates.names
 
 
