@@ -194,6 +194,6 @@ def test_the_page_counts_what_the_lines_say(clean: dict[str, Any]) -> None:
 
     text = page([clean, wrong, refused], "command", 1000, "sampled")
 
-    assert "| narrow, clean | 3 | 1 | 0 | 100 % | 50 % | 1 | 100 % |" in text
+    assert "| narrow, clean | 3 | 1 | 0 | 100 % | 50 % | 1 | 0 | 100 % |" in text
     assert "| 1000 | narrow:clean | nothing | load_torque (0.99) |" in text
     assert "| 1001 | narrow:clean | nothing | InputError: too short |" in text

@@ -43,6 +43,7 @@ def page(lines: Sequence[Line], command: str, rows: int, intervals: str) -> str:
             f"{_NEAR} times the noise, in current and speed both.",
             '"Sure and wrong" counts campaigns in which a kind that is not there has a '
             "probability above 95 %.",
+            '"Search cut short" counts those in which the budget of the effort ended it.',
             "Seconds are those of a shared machine; Gop are operations of the library's own "
             "count, which are the same on every machine.",
             "",
@@ -56,7 +57,12 @@ def page(lines: Sequence[Line], command: str, rows: int, intervals: str) -> str:
 
 def _cases(lines: Sequence[Line]) -> list[str]:
     head = ["case", "campaigns", "refused", "failed", "named rightly", "nothing else named"]
-    head += ["sure and wrong", "to the noise", *(f"`{name}` covered" for name in COVERED)]
+    head += [
+        "sure and wrong",
+        "search cut short",
+        "to the noise",
+        *(f"`{name}` covered" for name in COVERED),
+    ]
     head += ["median s", "median Gop", "peak MB"]
     rows = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
     for name in [cell.name for cell in CELLS]:
@@ -79,6 +85,7 @@ def _cells(some: Sequence[Line]) -> list[str]:
         _share(done, lambda line: line["right"]),
         _share(done, lambda line: not line["wrong"]),
         str(sum(bool(line["sure"]) for line in done)),
+        str(sum(not line["complete"] for line in done)),
         _share(done, lambda line: max(line["ratios"]) <= _NEAR),
         *(_coverage(done, name) for name in COVERED),
         *(_median(done, name) for name in ("seconds", "gop")),
