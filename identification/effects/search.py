@@ -88,10 +88,11 @@ def search(
     first = trials.judge(declared)
     state = _State(trials, first if begin is None else trials.judge(begin))
     alone: Judged | None = None
-    is_exhausted = False
+    is_exhausted = is_cut_short = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
         if listed.spent:
+            is_cut_short = True
             break
         if not _forward(state, round_):
             is_exhausted = True
@@ -112,7 +113,7 @@ def search(
     if is_exhausted and not listed.spent:
         _second_thoughts(state)
     _unlisted(state, first, alone, is_exhausted)
-    complete = not trials.over
+    complete = not (trials.over or is_cut_short)
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
     effects = _explained(state)
     traces = traced(trials.curves(first)) if effects else ()
