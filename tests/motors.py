@@ -86,6 +86,7 @@ def simulated(
     temperature: Array,
     start: Array,
     hold: Hold = "zoh",
+    magnet: Array | None = None,
 ) -> Array:
     """Current and speed at every sample, (n_sample, 2) [A, rad/s], exact for each interval.
 
@@ -96,13 +97,16 @@ def simulated(
         temperature: (n_sample,) [degC]; within an interval the mean of its ends.
         start: (2,) current and speed at the first sample [A, rad/s].
         hold: Behaviour of the voltage between samples.
+        magnet: (n_sample,) temperature of the magnet, where the winding has another [degC].
     """
     ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = values
     heat = 0.5 * (temperature[1:] + temperature[:-1]) - 25.0
+    other = heat if magnet is None else 0.5 * (magnet[1:] + magnet[:-1]) - 25.0
+    constant = kt * (1 + alpha_kt * other)
     matrix = np.zeros((heat.size, 2, 2), dtype=complex)
     matrix[:, 0, 0] = -ra * (1 + alpha_ra * heat) / inductance
-    matrix[:, 0, 1] = -kt * (1 + alpha_kt * heat) / inductance
-    matrix[:, 1, 0] = kt * (1 + alpha_kt * heat) / inertia
+    matrix[:, 0, 1] = -constant / inductance
+    matrix[:, 1, 0] = constant / inertia
     matrix[:, 1, 1] = -friction / inertia
     eigenvalues, vectors = np.linalg.eig(matrix)
     inverse = np.linalg.inv(vectors)

@@ -15,6 +15,7 @@ from identification.effects.friction import (
     StribeckFriction,
     ViscousTemperature,
 )
+from identification.effects.lag import MagnetLag, WindingLag
 from identification.effects.load import InertiaChange, LoadStep, LoadTorque, ShaftCompliance
 from identification.effects.sensor import (
     ChannelDelay,
@@ -27,10 +28,8 @@ from identification.effects.sensor import (
 )
 from identification.effects.thermal import (
     Demagnetization,
-    MagnetLag,
     ResistanceCurvature,
     SelfHeating,
-    WindingLag,
 )
 
 __all__ = ["CATALOGUE"]

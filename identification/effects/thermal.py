@@ -1,4 +1,4 @@
-"""Where the heat really is, and what it does beyond a straight line."""
+"""Self-heating of the winding, and laws of temperature that are not straight."""
 
 from __future__ import annotations
 
@@ -22,10 +22,8 @@ from identification.model.term import (
 
 __all__ = [
     "Demagnetization",
-    "MagnetLag",
     "ResistanceCurvature",
     "SelfHeating",
-    "WindingLag",
 ]
 
 
@@ -68,7 +66,7 @@ class SelfHeating(AbstractTemperature):
     source: ClassVar[str] = (
         "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
     )
-    body: ClassVar[str] = "winding"
+    bodies_felt: ClassVar[tuple[str, ...]] = ("winding",)
 
     @property
     def variant(self) -> str:
@@ -153,78 +151,6 @@ class SelfHeating(AbstractTemperature):
         term = cls(power, fastest, slowest, survey.speed, least=least)
         scanned = survey.duration * np.array([0.01, 0.05, 0.2, 1.0])
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
-
-
-@dataclass(frozen=True)
-class _Lag(AbstractTemperature):
-    """A body that follows the logged temperature with a delay of first order.
-
-    Args:
-        fastest: Shortest time constant [s].
-        slowest: Longest time constant [s].
-    """
-
-    fastest: float
-    slowest: float
-
-    equation: ClassVar[str] = "thermal"
-    drivers: ClassVar[tuple[str, ...]] = ("temperature",)
-    states: ClassVar[tuple[State, ...]] = (State("temperature", "degC", "temperature"),)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The time constant."""
-        return (
-            shape("time_constant", "s", "time constant of the lag", self.fastest, self.slowest),
-        )
-
-    def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
-    ) -> Expression:
-        """Temperature of the body [degC]: what else warms it stays on top of the lag."""
-        return before + states.temperature - signals.temperature
-
-    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the body's temperature [K/s]."""
-        return [(signals.temperature - states.temperature) / values.time_constant]
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its time constant scanned, where the temperature moves within runs."""
-        moves = max(float(np.ptp(r.column("temperature"))) for r in survey.records)
-        if moves < 1.0:
-            return []
-        term = cls(survey.duration / 200, survey.duration * 5)
-        scanned = survey.duration * np.array([0.03, 0.1, 0.3, 1.0])
-        return [Candidate(term, columns(*[(tau,) for tau in scanned]))]
-
-
-@dataclass(frozen=True)
-class WindingLag(_Lag):
-    """The logged temperature and that of the winding differ by a lag.
-
-    dT_w/dt = (T - T_w) / tau                                           [K/s]
-    """
-
-    name: ClassVar[str] = "winding_lag"
-    source: ClassVar[str] = (
-        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
-    )
-    body: ClassVar[str] = "winding"
-
-
-@dataclass(frozen=True)
-class MagnetLag(_Lag):
-    """The magnet follows the logged temperature slowly.
-
-    dT_m/dt = (T - T_m) / tau                                           [K/s]
-    """
-
-    name: ClassVar[str] = "magnet_lag"
-    source: ClassVar[str] = (
-        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
-    )
-    body: ClassVar[str] = "magnet"
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ INPUTS: Final = (
     "peak_temperature",
     "part",
     "parts",
+    "temperature_rate",
 )
 """Inputs of one sample interval, in the order of the columns of `Record.inputs`.
 
@@ -200,6 +201,7 @@ class MotorModel:
             time=column["time"],
             run=column["run"],
             peak_temperature=column["peak_temperature"],
+            temperature_rate=column["temperature_rate"],
         )
 
     def _values(self, parameter: Expression) -> tuple[Values, list[Values]]:
@@ -228,5 +230,6 @@ def _temperatures(
     felt = {"winding": signals.temperature, "magnet": signals.temperature}
     for term, s, v in parts:
         if isinstance(term, AbstractTemperature):
-            felt[term.body] = term.felt(felt[term.body], signals, s, v)
+            for body in term.bodies_felt:
+                felt[body] = term.felt(felt[body], signals, s, v)
     return felt["winding"], felt["magnet"]

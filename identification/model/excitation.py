@@ -180,6 +180,7 @@ def _record(
         "peak_temperature": highest[span],
         "part": np.zeros(time.size),
         "parts": np.ones(time.size),
+        "temperature_rate": _rate(run, time, temperature[span]),
     }
     clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]
     weight = np.column_stack(
@@ -195,6 +196,13 @@ def _record(
         weight=weight,
         angle_logged=run.position is not None,
     )
+
+
+def _rate(run: Run, time: Array, temperature: Array) -> Array:
+    """Time derivative of a smooth temperature (n_sample,), zero where none was logged [K/s]."""
+    if run.temperature is None:
+        return np.zeros(time.size)
+    return np.asarray(np.gradient(temperature, time), dtype=np.float64)
 
 
 def smooth_temperature(run: Run) -> Array:

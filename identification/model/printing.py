@@ -37,6 +37,7 @@ _SYMBOLS: Final = {
     "angle": "phi",
     "time": "t",
     "peak_temperature": "T_peak",
+    "temperature_rate": "dT/dt",
 }
 
 

@@ -90,6 +90,7 @@ class Signals:
         time: Time in the run [s].
         run: Number of the run in the order of recording, from 0 [-].
         peak_temperature: Highest temperature logged so far in the campaign [degC].
+        temperature_rate: Time derivative of the logged temperature, smoothed [K/s].
         winding_temperature: What the winding has [degC].
         magnet_temperature: What the magnet has [degC].
     """
@@ -102,6 +103,7 @@ class Signals:
     time: Expression
     run: Expression
     peak_temperature: Expression
+    temperature_rate: Expression = None
     winding_temperature: Expression = None
     magnet_temperature: Expression = None
 
@@ -178,7 +180,7 @@ class AbstractCoefficient(AbstractTerm):
 class AbstractTemperature(AbstractTerm):
     """The temperature of winding or magnet, where it is not the logged one."""
 
-    body: ClassVar[str]  # winding or magnet
+    bodies_felt: ClassVar[tuple[str, ...]]  # of winding and magnet
 
     @abstractmethod
     def felt(

@@ -53,6 +53,7 @@ def effect_entries(
         entries.append(
             {
                 "name": found.name,
+                "variant": term.variant or None,
                 "equation": term.equation,
                 "drivers": list(term.drivers),
                 "probability": found.probability,
@@ -179,7 +180,8 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _found_sentence(found: Found, term: AbstractTerm) -> str:
-    words = found.name.replace("_", " ")
+    words = found.name.replace("_", " ").capitalize()
+    words += f" ({term.variant})" if term.variant else ""
     validation = (
         ""
         if found.gates.validation is None
@@ -194,7 +196,7 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
         )
     else:
         text = (
-            f"{words.capitalize()} is in the {term.equation} equation: with it the simulation "
+            f"{words} is in the {term.equation} equation: with it the simulation "
             f"error {_change(found.gates.training)} on the training runs{validation}."
         )
     if found.alternatives:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.thermal import SelfHeating, WindingLag
+from identification.effects.lag import WindingLag
+from identification.effects.thermal import SelfHeating
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
