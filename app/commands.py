@@ -62,6 +62,8 @@ def fit_options(
     no_effects: bool = False,
     temperature: Sequence[float] | None = None,
     controller: Sequence[str] | None = None,
+    known: Sequence[str] | None = None,
+    nameplate: Sequence[str] | None = None,
     **others: Any,
 ) -> FitOptions:
     """Options of a fit from the words of the command line, all checked.
@@ -71,6 +73,8 @@ def fit_options(
         no_effects: Whether the nominal model is final.
         temperature: Temperatures of the feedback metrics [degC]; the default ones where empty.
         controller: Controllers of the feedback metrics; the default one where empty.
+        known: Known values, ``NAME=VALUE[+-SPREAD[%]]``.
+        nameplate: Nameplate data, ``KEY=VALUE,...``; several are one.
         others: Further fields of `FitOptions`, under their own names.
 
     Raises:
@@ -80,6 +84,7 @@ def fit_options(
         others["temperatures"] = tuple(temperature)
     if controller:
         others["controllers"] = tuple(controller)
+    others |= {"known": tuple(known or ()), "nameplate": ",".join(nameplate or ())}
     options = FitOptions(posterior=not no_posterior, effects=not no_effects, **others)
     parse_controllers(options.controllers)
     return options

@@ -185,6 +185,8 @@ def _table(title: str, *left: str) -> Table:
 
 
 def _parameters(result: Mapping[str, Any]) -> Table:
+    from identification.report.result import known_only_from
+
     table = _table("Parameters", "name", "unit")
     for name in ("median", "90 % interval"):
         table.add_column(name, justify="right")
@@ -199,7 +201,7 @@ def _parameters(result: Mapping[str, Any]) -> Table:
             unit_text(entry["unit"]),
             text.median + text.power,
             f"{text.low} .. {text.high}{text.power}",
-            "yes" if entry["identified"] else "NO",
+            known_only_from(entry) or ("yes" if entry["identified"] else "NO"),
         )
     return table
 

@@ -15,10 +15,12 @@ __all__ = [
     "DataDir",
     "Effort",
     "Force",
+    "Known",
     "MapWords",
     "MappingFile",
     "NoEffects",
     "NoPosterior",
+    "Plate",
     "Quiet",
     "Runs",
     "Seed",
@@ -99,6 +101,25 @@ SetAside = Annotated[
 Force = Annotated[
     bool,
     typer.Option("--force", help="Fit although runs contradict; the result is marked."),
+]
+Known = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--known",
+        metavar="NAME=VALUE[+-SD|+-N%]...",
+        help="What is known of a parameter, in SI units, such as Kt25=0.048+-5%; without a spread "
+        "1 % (a winding's resistance changes by that in 2.5 K).",
+    ),
+]
+Plate = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--nameplate",
+        metavar="KEY=VALUE,...",
+        help="Nameplate data in SI units or with V, A, mA, rpm, Nm or mNm behind the number: "
+        "voltage, no_load_speed, no_load_current, stall_current, stall_torque, rated_speed, "
+        "rated_current, rated_torque.",
+    ),
 ]
 AsJson = Annotated[
     bool, typer.Option("--json", help="A summary for scripts on standard output, as JSON.")

@@ -8,6 +8,8 @@ from typing import Literal, get_args
 
 from identification.effort import EffortName
 from identification.errors import OptionError
+from identification.known import Prior, known_values
+from identification.nameplate import Nameplate, nameplate_of
 
 __all__ = ["FitOptions"]
 
@@ -28,6 +30,8 @@ class FitOptions:
             for no limit, and then no clock has a part in the result.
         set_aside: Whether runs that contradict physics or the other runs are left out.
         force: Whether to fit although runs contradict; the result is marked.
+        known: Known values, ``NAME=VALUE[+-SPREAD[%]]`` in SI units; see `identification.known`.
+        nameplate: Data of the nameplate, ``KEY=VALUE,...``; see `identification.nameplate`.
     """
 
     seed: int = 0
@@ -40,6 +44,20 @@ class FitOptions:
     time_limit: float | None = None
     set_aside: bool = False
     force: bool = False
+    known: tuple[str, ...] = ()
+    nameplate: str = ""
+
+    @property
+    def plate(self) -> Nameplate:
+        """What the nameplate says of the parameters."""
+        return nameplate_of(self.nameplate)
+
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """Priors of the user, one a parameter; a known value goes before the nameplate's."""
+        known = known_values(self.known)
+        names = {prior.name for prior in known}
+        return (*known, *(prior for prior in self.plate.priors if prior.name not in names))
 
     def __post_init__(self) -> None:
         if self.hold not in ("auto", "zoh", "foh"):
@@ -65,3 +83,5 @@ class FitOptions:
                     f"temperature is {temperature} degC; expected one between -273.15 and 400 degC",
                     value=temperature,
                 )
+        known_values(self.known)
+        nameplate_of(self.nameplate)

@@ -30,6 +30,7 @@ from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
+from identification.fit.knowledge import Knowledge
 from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_scale_drawn
@@ -140,6 +141,9 @@ def _identified(
     if gains:
         campaign = with_one_gain(campaign, gains)
         declared = _declared(campaign, options)
+    knowledge = Knowledge(options.priors, options.plate.friction).beside(declared)
+    # What the nominal model contradicts an effect may explain: it is judged again at the end.
+    declared, _ = knowledge.joined_to(declared)
     outcome: Outcome | None = None
     found: Localisation | None = None
     if options.effects:
@@ -155,18 +159,18 @@ def _identified(
         )
     tell("fit", 0.5)
     closed = with_noise_model(outcome.fit if outcome else declared)
+    closed, contradicted = knowledge.joined_to(closed)
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
     share = effective_share(closed)
     tell("posterior", 0.55)
-    hashes = [run.sha256 for run in (*training, *validation)]
     chain, draws = _drawn(
         Posterior(closed, share),
         lines_of(final),
         outcome.omitted if outcome else (),
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),
-        checkpoint and checkpoint.about(hashes, options),
+        checkpoint and checkpoint.about([run.sha256 for run in (*training, *validation)], options),
     )
     draws = _within_signs(draws)
     tell("feedback", 0.85)
@@ -194,6 +198,7 @@ def _identified(
         localisation=found,
         left=left,
         interrupted=was_interrupted(),
+        contradicted=contradicted,
         before=detect(declared, campaign, left.noise) if left else None,
         after=detect(final, campaign, left.noise) if left else None,
     )

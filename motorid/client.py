@@ -145,7 +145,8 @@ class Client:
             validation: Runs to check the model on.
             motor: Which motor it is.
             options: `seed`, `posterior`, `effects`, `hold`, `temperatures`, `controllers`,
-                `effort`, `time_limit`, `set_aside`, `force`.
+                `effort`, `time_limit`, `set_aside`, `force`,
+                `known`, `nameplate`.
             idempotency_key: Word under which the same request is the same fit; a new one is made
                 for each call where not given.
         """

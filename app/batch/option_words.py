@@ -9,6 +9,8 @@ temperatures    25;125            a list in YAML
 controllers     P:1;PI:2,0.5      a list in YAML
 set_aside       true, yes or 1
 force           true, yes or 1
+known           Kt25=0.048+-5%;L=2.9e-3               a list in YAML
+nameplate       voltage=12;no_load_speed=3000rpm      commas in YAML
 """
 
 from __future__ import annotations
@@ -85,7 +87,10 @@ def _checked(name: str, value: object, place: Place) -> object:
     """A value of the right type; lists become tuples, and whole numbers may be temperatures."""
     expected = _EXPECTED[name]
     match name, value:
-        case ("posterior" | "effects" | "set_aside" | "force", bool()) | ("hold" | "effort", str()):
+        case ("posterior" | "effects" | "set_aside" | "force", bool()) | (
+            "hold" | "effort" | "nameplate",
+            str(),
+        ):
             return value
         case "time_limit", int() | float() if _is_number(value):
             return float(value)
@@ -95,6 +100,8 @@ def _checked(name: str, value: object, place: Place) -> object:
             with contextlib.suppress(OverflowError):  # a whole number beyond any temperature
                 return tuple(float(one) for one in value)
         case "controllers", list() | tuple() if value and all(isinstance(v, str) for v in value):
+            return tuple(value)
+        case "known", list() | tuple() if all(isinstance(v, str) for v in value):
             return tuple(value)
     raise place.at(name).wrong(f"{str(value)[:60]!r} is no value; expected {expected}")
 
@@ -118,6 +125,8 @@ _OF_WORD: dict[str, Callable[[str], object]] = {
     "controllers": lambda word: tuple(_parts(word)),
     "set_aside": lambda word: _TRUTH[word.lower()],
     "force": lambda word: _TRUTH[word.lower()],
+    "known": lambda word: tuple(_parts(word)),
+    "nameplate": str,
 }
 _EXPECTED = {
     "seed": "a whole number",
@@ -130,4 +139,6 @@ _EXPECTED = {
     "controllers": "controllers such as P:1 or PI:2,0.5",
     "set_aside": "true or false",
     "force": "true or false",
+    "known": "known values such as Kt25=0.048+-5% or L=2.9e-3",
+    "nameplate": "nameplate data such as voltage=12;no_load_speed=3000rpm",
 }

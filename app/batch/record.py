@@ -60,6 +60,8 @@ def record_of(motor: Motor) -> dict[str, Any]:
     _refuse_twice((*motor.training, *motor.validation), (*runs["training"], *runs["validation"]))
     # As JSON gives it back, so that it compares.
     options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))
+    # A record of before these options says the same as one without them.
+    options = {n: v for n, v in options.items() if v or n not in ("known", "nameplate")}
     return {"runs": runs, "options": options} | ({"mapping": mapping} if mapping else {})
 
 

@@ -111,6 +111,20 @@ class FitOptionsIn(BaseModel):
         default=_DEFAULT.force,
         description="Whether to fit although runs contradict; the result is marked.",
     )
+    known: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+        default=list(_DEFAULT.known),
+        max_length=7,
+        description="Known values of parameters, `NAME=VALUE`, `NAME=VALUE+-SD` or "
+        "`NAME=VALUE+-N%`, in SI units; without a spread 1 %.",
+        examples=[["Kt25=0.048+-5%", "L=2.9e-3"]],
+    )
+    nameplate: str = Field(
+        default=_DEFAULT.nameplate,
+        max_length=500,
+        description="Nameplate data, `KEY=VALUE` separated by commas, in SI units or with a unit "
+        "behind the number.",
+        examples=["voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_current=4.2"],
+    )
 
 
 class FitCreate(Received):

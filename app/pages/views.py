@@ -74,6 +74,9 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
 
 def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
     """The main things of a result, for the page of a fit; the report tells the rest."""
+    # Here: it brings numpy, for which every start would have to wait.
+    from identification.report.result import known_only_from
+
     return {
         "warnings": [_text(warning) for warning in result.get("warnings", [])],
         "effects": [
@@ -92,6 +95,7 @@ def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
                 "interval": f"{_number(entry['q05'], digits)} … {_number(entry['q95'], digits)}",
                 "unit": entry["unit"],
                 "identified": entry["identified"],
+                "known_only_from": known_only_from(entry),
             }
             for name, entry in result.get("parameters", {}).items()
             for digits in [_digits(entry["median"], entry["sd"])]

@@ -4,6 +4,9 @@ The question is put to the data alone, without the priors: the curvature of the 
 parameter is called identified where its standard deviation by the data is small against the
 quantity itself or, for temperature coefficients and for shapes that may lie anywhere between two
 bounds, against what is known of them beforehand.
+
+Values that a user knows count where the question is what runs and user determine together: a known
+inertia tells the friction that runs give as a ratio to it.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
 from identification.linear import eigh
+from identification.model.declared import DECLARED
+from identification.model.parameter import Parameter
 
 __all__ = ["identified"]
 
@@ -32,16 +37,23 @@ _ROUNDED: Final = 1e-8
 """Squared share of a parameter in a direction, below which it has no part in it."""
 
 
-def identified(fit: Fit, share: float, added: Array | None = None) -> dict[str, bool]:
-    """Whether each parameter of the fit is determined by the data.
+_GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
+
+
+def identified(
+    fit: Fit, share: float, added: Array | None = None, *, by_runs: bool = False
+) -> dict[str, bool]:
+    """Whether each parameter of the fit is determined by the data and by known values.
 
     Args:
         fit: The fit.
         share: Effective share of the samples, see `effective_share`.
         added: (n_parameter,) variances that are added to those by the data, in search
             coordinates, for what the model lacks.
+        by_runs: Whether known values are left out of account.
     """
-    deviations = _data_deviations(fit, share)
+    known = np.array([bool(p.origin) and not by_runs for p in fit.coordinates.parameters])
+    deviations = _data_deviations(fit, share, known)
     if added is not None:
         deviations = np.sqrt(deviations**2 + added)
     slopes = fit.coordinates.slopes(fit.position)
@@ -52,15 +64,20 @@ def identified(fit: Fit, share: float, added: Array | None = None) -> dict[str, 
         if parameter.search == "log" or is_size:
             answer[parameter.name] = bool(physical < _RELATIVE * abs(fit.values[k]))
         else:
-            answer[parameter.name] = bool(
-                deviations[k] < _PRIOR_SHARE * fit.coordinates.prior_sd[k]
-            )
+            answer[parameter.name] = bool(deviations[k] < _PRIOR_SHARE * _beforehand(parameter))
     return answer
 
 
-def _data_deviations(fit: Fit, share: float) -> Array:
+def _beforehand(parameter: Parameter) -> float:
+    """Standard deviation of what is known in general, in search coordinates."""
+    return _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
+
+
+def _data_deviations(fit: Fit, share: float, known: NDArray[np.bool_]) -> Array:
     """(n_parameter,) standard deviations in search coordinates, infinite where undetermined."""
     information = share * fit.equations.information
+    if known.any():
+        information = information + np.diag(np.where(known, fit.coordinates.prior_sd, np.inf) ** -2)
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = size > 0
     deviations = np.full(size.size, np.inf)

@@ -164,6 +164,8 @@ def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, floa
 def with_scale_drawn(draws: dict[str, Array], fit: Fit, seed: int) -> dict[str, Array]:
     """Draws with the coefficient of the resistance that was held drawn from what is known of it.
 
+    A coefficient that the user knows was not held, and its draws stay.
+
     Ratios between runs say how the two coefficients compare; resistance and torque constant stay
     what they are where the temperature is known.
 
@@ -173,7 +175,8 @@ def with_scale_drawn(draws: dict[str, Array], fit: Fit, seed: int) -> dict[str, 
         seed: Seed of the coefficient.
     """
     unlogged = fit.simulator.model.unlogged
-    if not unlogged.is_relative:
+    held = fit.coordinates.parameters[fit.coordinates.names.index("alpha_Ra")]
+    if not unlogged.is_relative or held.origin:
         return draws
     (own,) = [p for p in MotorModel().parameters if p.name == "alpha_Ra"]
     rng = np.random.default_rng([seed, 1])

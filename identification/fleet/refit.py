@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from identification.quantities import DECLARED_PARAMETERS
+from identification.report.result import known_only_from
 
 __all__ = ["Estimate", "Refit", "compared_with", "refit_of"]
 
@@ -128,5 +129,6 @@ def _estimate(entry: Mapping[str, Any]) -> Estimate:
         sd=entry.get("sd"),
         q05=entry.get("q05"),
         q95=entry.get("q95"),
-        is_identified=bool(entry.get("identified")),
+        # A known value has not moved, and stands for no motor.
+        is_identified=bool(entry.get("identified")) and not known_only_from(entry),
     )

@@ -36,6 +36,7 @@ class Parameter:
             physical value whose coordinate is the centre) [unit].
         prior_sd: Standard deviation of the normal prior of the coordinate; infinity for a prior
             that is flat between the bounds.
+        origin: Option by which a user gave the prior; empty where it is general knowledge.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Parameter:
     scale: float = 1.0
     prior_mean: float = 0.0
     prior_sd: float = np.inf
+    origin: str = ""
 
     @property
     def vanishes(self) -> bool:

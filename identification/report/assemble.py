@@ -29,6 +29,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.ceiling import bounded_noise
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
+from identification.fit.knowledge import Comparison
 from identification.fit.noise import noise_deviation
 from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
@@ -38,6 +39,11 @@ from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.early_ends import early_ends
+from identification.report.knowledge import (
+    contradiction_warnings,
+    known_only_warnings,
+    prior_entries,
+)
 from identification.report.omitted import omitted_entries, omitted_warnings
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
@@ -82,6 +88,7 @@ class Findings:
         interrupted: Whether the time limit stopped a stage.
         warnings: What the stages noticed.
         admission: What the checks found in the runs given, None where they were not checked.
+        contradicted: Known values that the runs contradict.
     """
 
     campaign: Campaign
@@ -103,6 +110,7 @@ class Findings:
     interrupted: bool = False
     warnings: tuple[str, ...] = field(default=())
     admission: Admission | None = None
+    contradicted: tuple[Comparison, ...] = ()
 
     @cached_property
     def simulated(self) -> dict[str, dict[str, list[Simulated]]]:
@@ -157,8 +165,9 @@ def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
     convergence = findings.sample.convergence if findings.sample else None
-    before = _parameters(declared, findings.declared_draws, identified(declared, findings.share))
-    after = _parameters(final, findings.draws, findings.known)
+    known = identified(declared, findings.share)
+    before = _parameters(declared, findings.declared_draws, known, findings)
+    after = _parameters(final, findings.draws, findings.known, findings)
     missed = _missed(findings)
     if missed:
         after = {name: entry | {"identified": False} for name, entry in after.items()}
@@ -258,6 +267,8 @@ def _options(findings: Findings) -> dict[str, object]:
         "controllers": list(options.controllers),
         "effort": options.effort,
         "time_limit": options.time_limit,
+        **({"known": list(options.known)} if options.known else {}),
+        **({"nameplate": options.nameplate} if options.nameplate else {}),
     }
 
 
@@ -298,13 +309,15 @@ def _checks(admission: Admission | None) -> dict[str, object]:
 
 
 def _parameters(
-    fit: Fit, draws: dict[str, Array], known: dict[str, bool]
+    fit: Fit, draws: dict[str, Array], known: dict[str, bool], findings: Findings
 ) -> dict[str, dict[str, Any]]:
+    priors = prior_entries(fit, findings.share, findings.options.priors, findings.contradicted)
     return {
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
         )
         | {"estimate": _number(value)}
+        | priors.get(parameter.name, {})
         for parameter, value in zip(fit.coordinates.parameters, fit.values, strict=True)
         if parameter.name in DECLARED_PARAMETERS
     }
@@ -361,7 +374,8 @@ def _temperatures(findings: Findings) -> list[str]:
 def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
     campaign = findings.campaign
     runs = (*campaign.training_runs, *campaign.validation_runs)
-    messages = findings.admission.warnings if findings.admission else []
+    messages = contradiction_warnings(findings.contradicted, runs)
+    messages += findings.admission.warnings if findings.admission else []
     messages += missed
     messages += [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
@@ -380,6 +394,7 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
             f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
             "rest on general knowledge of motors"
         )
+    messages += known_only_warnings(findings.final, findings.share)
     options = findings.options
     stopped = (options.effort, options.time_limit if findings.interrupted else None)
     return messages + early_ends(findings.final, findings.outcome, findings.sample, *stopped)

@@ -26,6 +26,7 @@ __all__ = [
     "INTERVAL_LEVEL",
     "SCHEMA_VERSION",
     "finite_or_null",
+    "known_only_from",
     "parameter_entry",
     "quantity_entry",
     "result_schema",
@@ -98,6 +99,14 @@ def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, 
         QUANTITY with ``identified``.
     """
     return quantity_entry(draws, unit) | {"identified": bool(identified)}
+
+
+def known_only_from(entry: Mapping[str, Any]) -> str:
+    """The option whose value a PARAMETER rests on, runs not determining it; empty for most."""
+    prior = entry.get("prior") or {}
+    if not (entry.get("identified") and prior.get("used")) or prior.get("identified_by_runs"):
+        return ""
+    return str(prior.get("origin", ""))
 
 
 def result_text(result: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from identification.report.numbers import (
     percent_text,
     probability_text,
 )
+from identification.report.result import known_only_from
 
 __all__ = ["KeyFigure", "key_figures", "summary_sentences"]
 
@@ -80,7 +81,7 @@ def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
         if errors.get(channel)
     ]
     entries = result["parameters"].values()
-    known = sum(1 for entry in entries if entry["identified"])
+    known = sum(1 for entry in entries if entry["identified"] and not known_only_from(entry))
     figures.append(
         KeyFigure(
             "Parameters identified",
@@ -256,6 +257,13 @@ def _identified(result: Entry) -> str:
     if result.get("forced"):
         return ""
     unknown = [name for name, entry in entries.items() if not entry["identified"]]
+    given = [name for name, entry in entries.items() if known_only_from(entry)]
+    if given:
+        rest = f"; nothing determines {_list(unknown)}" if unknown else ""
+        return (
+            f"The data do not determine {_list(given)}, known from what was given and not from the "
+            f"runs{rest}."
+        )
     if unknown:
         return (
             f"The data do not determine {_list(unknown)}; what is shown for "

@@ -23,6 +23,7 @@ from identification.report.numbers import (
     unit_text,
 )
 from identification.report.residuals import channel_whiteness
+from identification.report.result import known_only_from
 
 __all__ = [
     "ErrorRow",
@@ -172,6 +173,8 @@ def _parameter_row(
     known = DECLARED_PARAMETERS.get(name)
     is_identified = bool(entry["identified"])
     reason = "" if is_identified else data.reasons.get(name, "the data do not determine it")
+    if origin := known_only_from(entry):
+        is_identified, reason = False, f"from {origin}, not from the runs"
     return ParameterRow(
         name=name,
         meaning=known.meaning.replace("degC", "°C") if known else "",

@@ -111,6 +111,8 @@ function request() {
       hold: field.hold.value,
       temperatures: list(field.temperatures.value.replaceAll(",", " ")).map(Number),
       controllers: list(field.controllers.value),
+      known: list(field.known.value),
+      nameplate: field.nameplate.value.trim(),
       seed: Number(field.seed.value),
     },
   };

@@ -1,0 +1,222 @@
+"""Known values as priors of a fit, and whether the runs contradict them.
+
+A known value is compared with what the runs say without it.  The curvature of the posterior along
+one parameter, all others at their optimum (Schur complement), less that of its own prior, is the
+precision p that runs and general knowledge have of it.  With a known value m of standard deviation
+s and an estimate x of the runs,
+
+    z = (x - m) / sqrt(1 / p + s^2)
+
+is standard normal where both are right.  The limit is the quantile at which one motor of a thousand
+with seven right values would have one of them refused (Bonferroni correction).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from identification.fit.declared import replanned
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit, solve
+from identification.known import Prior
+from identification.linear import solution
+from identification.model.parameter import Coordinates, Parameter
+from identification.model.simulate import Simulator
+from identification.nameplate import NAMEPLATE
+from identification.quantities import DECLARED_PARAMETERS
+
+__all__ = ["LIMIT", "Comparison", "Knowledge", "compared"]
+
+Array = NDArray[np.float64]
+
+_FALSE_ALARMS: Final = 1e-3
+LIMIT: Final = float(norm.isf(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))
+"""Combined standard deviations beyond which runs contradict a known value: 3.8."""
+
+_NEAR: Final = 3.0
+"""Factor up to which a fit goes on from its own value; runs beyond it leave the parameter open."""
+
+_WITHOUT_TEMPERATURE: Final = {
+    "Ra25": 0.1,
+    "Kt25": 0.06,
+    "alpha_Ra": math.inf,
+    "alpha_Kt": math.inf,
+}
+"""What 30 K do to a winding and to a magnet: a first run called 25 degC may have been elsewhere."""
+
+_NOTHING: Final = 1e-9
+"""Share of the curvature below which rounding is all that runs say of a parameter."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A known value beside what the runs say without it.
+
+    Args:
+        prior: The known value.
+        estimate: That of the runs [unit of the parameter].
+        sd: Its standard deviation, infinite where the runs say nothing [unit of the parameter].
+        distance: Difference over the combined standard deviation [-].
+    """
+
+    prior: Prior
+    estimate: float
+    sd: float
+    distance: float
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether chance does not explain the difference."""
+        return abs(self.distance) > LIMIT
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a user knows of a motor.
+
+    Args:
+        priors: One a parameter.
+        friction: Upper bound of the viscous friction by the nameplate, None without [N m s/rad].
+        general: Declared parameters with the priors of general knowledge, by name.
+    """
+
+    priors: tuple[Prior, ...] = ()
+    friction: float | None = None
+    general: tuple[Parameter, ...] = ()
+
+    def beside(self, fit: Fit) -> Knowledge:
+        """The same, with the general priors of a fit that knows nothing else."""
+        return replace(self, general=fit.coordinates.parameters[: len(DECLARED_PARAMETERS)])
+
+    def joined_to(self, fit: Fit) -> tuple[Fit, tuple[Comparison, ...]]:
+        """The fit with all that its runs do not contradict, and the comparisons with the rest."""
+        contradicted = self.contradictions(fit)
+        return self.used_in(fit, contradicted), contradicted
+
+    def contradictions(self, fit: Fit) -> tuple[Comparison, ...]:
+        """Known values that the runs contradict under the model of a fit, farthest first."""
+        if not self.priors and self.friction is None:
+            return ()
+        share = effective_share(fit)
+        found = [compared(fit, share, prior, self.general) for prior in self.priors]
+        found = [one for one in found if one.contradicts]
+        if self.friction is not None:
+            bound = Prior("b", self.friction, 0.3 * self.friction, NAMEPLATE)
+            own = compared(fit, share, bound, self.general)
+            found += [own] if own.contradicts and own.estimate > self.friction else []
+        return tuple(sorted(found, key=lambda one: -abs(one.distance)))
+
+    def used_in(self, fit: Fit, contradictions: Sequence[Comparison]) -> Fit:
+        """The fit with all known values as priors but those that are contradicted."""
+        refused = {one.prior.name for one in contradictions}
+        wanted = {p.name: p for p in self.general}
+        wanted |= {
+            prior.name: _with_prior(wanted[prior.name], prior)
+            for prior in self.priors
+            if prior.name not in refused
+        }
+        friction = wanted.get("b")
+        if self.friction is not None and friction is not None and "b" not in refused:
+            wanted["b"] = _bounded(friction, self.friction)
+        parameters = [wanted.get(p.name, p) for p in fit.coordinates.parameters]
+        if tuple(parameters) == fit.coordinates.parameters:
+            return fit
+        return _refitted(fit, Coordinates(parameters))
+
+
+def compared(fit: Fit, share: float, prior: Prior, general: Sequence[Parameter]) -> Comparison:
+    """A known value beside what the runs say without it.
+
+    Args:
+        fit: Fit of any model; the prior may be in it or not.
+        share: Effective share of the samples.
+        prior: The known value.
+        general: Declared parameters with the priors of general knowledge.
+    """
+    k = fit.coordinates.names.index(prior.name)
+    parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
+    own = 1.0 / float(fit.coordinates.prior_sd[k]) ** 2
+    precision = _precision(fit, share, k) - own
+    precision = 1.0 / (1.0 / precision + _unsaid(fit, prior.name) ** 2) if precision > 0 else 0.0
+    slope = float(fit.coordinates.slopes(fit.position)[k])
+    estimate = float(fit.values[k])
+    if not precision > _NOTHING * float(fit.equations.matrix[k, k]):
+        return Comparison(prior, estimate, math.inf, 0.0)
+    # The optimum is the mean of the runs' estimate and of the prior's centre, weighted.
+    moved = own / precision * (position - float(fit.coordinates.prior_mean[k]))
+    sd = 1.0 / math.sqrt(precision)
+    if parameter.search == "log":
+        estimate = math.exp(min(position + moved, 700.0))
+        apart = position + moved - math.log(prior.value)
+        distance = apart / math.hypot(sd, prior.sd / prior.value)
+    else:
+        estimate = slope * (position + moved)
+        distance = (estimate - prior.value) / math.hypot(slope * sd, prior.sd)
+    return Comparison(prior, estimate, slope * sd, distance)
+
+
+def _unsaid(fit: Fit, name: str) -> float:
+    """Standard deviation that a fit to runs without any temperature leaves out [coordinate]."""
+    return _WITHOUT_TEMPERATURE.get(name, 0.0) if fit.simulator.model.unlogged.is_relative else 0.0
+
+
+def _precision(fit: Fit, share: float, k: int) -> float:
+    """Inverse variance of search coordinate `k` in the posterior, all others free."""
+    equations = fit.equations
+    matrix = equations.matrix - (1.0 - share) * equations.information
+    others = np.arange(matrix.shape[0]) != k
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size)
+    coupling = scaled[others, k]
+    left = 1.0 - float(coupling @ solution(scaled[np.ix_(others, others)], coupling))
+    return left * float(matrix[k, k])
+
+
+def _refitted(fit: Fit, coordinates: Coordinates) -> Fit:
+    """The fit with other priors, from where it ended or from known values far from there."""
+    values = fit.values.copy()
+    for k, parameter in enumerate(coordinates.parameters):
+        if parameter.origin and parameter.search == "log":
+            known = parameter.prior_mean
+            is_near = known / _NEAR < values[k] < known * _NEAR
+            values[k] = values[k] if is_near else known
+    simulator = fit.simulator
+    model, records = simulator.model, simulator.records
+    if not simulator.plan.suits(Simulator.rate(model, records, values)):
+        simulator = Simulator.fitting(model, records, values, simulator.divisions)
+    position = coordinates.of(values)
+    return replanned(solve(simulator, coordinates, position, fit.states, fit.weighting))
+
+
+def _with_prior(parameter: Parameter, prior: Prior) -> Parameter:
+    """The parameter with a prior of the user, searched in logarithms where it is positive."""
+    if not prior.is_size:
+        return replace(
+            parameter,
+            prior_mean=prior.value,
+            prior_sd=prior.sd / parameter.scale,
+            origin=prior.origin,
+        )
+    return replace(
+        parameter,
+        search="log",
+        lower=min(parameter.lower, 1e-3 * prior.value) if parameter.lower > 0 else 0.0,
+        scale=1.0,
+        prior_mean=prior.value,
+        prior_sd=prior.sd / prior.value,
+        origin=prior.origin,
+    )
+
+
+def _bounded(friction: Parameter, bound: float) -> Parameter:
+    """Viscous friction that runs leave open, half-normal with the losses without load for width."""
+    if friction.search == "log" or friction.origin:
+        return friction
+    return replace(friction, scale=bound, prior_mean=0.0, prior_sd=1.0, origin=NAMEPLATE)

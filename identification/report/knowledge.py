@@ -1,0 +1,123 @@
+"""Known values in the result: what they were, whether they were used, and what contradicts them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from identification.checks.correction import factor
+from identification.fit.identifiability import identified
+from identification.fit.knowledge import LIMIT, Comparison
+from identification.fit.solve import Fit
+from identification.ingest.run import Run
+from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
+from identification.known import Prior
+from identification.nameplate import NAMEPLATE
+
+__all__ = ["contradiction_warnings", "known_only_warnings", "prior_entries"]
+
+_CLOSE: Final = 0.4
+"""Logarithm by which a ratio may differ from a unit's factor: two spreads of a nameplate."""
+_ON_PLATES: Final = ("rpm", "mA")
+_SHOWN_BY: Final = {"Kt25": "speed_rad_s", "Ra25": "current_A"}
+"""Channel whose unit scales a parameter: with the speed in rpm, Kt comes out 9.55 times smaller."""
+
+
+def prior_entries(
+    fit: Fit, share: float, priors: Sequence[Prior], contradicted: Sequence[Comparison]
+) -> dict[str, dict[str, Any]]:
+    """The member ``prior`` of each parameter that has one, by name.
+
+    Args:
+        fit: Fit of the model that the parameters are of.
+        share: Effective share of the samples.
+        priors: Those of the user.
+        contradicted: Those that were not used since the runs contradict them.
+    """
+    entries: dict[str, dict[str, Any]] = {}
+    by_runs = identified(fit, share, by_runs=True)
+    given = {prior.name: (prior.value, prior.sd, prior.origin) for prior in priors}
+    given |= {
+        one.prior.name: (one.prior.value, one.prior.sd, one.prior.origin) for one in contradicted
+    }
+    for parameter in fit.coordinates.parameters:
+        if parameter.origin and parameter.name not in given:
+            width = parameter.prior_sd * parameter.scale
+            given[parameter.name] = (parameter.prior_mean, width, parameter.origin)
+        if parameter.name in given:
+            value, sd, origin = given[parameter.name]
+            entries[parameter.name] = {
+                "prior": {
+                    "value": value,
+                    "sd": sd,
+                    "origin": origin,
+                    "used": bool(parameter.origin),
+                    "identified_by_runs": by_runs[parameter.name],
+                }
+            }
+    return entries
+
+
+def known_only_warnings(fit: Fit, share: float) -> list[str]:
+    """Which parameters rest on known values alone.
+
+    Args:
+        fit: Fit of the final model.
+        share: Effective share of the samples.
+    """
+    together, by_runs = identified(fit, share), identified(fit, share, by_runs=True)
+    names: dict[str, list[str]] = {}
+    for parameter in fit.coordinates.parameters:
+        if parameter.origin and together[parameter.name] and not by_runs[parameter.name]:
+            names.setdefault(parameter.origin, []).append(parameter.name)
+    return [f"{', '.join(own)}: from {origin}, not from the runs" for origin, own in names.items()]
+
+
+def contradiction_warnings(contradicted: Sequence[Comparison], runs: Sequence[Run]) -> list[str]:
+    """Known values that were not used, each with what the runs say and what may be why.
+
+    Args:
+        contradicted: Of `Knowledge.contradictions`.
+        runs: The runs.
+    """
+    return [_contradiction(one, runs) for one in contradicted]
+
+
+def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
+    prior = one.prior
+    given = f"{prior.value:.4g} {prior.unit} (sd {prior.sd:.2g})"
+    if (prior.name, prior.origin) == ("b", NAMEPLATE):
+        given = f"at most {prior.value:.4g} {prior.unit}"
+    sentence = (
+        f"{prior.name} is {given} by {prior.origin} and {one.estimate:.4g} {prior.unit} (sd "
+        f"{one.sd:.2g}) by the runs alone, {abs(one.distance):.3g} combined standard deviations "
+        f"apart (limit {LIMIT:.2g}): the runs were followed and the value was not used; check it"
+    )
+    return "; ".join([sentence, *_units(one, runs[0])])
+
+
+def _units(one: Comparison, run: Run) -> list[str]:
+    """The unit by whose factor the runs differ from the known value, with what to type.
+
+    The column of the first run is named, which is that of the others where they were logged alike.
+    """
+    channel = _SHOWN_BY.get(one.prior.name)
+    if channel is None or not one.estimate > 0.0:
+        return []
+    ratio = math.log(one.estimate / one.prior.value)
+    quantity = CHANNEL_QUANTITIES[channel]
+    found = []
+    for unit in UNITS:
+        if unit.quantity != quantity or unit.factor == 1.0:
+            continue
+        words = factor(run, channel, unit.factor).removeprefix(f"{run.name}:")
+        logged = f"if {channel} is in {unit.name} in the runs, correct it with --map '{words}'"
+        found.append((abs(ratio - math.log(unit.factor)), logged))
+        if one.prior.origin == NAMEPLATE and unit.name in _ON_PLATES:
+            typed = (
+                f"if a {quantity} of the nameplate is in {unit.name}, write {unit.name} behind it"
+            )
+            found.append((abs(ratio + math.log(unit.factor)), typed))
+    off, sentence = min(found)
+    return [sentence] if off < _CLOSE else []

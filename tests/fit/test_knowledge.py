@@ -1,0 +1,200 @@
+"""Known values narrow what runs leave open, and runs refuse what they contradict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from identification import FitOptions, Run, identify
+from identification.fit.knowledge import LIMIT
+from tests.motors import NAMES, Motor, campaign, motor_named
+
+SERVO = motor_named("servo 100 W")
+SLOW = Motor("slow bench", motor_named("coreless 10 W").values, 24.0, 5e-3, 40)
+"""A motor with an electrical time constant of 0.1 ms on a bench of 200 Hz."""
+
+
+def fitted(runs: list[Run], **options: Any) -> dict[str, Any]:
+    """The result of a fit of the nominal model."""
+    return identify(runs, (), FitOptions(effects=False, **options)).result
+
+
+def quick(runs: list[Run], **options: Any) -> dict[str, Any]:
+    """The same without a sampled posterior."""
+    return fitted(runs, posterior=False, **options)
+
+
+@pytest.fixture(scope="module")
+def servo_runs() -> list[Run]:
+    """Runs that determine all seven parameters."""
+    return campaign(SERVO, seed=3, runs=3, rows=800)
+
+
+@pytest.fixture(scope="module")
+def servo(servo_runs: list[Run]) -> dict[str, Any]:
+    """What they say without any known value."""
+    return quick(servo_runs)
+
+
+@pytest.fixture(scope="module")
+def slow_runs() -> list[Run]:
+    """Runs at 200 Hz with 10 % noise, which leave the inductance open."""
+    return campaign(SLOW, seed=5, runs=3, rows=600, noise=0.1)
+
+
+def test_limit_is_that_of_one_false_alarm_in_a_thousand_motors() -> None:
+    """Seven two-sided comparisons share the probability."""
+    assert 7 * 2 * norm.sf(LIMIT) == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("posterior", [False, True])
+def test_known_inductance_is_used_where_the_runs_leave_it_open(
+    slow_runs: list[Run], posterior: bool
+) -> None:
+    """10 % was given; fit and sampler agree that nothing else is known."""
+    before = quick(slow_runs)["parameters"]["L"]
+    result = fitted(slow_runs, posterior=posterior, known=("L=2.5e-4+-10%",))
+    after = result["parameters"]["L"]
+
+    assert not before["identified"]
+    assert before["sd"] > 0.3 * before["median"]
+    assert after["median"] == pytest.approx(2.5e-4, rel=0.05)
+    assert after["sd"] == pytest.approx(0.1 * after["median"], rel=0.15)
+    assert after["identified"]
+    assert after["prior"] == {
+        "value": 2.5e-4,
+        "sd": pytest.approx(2.5e-5),
+        "origin": "--known",
+        "used": True,
+        "identified_by_runs": False,
+    }
+    assert "L: from --known, not from the runs" in result["warnings"]
+
+
+def test_known_coefficient_gives_the_reference_values_away_from_25_degc() -> None:
+    """At 80 degC alone, Ra25 is R(80) / (1 + alpha 55), and as certain as the two are."""
+    hot = [
+        replace(run, temperature=np.full(run.rows, 80.0))
+        for run in campaign(
+            replace(SERVO, values=(0.6 * 1.2145, 0.0, 0.07 * 0.934, 0.0, *SERVO.values[4:])),
+            seed=4,
+        )
+    ]
+    before = quick(hot)["parameters"]
+    after = quick(hot, known=("alpha_Ra=0.0039+-1%", "alpha_Kt=-0.0012+-1%"))["parameters"]
+
+    for name, truth in (("Ra25", 0.6), ("Kt25", 0.07)):
+        assert after[name]["median"] == pytest.approx(truth, rel=0.01)
+        assert after[name]["sd"] < 0.2 * before[name]["sd"]
+    assert after["alpha_Ra"]["sd"] == pytest.approx(3.9e-5, rel=0.1)
+    assert after["alpha_Ra"]["identified"]
+    assert not after["alpha_Ra"]["prior"]["identified_by_runs"]
+
+
+@pytest.mark.parametrize(
+    "word", ["Kt25=0.05+-5%", "Kt25=0.1", "J=1e-5", "L=0.02+-20%", "b=1e-3+-10%", "alpha_Ra=0.002"]
+)
+def test_wrong_value_is_the_first_warning_and_moves_nothing(
+    servo_runs: list[Run], servo: dict[str, Any], word: str
+) -> None:
+    """The answer is that of the runs alone, digit for digit."""
+    name = word.partition("=")[0]
+    result = quick(servo_runs, known=(word,))
+
+    entry = result["parameters"][name]
+    assert entry["prior"]["used"] is False
+    assert entry["prior"]["identified_by_runs"] is True
+    assert {k: v for k, v in entry.items() if k != "prior"} == servo["parameters"][name]
+    assert result["warnings"][0].startswith(f"{name} is ")
+    assert "by --known and" in result["warnings"][0]
+    assert "the runs were followed and the value was not used" in result["warnings"][0]
+
+
+def test_value_within_chance_moves_a_well_determined_parameter_less_than_its_sd(
+    servo_runs: list[Run], servo: dict[str, Any]
+) -> None:
+    """Kt is 3 % too large, at 1 %: three standard deviations that chance may explain."""
+    result = quick(servo_runs, known=("Kt25=0.0721",))
+
+    before, after = (one["parameters"]["Kt25"] for one in (servo, result))
+    assert after["prior"]["used"] is True
+    assert abs(after["median"] - before["median"]) < before["sd"]
+    assert result["warnings"] == servo["warnings"]
+
+
+def test_right_values_are_believed_and_said_to_be_the_runs_own(
+    servo_runs: list[Run], servo: dict[str, Any]
+) -> None:
+    """All seven true values at 1 %: no warning, and no interval is wider."""
+    words = tuple(f"{n}={v!r}" for n, v in zip(NAMES, SERVO.values, strict=True))
+    result = quick(servo_runs, known=words)
+
+    assert result["warnings"] == servo["warnings"]
+    for name, entry in result["parameters"].items():
+        assert entry["prior"]["used"] is True
+        assert entry["prior"]["identified_by_runs"] is True
+        assert entry["sd"] < 1.05 * servo["parameters"][name]["sd"], name
+
+
+PLATE = "voltage=24,no_load_speed=3249rpm,no_load_current=0.3,stall_current=40"
+"""Of the servo: 24 V / 0.6 ohm, and (24 - 0.6 0.3) / 0.07 rad/s."""
+
+
+def test_right_nameplate_leaves_a_well_determined_motor_alone(
+    servo_runs: list[Run], servo: dict[str, Any]
+) -> None:
+    """Its spreads are wide against what the runs say."""
+    result = quick(servo_runs, nameplate=PLATE)
+
+    assert result["warnings"] == servo["warnings"]
+    for name in NAMES:
+        before, after = (one["parameters"][name] for one in (servo, result))
+        assert abs(after["median"] - before["median"]) < 0.1 * before["sd"]
+    assert result["parameters"]["Kt25"]["prior"]["origin"] == "--nameplate"
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "correction"),
+    [
+        ("speed", 30 / np.pi, "--map 'speed_rad_s=speed_rad_s * 0.10471975512'"),
+        ("current", 1e3, "--map 'current_A=current_A * 0.001'"),
+    ],
+)
+def test_nameplate_finds_runs_in_another_unit(
+    servo_runs: list[Run], channel: str, factor: float, correction: str
+) -> None:
+    """All runs alike in rpm or mA are another motor, which only a nameplate tells."""
+    runs = [replace(run, **{channel: factor * getattr(run, channel)}) for run in servo_runs]
+
+    result = quick(runs, nameplate=PLATE)
+
+    assert "by --nameplate and" in result["warnings"][0]
+    assert correction in result["warnings"][0]
+
+
+def test_nameplate_without_its_unit_is_found(servo_runs: list[Run], servo: dict[str, Any]) -> None:
+    """3249 typed for rad/s; the answer is that of the runs."""
+    result = quick(servo_runs, nameplate=PLATE.replace("rpm", ""))
+
+    assert "if a speed of the nameplate is in rpm, write rpm behind it" in result["warnings"][0]
+    median = servo["parameters"]["J"]["median"]
+    assert result["parameters"]["J"]["median"] == pytest.approx(median, rel=1e-6)
+
+
+def test_known_inertia_tells_the_resistance_of_a_motor_without_current() -> None:
+    """Without a current, J Ra and L / Ra are known and no factor of them, until J is."""
+    runs = campaign(SERVO, seed=7, runs=3, rows=600)
+    dead = [replace(run, current=np.zeros(run.rows)) for run in runs]
+
+    before = quick(dead, force=True)["parameters"]
+    after = quick(dead, force=True, known=("J=1e-4+-2%",))["parameters"]
+
+    for name, truth in (("Ra25", 0.6), ("L", 2e-3)):
+        assert not before[name]["identified"]
+        assert after[name]["identified"]
+        assert "prior" not in after[name]
+        assert after[name]["median"] == pytest.approx(truth, abs=4 * after[name]["sd"])

@@ -1,0 +1,196 @@
+"""Known values and nameplates as users write them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification.errors import OptionError
+from identification.known import Prior, known_values
+from identification.nameplate import nameplate_of
+from identification.options import FitOptions
+from identification.quantities import DECLARED_PARAMETERS
+
+SIZES = ("Ra25", "Kt25", "J", "b", "L")
+
+
+@pytest.mark.parametrize(
+    ("word", "name", "value", "sd"),
+    [
+        ("Kt25=0.048+-5%", "Kt25", 0.048, 0.0024),
+        ("Kt25 = 0.048 ± 5 %", "Kt25", 0.048, 0.0024),
+        ("L=2.9e-3+-2e-4", "L", 0.0029, 2e-4),
+        ("L=2.9e-3", "L", 0.0029, 2.9e-5),
+        ("alpha_Kt=-0.0012+-10%", "alpha_Kt", -0.0012, 1.2e-4),
+        ("alpha_Kt=0+-0.0005", "alpha_Kt", 0.0, 5e-4),
+        ("J=1e-4+-1e-5", "J", 1e-4, 1e-5),
+    ],
+)
+def test_known_value_is_read_as_it_is_written(
+    word: str, name: str, value: float, sd: float
+) -> None:
+    """A spread in the unit, in per cent, or the default of 1 %."""
+    (prior,) = known_values([word])
+
+    assert (prior.name, prior.value) == (name, value)
+    assert prior.sd == pytest.approx(sd)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["Kt=0.048"], "no parameter 'Kt'; expected one of Ra25, alpha_Ra, Kt25"),
+        (["0.048"], "no parameter '0.048'"),
+        (["Kt25"], "expected NAME=VALUE"),
+        (["Kt25=fast"], "expected NAME=VALUE"),
+        (["Kt25=1_0"], "expected NAME=VALUE"),
+        (["Kt25=0.048+-"], "expected NAME=VALUE"),
+        (["Kt25=0.048+-5%%"], "expected NAME=VALUE"),
+        (["Kt25=nan"], "expected NAME=VALUE"),
+        (["Kt25=0.048\n"], None),
+        (["Kt25=-0.048"], "-0.048 N m/A is no Kt25; expected a positive number"),
+        (["J=0"], "0 kg m\\^2 is no J; expected a positive number"),
+        (["J=1e999"], "inf kg m\\^2 is no J"),
+        (["alpha_Ra=3.9"], "expected a number from -0.1 to 0.1 1/K"),
+        (["Kt25=0.048+--5%"], "the spread is -0.0024 N m/A; expected a positive number"),
+        (["Kt25=0.048+-0"], "the spread is 0 N m/A; expected a positive number"),
+        (["Kt25=0.048+-1e9%"], "expected one from 0.0001 to 500 % of the value"),
+        (["alpha_Kt=0"], "1 % of 0 is no spread; say one"),
+        (["Kt25=0.048", "L=1e-3", "Kt25=0.05"], "Kt25 is given twice; keep one"),
+    ],
+)
+def test_known_value_that_is_none_is_refused_with_what_was_expected(
+    words: list[str], said: str | None
+) -> None:
+    """The message has the word, its fault and what would do; blanks around a word are no fault."""
+    if said is None:
+        assert known_values(words)
+        return
+    with pytest.raises(OptionError, match=said) as caught:
+        FitOptions(known=tuple(words))
+    assert caught.value.value in words
+
+
+@given(
+    name=st.sampled_from(SIZES),
+    value=st.floats(1e-12, 1e6),
+    share=st.floats(1e-5, 4.0),
+)
+def test_prior_of_a_size_written_out_is_read_again(name: str, value: float, share: float) -> None:
+    """`str` of a prior is a word of the user, with all digits."""
+    prior = Prior(name, value, share * value)
+
+    assert known_values([str(prior)]) == (prior,)
+
+
+@given(
+    name=st.sampled_from([n for n in DECLARED_PARAMETERS if n not in SIZES]),
+    value=st.floats(-0.1, 0.1),
+    sd=st.floats(1e-8, 0.1),
+)
+def test_prior_of_a_coefficient_written_out_is_read_again(
+    name: str, value: float, sd: float
+) -> None:
+    """Temperature coefficients have either sign, and may be zero."""
+    prior = Prior(name, value, sd)
+
+    assert known_values([str(prior)]) == (prior,)
+
+
+@given(st.text(max_size=40))
+def test_any_text_is_a_known_value_or_an_option_error(text: str) -> None:
+    """No other error reaches a user."""
+    for word in (text, f"Kt25={text}", f"L=1{text}"):
+        try:
+            (prior,) = known_values([word])
+        except OptionError:
+            continue
+        assert math.isfinite(prior.value)
+        assert prior.sd > 0.0
+
+
+@given(st.text(max_size=40))
+def test_any_text_is_a_nameplate_or_an_option_error(text: str) -> None:
+    """No other error reaches a user."""
+    for word in (text, f"voltage={text}", f"voltage=12,no_load_speed=3000{text}"):
+        try:
+            plate = nameplate_of(word)
+        except OptionError:
+            continue
+        assert all(math.isfinite(prior.value) for prior in plate.priors)
+
+
+def test_nameplate_gives_what_the_steady_state_says() -> None:
+    """Ra = 12 / 4 ohm; Kt = (12 - 3 * 0.2) / 300 V s/rad; b <= Kt * 0.2 / 300."""
+    plate = nameplate_of("voltage=12, no_load_speed=300; no_load_current=200mA, stall_current=4 A,")
+
+    assert plate.resistance == pytest.approx(3.0)
+    assert plate.constant == pytest.approx(0.038)
+    assert plate.friction == pytest.approx(0.038 * 0.2 / 300)
+    assert [p.name for p in plate.priors] == ["Ra25", "Kt25"]
+    assert [p.sd / p.value for p in plate.priors] == pytest.approx([0.2, 0.1])
+
+
+def test_rated_point_stands_in_for_a_stall() -> None:
+    """Both points of a motor of 3 ohm and 0.038 V s/rad: 0.2 A at 300, 1.2 A at 221.05 rad/s."""
+    loaded = (12 - 3 * 1.2) / 0.038
+    plate = nameplate_of(
+        f"voltage=12,no_load_speed=300,no_load_current=0.2,rated_current=1.2,rated_speed={loaded}"
+    )
+
+    assert plate.resistance == pytest.approx(3.0)
+    assert plate.constant == pytest.approx(0.038)
+
+
+def test_torques_say_the_constant_without_a_speed() -> None:
+    """Kt = T / (I - I0) at standstill and at the rated point."""
+    stalled = nameplate_of("stall_current=4,stall_torque=150mNm")
+    rated = nameplate_of("rated_current=1.2,no_load_current=0.2,rated_torque=0.038")
+
+    assert stalled.constant == pytest.approx(0.0375)
+    assert rated.constant == pytest.approx(0.038)
+    assert stalled.resistance is None
+
+
+def test_revolutions_a_minute_are_turned_into_radians() -> None:
+    """3000 rpm are 314.16 rad/s."""
+    assert nameplate_of("voltage=12,no_load_speed=3000rpm") == nameplate_of(
+        f"voltage=12,no_load_speed={100 * math.pi!r}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("volts=12", "expected KEY=VALUE with a key of voltage, no_load_speed"),
+        ("voltage", "expected KEY=VALUE"),
+        ("voltage=12,voltage=24", "voltage is given twice; keep one"),
+        ("voltage=12A", "expected a number in V, or with a unit of V, mV"),
+        ("voltage=-12", "is -12 V; expected a positive number"),
+        ("voltage=12", "says neither Ra25 nor Kt25; expected for example voltage="),
+        ("voltage=12,no_load_current=5,stall_current=4", "no_load_current below stall_current"),
+        (
+            "voltage=12,no_load_speed=3000,no_load_current=0.2,stall_current=4,stall_torque=0.15",
+            "10.4 times .* write rpm behind",
+        ),
+    ],
+)
+def test_nameplate_that_is_none_is_refused_with_what_was_expected(text: str, said: str) -> None:
+    """The message has the part, its fault and what would do."""
+    with pytest.raises(OptionError, match=said):
+        FitOptions(nameplate=text)
+
+
+def test_known_value_goes_before_the_nameplate() -> None:
+    """One prior a parameter, the one that was given by name."""
+    options = FitOptions(
+        known=("Kt25=0.04+-2%",), nameplate="voltage=12,no_load_speed=3000rpm,stall_current=4"
+    )
+
+    assert [(p.name, p.origin) for p in options.priors] == [
+        ("Kt25", "--known"),
+        ("Ra25", "--nameplate"),
+    ]
