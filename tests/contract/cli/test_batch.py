@@ -254,6 +254,10 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.csv", "motor,training,temperatures\nm,a,25;1_0\n", "'25;1_0' is no value"),
         ("m.csv", "motor,training,controllers\nm,a,P:1_0\n", "the gain '1_0', which is not"),
         ("m.csv", "motor,training,controllers\nm,a.csv,Q:1\n", "row 2: "),
+        ("m.csv", "motor,training,known\nm,a.csv,Kt=1\n", "row 2: known 'Kt=1': there is no"),
+        ("m.csv", "motor,training,nameplate\nm,a,volts=1\n", "row 2: nameplate 'volts=1': exp"),
+        ("m.yaml", "motors: []\noptions: {known: L=1e-3}\n", "'L=1e-3' is no value; expected kn"),
+        ("m.yaml", "motors: []\noptions: {nameplate: 12}\n", "'12' is no value; expected namepl"),
         (
             "m.yaml",
             "motors: [{motor: m, trainings: [a]}]\n",

@@ -1,0 +1,153 @@
+"""Known values and the nameplate: the same words on the command line, by HTTP and in a manifest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.batch.manifest import read_manifest
+from app.batch.record import record_of
+from app.cli import main
+from app.commands import fit_options
+from app.fits.schemas import FitCreate
+from identification.errors import InputError, OptionError
+from identification.options import FitOptions
+
+FAST = ["--no-posterior", "--no-effects", "--quiet"]
+KNOWN = ("Kt25=0.07+-5%", "L=2e-3")
+PLATE = "voltage=24,no_load_speed=3249rpm,no_load_current=0.3,stall_current=40"
+
+
+def by_http(known: tuple[str, ...], nameplate: str) -> FitOptions:
+    """Options as the service has them once a request was checked."""
+    body = {"training": ["run_x"], "options": {"known": list(known), "nameplate": nameplate}}
+    options = FitCreate.model_validate(body).request().options.items()
+    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in options}
+    return FitOptions(**values)
+
+
+def by_manifest(path: Path, text: str) -> FitOptions:
+    """Options of the one motor of a manifest."""
+    path.write_text(text)
+    (motor,) = read_manifest(path, FitOptions())
+    return motor.options
+
+
+def everywhere(directory: Path, known: tuple[str, ...], nameplate: str) -> list[Any]:
+    """What each way gives: options, or the message of its refusal."""
+    (directory / "run.csv").touch()
+    options = {"known": list(known), "nameplate": nameplate}
+    entry = json.dumps({"motor": "m", "training": ["run.csv"], "options": options})
+    table = f'motor,training,known,nameplate\nm,run.csv,{";".join(known)},"{nameplate}"\n'
+    ways: tuple[Callable[[], FitOptions], ...] = (
+        lambda: fit_options(known=known, nameplate=[nameplate]),
+        lambda: by_http(known, nameplate),
+        lambda: by_manifest(directory / "m.csv", table),
+        lambda: by_manifest(directory / "m.yaml", f"motors: [{entry}]\n"),
+    )
+    answers: list[Any] = []
+    for way in ways:
+        try:
+            answers.append(way())
+        except InputError as error:
+            answers.append(error.message)
+    return answers
+
+
+def test_all_ways_give_the_same_options(tmp_path: Path) -> None:
+    """Command line, HTTP, CSV and YAML."""
+    answers = everywhere(tmp_path, KNOWN, PLATE)
+
+    assert answers == [FitOptions(known=KNOWN, nameplate=PLATE)] * 4
+    assert [p.origin for p in answers[0].priors] == ["--known", "--known", "--nameplate"]
+
+
+@pytest.mark.parametrize(
+    ("known", "nameplate"),
+    [
+        (("Kt=0.07",), ""),
+        (("Kt25=fast",), ""),
+        (("Kt25=0.07+--5%",), ""),
+        (("Kt25=0.07", "Kt25=0.08"), ""),
+        ((), "voltage=12"),
+        ((), "voltage=12,volts=12"),
+        ((), "voltage=12A,stall_current=1"),
+    ],
+)
+def test_all_ways_refuse_with_the_same_words(
+    tmp_path: Path, known: tuple[str, ...], nameplate: str
+) -> None:
+    """One parser; a manifest says where it stands before that."""
+    with pytest.raises(OptionError) as caught:
+        FitOptions(known=known, nameplate=nameplate)
+
+    for answer in everywhere(tmp_path, known, nameplate):
+        assert answer.endswith(caught.value.message)
+
+
+def test_words_of_the_command_line_reach_the_result(run_files: list[Path], tmp_path: Path) -> None:
+    """Several words behind one option, and another one of the same name."""
+    words = ["--known", *KNOWN, "--known", "J=1e-4+-10%", "--nameplate", "voltage=24"]
+    words += ["--nameplate", "stall_current=40"]
+
+    assert main(["fit", *map(str, run_files[:2]), *words, "--out", str(tmp_path), *FAST]) == 0
+
+    result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert result["options"]["known"] == [*KNOWN, "J=1e-4+-10%"]
+    assert result["options"]["nameplate"] == "voltage=24,stall_current=40"
+    origins = {n: e["prior"]["origin"] for n, e in result["parameters"].items() if "prior" in e}
+    assert origins == {"Ra25": "--nameplate", "Kt25": "--known", "J": "--known", "L": "--known"}
+
+
+def test_wrong_word_is_one_line_and_exit_status_2(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Value, what was expected, what to do; nothing is written."""
+    out = tmp_path / "out"
+
+    assert main(["fit", str(run_files[0]), "--known", "Kt=1", "--out", str(out), *FAST]) == 2
+
+    assert capsys.readouterr().err == (
+        "motorid: known 'Kt=1': there is no parameter 'Kt'; expected one of Ra25, alpha_Ra, Kt25, "
+        "alpha_Kt, J, b, L\n"
+    )
+    assert not out.exists()
+
+
+def test_report_and_summary_say_what_rests_on_a_known_value(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cold run alone does not tell the coefficients; one of them is given."""
+    text = run_files[0].read_text(encoding="utf-8").splitlines()
+    place = text[0].split(",").index("temperature_degC")
+    rows = [line.split(",") for line in text[1:]]
+    for row in rows:
+        row[place] = "25"
+    run = tmp_path / "cold.csv"
+    run.write_text("\n".join([text[0], *(",".join(row) for row in rows)]) + "\n")
+    out = tmp_path / "out"
+
+    words = ["--known", "alpha_Ra=0.0039+-5%", "--no-posterior", "--no-effects"]
+    assert main(["fit", str(run), *words, "--out", str(out)]) == 0
+
+    report = (out / "report.html").read_text(encoding="utf-8")
+    assert "from --known, not from the runs" in report
+    assert "The data do not determine alpha_Ra, known from what was given" in report
+    assert "parameters are determined by the data" not in report
+    assert "--known" in capsys.readouterr().out
+
+
+def test_record_of_a_batch_without_known_values_is_what_it_was(tmp_path: Path) -> None:
+    """A batch of before these options is kept, and not fitted again."""
+    (tmp_path / "run.csv").touch()
+    (tmp_path / "m.csv").write_text("motor,training,known\na,run.csv,\nb,run.csv,L=1e-3\n")
+    plain, known = (
+        record_of(m)["options"] for m in read_manifest(tmp_path / "m.csv", FitOptions())
+    )
+
+    assert not {"known", "nameplate"} & plain.keys()
+    assert known == plain | {"known": ["L=1e-3"]}
