@@ -21,7 +21,7 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.long import search_long
-from identification.effects.omitted import OmittedTerm, with_omitted_drawn
+from identification.effects.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
 from identification.effects.outcome import Outcome
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
@@ -144,30 +144,20 @@ def _identified(
     knowledge = Knowledge(options.priors, options.plate.friction).beside(declared)
     # What the nominal model contradicts an effect may explain: it is judged again at the end.
     declared, _ = knowledge.joined_to(declared)
-    outcome: Outcome | None = None
-    found: Localisation | None = None
-    if options.effects:
-        found = localise(declared)
-        tell("effects", 0.15)
-        rows = sum(record.rows for record in campaign.training)
-        outcome = search_long(
-            declared,
-            campaign,
-            lambda done: tell("effects", 0.15 + 0.35 * done),
-            EFFORTS[options.effort].search_of(rows),
-            withheld,
-        )
+    found, outcome = _searched(declared, campaign, options, tell, withheld)
     tell("fit", 0.5)
     closed = with_noise_model(outcome.fit if outcome else declared)
     closed, contradicted = knowledge.joined_to(closed)
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
+    omitted = unknown_gain(closed, [gain.ratio for gain in gains])
+    omitted += outcome.omitted if outcome else ()
     share = effective_share(closed)
     tell("posterior", 0.55)
     chain, draws = _drawn(
         Posterior(closed, share),
         lines_of(final),
-        outcome.omitted if outcome else (),
+        omitted,
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),
         checkpoint and checkpoint.about([run.sha256 for run in (*training, *validation)], options),
@@ -191,6 +181,7 @@ def _identified(
         sample=chain,
         feedback=metrics,
         outcome=outcome,
+        omitted=omitted,
         feedback_before=feedback_metrics(declared_draws, options.temperatures, options.controllers)
         if changed
         else [],
@@ -205,6 +196,29 @@ def _identified(
     result = assemble(findings)
     tell("done", 1.0)
     return Identification(result, findings)
+
+
+def _searched(
+    declared: Fit,
+    campaign: Campaign,
+    options: FitOptions,
+    tell: Progress,
+    withheld: Collection[str],
+) -> tuple[Localisation | None, Outcome | None]:
+    """What the nominal model lacks, and the effects found; None where no effects are wanted."""
+    if not options.effects:
+        return None, None
+    found = localise(declared)
+    tell("effects", 0.15)
+    rows = sum(record.rows for record in campaign.training)
+    outcome = search_long(
+        declared,
+        campaign,
+        lambda done: tell("effects", 0.15 + 0.35 * done),
+        EFFORTS[options.effort].search_of(rows),
+        withheld,
+    )
+    return found, outcome
 
 
 def _check(training: Sequence[Run], validation: Sequence[Run]) -> None:

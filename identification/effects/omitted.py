@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 from identification.effects.score import Score
 from identification.fit.solve import Fit
 
-__all__ = ["OmittedTerm", "consider_variances", "omitted_terms", "with_omitted_drawn"]
+__all__ = [
+    "OmittedTerm",
+    "consider_variances",
+    "omitted_terms",
+    "unknown_gain",
+    "with_omitted_drawn",
+]
 
 Array = NDArray[np.float64]
 
@@ -36,14 +42,14 @@ class OmittedTerm:
 
     Args:
         name: Its kind, or ``unlisted``.
-        gain: Promised gain of the log likelihood, in effective samples.
+        gain: Promised gain of the log likelihood, in effective samples; None where no data tell.
         chance: Gain that the best of all prototypes reaches by chance.
         steps: Change of each parameter that goes with its best amplitude, in search coordinates.
     """
 
     name: str
-    gain: float
-    chance: float
+    gain: float | None
+    chance: float | None
     steps: dict[str, float]
 
 
@@ -71,6 +77,27 @@ def omitted_terms(
             name = score.candidate.term.name
             found[name] = OmittedTerm(name, float(gain), float(chance), steps)
     return tuple(found.values())
+
+
+def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
+    """What an unknown gain of the current sensor could change; empty where nothing is unknown.
+
+    A sensor that reads g times the current gives Ra/g, L/g, J g and b g, and fits as well.
+
+    Args:
+        fit: Fit whose parameters they are.
+        ratios: Readings of runs over that of the first training run, for the same current [-].
+    """
+    largest = max((abs(float(np.log(ratio))) for ratio in ratios), default=0.0)
+    if largest == 0.0:
+        return ()
+    slopes = dict(zip(fit.coordinates.names, fit.coordinates.slopes(fit.position), strict=True))
+    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    powers = {"Ra25": -1.0, "L": -1.0, "J": 1.0, "b": 1.0}
+    steps = {
+        name: power * largest * float(values[name] / slopes[name]) for name, power in powers.items()
+    }
+    return (OmittedTerm("current_gain", None, None, steps),)
 
 
 def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:

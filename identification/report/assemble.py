@@ -87,6 +87,7 @@ class Findings:
         after: Whether the final model does.
         interrupted: Whether the time limit stopped a stage.
         warnings: What the stages noticed.
+        omitted: What is not in the final model and could change its parameters.
         admission: What the checks found in the runs given, None where they were not checked.
         contradicted: Known values that the runs contradict.
     """
@@ -109,6 +110,7 @@ class Findings:
     after: Detection | None = None
     interrupted: bool = False
     warnings: tuple[str, ...] = field(default=())
+    omitted: tuple[OmittedTerm, ...] = ()
     admission: Admission | None = None
     contradicted: tuple[Comparison, ...] = ()
 
@@ -122,11 +124,6 @@ class Findings:
             }
             for stage, fit in (("before", self.declared), ("after", self.final))
         }
-
-    @property
-    def omitted(self) -> tuple[OmittedTerm, ...]:
-        """Terms that promise more than chance and are not in the final model."""
-        return self.outcome.omitted if self.outcome else ()
 
     @cached_property
     def known(self) -> dict[str, bool]:

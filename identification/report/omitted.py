@@ -47,6 +47,8 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
         final: Fit of the final model.
         omitted: The terms.
     """
+    # An unknown gain of a sensor is said where it is found.
+    omitted = [term for term in omitted if term.gain is not None]
     if not omitted:
         return []
     spread = np.sqrt(consider_variances(final, omitted)) * final.coordinates.slopes(final.position)

@@ -14,6 +14,7 @@ from identification.effects.omitted import (
     OmittedTerm,
     consider_variances,
     omitted_terms,
+    unknown_gain,
     with_omitted_drawn,
 )
 from identification.effects.screen import screened
@@ -117,3 +118,17 @@ def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> 
 
     assert identified(clean, share)["Ra25"]
     assert not identified(clean, share, consider_variances(clean, taken))["Ra25"]
+
+
+def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) -> None:
+    """Two runs that disagree by a factor of two: Ra, L, J and b are known up to it, Kt is known."""
+    gain = unknown_gain(clean, [0.5, 1.0])
+    share = effective_share(clean)
+
+    known = identified(clean, share, consider_variances(clean, gain))
+    draws = with_omitted_drawn(normal_draws(Posterior(clean, share), 1, 20_000), clean, gain, 1)
+
+    assert unknown_gain(clean, [1.0]) == ()
+    assert [name for name in ("Ra25", "Kt25", "J", "b", "L") if known[name]] == ["Kt25"]
+    np.testing.assert_allclose(draws["Ra25"] * draws["J"], np.prod(clean.values[[0, 4]]), rtol=0.05)
+    assert np.log(draws["Ra25"]).std() == pytest.approx(np.log(2.0), rel=0.03)
