@@ -63,5 +63,5 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
     return [
         "the residual holds structure that no effect explains: terms promise more than chance but "
         f"pass no criterion ({names}); the intervals include what such a term could change, "
-        f"most of all {most} by {100 * shares[most]:.2g} % (one standard deviation)"
+        f"most of all {most} by {100 * shares[most]:.3g} % (one standard deviation)"
     ]
