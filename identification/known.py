@@ -32,7 +32,14 @@ _WIDEST: Final = 5.0
 _SLOPE_SPREADS: Final = (1e-9, 0.1)
 _STEEPEST: Final = 0.1
 """Largest temperature coefficient [1/K]; of metals and magnets it is below 0.01."""
-_SIZES: Final = (1e-15, 1e9)
+_RANGES: Final = {
+    "Ra25": (1e-5, 1e6),
+    "Kt25": (1e-7, 1e4),
+    "J": (1e-13, 1e6),
+    "b": (1e-14, 1e5),
+    "L": (1e-8, 1e4),
+}
+"""Sizes of brushed motors from a watch to a rolling mill, with a decade or more to spare."""
 _NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _FORM: Final = re.compile(
     rf"\s*(\w+)\s*=\s*({_NUMBER})\s*(?:(?:\+-|±)\s*({_NUMBER})\s*(%?)\s*)?", re.ASCII
@@ -115,10 +122,14 @@ def _spread(value: float, number: str | None, percent: str | None) -> float:
 
 def _check_value(word: str, prior: Prior) -> None:
     unit = prior.unit
-    if prior.is_size and not _SIZES[0] <= prior.value <= _SIZES[1]:
-        raise _refusal(
-            word, f"{prior.value:g} {unit} is no {prior.name}; expected a positive number in {unit}"
-        )
+    if prior.is_size:
+        least, most = _RANGES[prior.name]
+        if not least <= prior.value <= most:
+            raise _refusal(
+                word,
+                f"{prior.value:g} {unit} is no {prior.name}; expected a positive number in {unit}, "
+                f"from {least:g} to {most:g}",
+            )
     if not prior.is_size and not abs(prior.value) <= _STEEPEST:
         raise _refusal(
             word,

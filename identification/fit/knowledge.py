@@ -41,7 +41,11 @@ LIMIT: Final = float(norm.isf(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))
 """Combined standard deviations beyond which runs contradict a known value: 3.8."""
 
 _NEAR: Final = 3.0
-"""Factor up to which a fit goes on from its own value; runs beyond it leave the parameter open."""
+"""Factor between a known value and that of the runs up to which one start is enough."""
+
+_WORSE: Final = 3.0
+_SEEN: Final = 0.01
+"""Ratio of residuals, beyond this share of the signal, that no value within chance explains."""
 
 _WITHOUT_TEMPERATURE: Final = {
     "Ra25": 0.1,
@@ -64,12 +68,14 @@ class Comparison:
         estimate: That of the runs [unit of the parameter].
         sd: Its standard deviation, infinite where the runs say nothing [unit of the parameter].
         distance: Difference over the combined standard deviation [-].
+        unfitted: Whether no fit was found with it and the other known values.
     """
 
     prior: Prior
     estimate: float
     sd: float
     distance: float
+    unfitted: bool = False
 
     @property
     def contradicts(self) -> bool:
@@ -96,34 +102,53 @@ class Knowledge:
         return replace(self, general=fit.coordinates.parameters[: len(DECLARED_PARAMETERS)])
 
     def joined_to(self, fit: Fit) -> tuple[Fit, tuple[Comparison, ...]]:
-        """The fit with all that its runs do not contradict, and the comparisons with the rest."""
-        contradicted = self.contradictions(fit)
-        return self.used_in(fit, contradicted), contradicted
+        """The fit with all that its runs do not contradict, and the comparisons with the rest.
+
+        Values that only together contradict the runs are given up one after another, the farthest
+        first; so are those with which no fit is found.
+        """
+        refused = self.contradictions(fit)
+        for _ in self.priors:
+            joined = self.used_in(fit, refused)
+            names = {one.prior.name for one in refused}
+            if joined is not None:
+                more = [one for one in self.contradictions(joined) if one.prior.name not in names]
+            else:
+                more = [replace(one, unfitted=True) for one in self.compared(fit)]
+                more = [one for one in more if one.prior.name not in names]
+            if not more:
+                return joined or fit, refused
+            refused = (*refused, more[0])
+        return self.used_in(fit, refused) or fit, refused
+
+    def compared(self, fit: Fit) -> list[Comparison]:
+        """Known values beside what the runs say under the model of a fit, farthest first."""
+        share = effective_share(fit)
+        found = [compared(fit, share, prior) for prior in self.priors]
+        return sorted(found, key=lambda one: -abs(one.distance))
 
     def contradictions(self, fit: Fit) -> tuple[Comparison, ...]:
         """Known values that the runs contradict under the model of a fit, farthest first."""
         if not self.priors and self.friction is None:
             return ()
-        share = effective_share(fit)
-        found = [compared(fit, share, prior, self.general) for prior in self.priors]
-        found = [one for one in found if one.contradicts]
+        found = [one for one in self.compared(fit) if one.contradicts]
         if self.friction is not None:
             bound = Prior("b", self.friction, 0.3 * self.friction, NAMEPLATE)
-            own = compared(fit, share, bound, self.general)
+            own = compared(fit, effective_share(fit), bound)
             found += [own] if own.contradicts and own.estimate > self.friction else []
         return tuple(sorted(found, key=lambda one: -abs(one.distance)))
 
-    def used_in(self, fit: Fit, contradictions: Sequence[Comparison]) -> Fit:
-        """The fit with all known values as priors but those that are contradicted."""
-        refused = {one.prior.name for one in contradictions}
+    def used_in(self, fit: Fit, refused: Sequence[Comparison]) -> Fit | None:
+        """The fit with all known values as priors but those refused; None where none is found."""
+        names = {one.prior.name for one in refused}
         wanted = {p.name: p for p in self.general}
         wanted |= {
             prior.name: _with_prior(wanted[prior.name], prior)
             for prior in self.priors
-            if prior.name not in refused
+            if prior.name not in names
         }
         friction = wanted.get("b")
-        if self.friction is not None and friction is not None and "b" not in refused:
+        if self.friction is not None and friction is not None and "b" not in names:
             wanted["b"] = _bounded(friction, self.friction)
         parameters = [wanted.get(p.name, p) for p in fit.coordinates.parameters]
         if tuple(parameters) == fit.coordinates.parameters:
@@ -131,14 +156,13 @@ class Knowledge:
         return _refitted(fit, Coordinates(parameters))
 
 
-def compared(fit: Fit, share: float, prior: Prior, general: Sequence[Parameter]) -> Comparison:
+def compared(fit: Fit, share: float, prior: Prior) -> Comparison:
     """A known value beside what the runs say without it.
 
     Args:
         fit: Fit of any model; the prior may be in it or not.
         share: Effective share of the samples.
         prior: The known value.
-        general: Declared parameters with the priors of general knowledge.
     """
     k = fit.coordinates.names.index(prior.name)
     parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
@@ -179,14 +203,31 @@ def _precision(fit: Fit, share: float, k: int) -> float:
     return left * float(matrix[k, k])
 
 
-def _refitted(fit: Fit, coordinates: Coordinates) -> Fit:
-    """The fit with other priors, from where it ended or from known values far from there."""
-    values = fit.values.copy()
+def _refitted(fit: Fit, coordinates: Coordinates) -> Fit | None:
+    """The better of fits with other priors from where a fit ended and from the known values.
+
+    None where neither comes near the runs.
+    """
+    far = fit.values.copy()
     for k, parameter in enumerate(coordinates.parameters):
         if parameter.origin and parameter.search == "log":
             known = parameter.prior_mean
-            is_near = known / _NEAR < values[k] < known * _NEAR
-            values[k] = values[k] if is_near else known
+            is_near = known / _NEAR < far[k] < known * _NEAR
+            far[k] = far[k] if is_near else known
+    found = _refitted_from(fit, coordinates, far)
+    # A logarithm has no place for a friction that ended at zero.
+    logs = np.array([parameter.search == "log" for parameter in coordinates.parameters])
+    near = np.where(logs & (fit.values <= 0.0), far, fit.values)
+    if np.any(near != far):
+        found = min(found, _refitted_from(fit, coordinates, near), key=lambda one: one.cost)
+    measured = np.concatenate([record.measured for record in fit.simulator.records])
+    most = _WORSE * fit.weighting.deviation + _SEEN * np.std(measured, axis=0)
+    is_near = bool(np.all(found.weighting.deviation <= most))
+    return found if np.isfinite(found.cost) and found.equations.is_finite and is_near else None
+
+
+def _refitted_from(fit: Fit, coordinates: Coordinates, values: Array) -> Fit:
+    """The fit with other priors from a vector of physical values."""
     simulator = fit.simulator
     model, records = simulator.model, simulator.records
     if not simulator.plan.suits(Simulator.rate(model, records, values)):

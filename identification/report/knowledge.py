@@ -89,10 +89,13 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
     given = f"{prior.value:.4g} {prior.unit} (sd {prior.sd:.2g})"
     if (prior.name, prior.origin) == ("b", NAMEPLATE):
         given = f"at most {prior.value:.4g} {prior.unit}"
+    apart = f"{abs(one.distance):.3g} combined standard deviations apart (limit {LIMIT:.2g})"
+    if one.unfitted:
+        apart = "and no fit was found with it and the other known values"
     sentence = (
         f"{prior.name} is {given} by {prior.origin} and {one.estimate:.4g} {prior.unit} (sd "
-        f"{one.sd:.2g}) by the runs alone, {abs(one.distance):.3g} combined standard deviations "
-        f"apart (limit {LIMIT:.2g}): the runs were followed and the value was not used; check it"
+        f"{one.sd:.2g}) by the runs, {apart}: the runs were followed and the value was "
+        "not used; check it"
     )
     return "; ".join([sentence, *_units(one, runs[0])])
 

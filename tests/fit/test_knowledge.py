@@ -10,7 +10,9 @@ import pytest
 from scipy.stats import norm
 
 from identification import FitOptions, Run, identify
+from identification.fit import knowledge
 from identification.fit.knowledge import LIMIT
+from identification.fit.solve import Fit, solve
 from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -198,3 +200,38 @@ def test_known_inertia_tells_the_resistance_of_a_motor_without_current() -> None
         assert after[name]["identified"]
         assert "prior" not in after[name]
         assert after[name]["median"] == pytest.approx(truth, abs=4 * after[name]["sd"])
+
+
+@pytest.mark.parametrize("wrong", ["Ra25=1.2", "L=8e-3"])
+def test_of_values_that_contradict_only_together_one_is_not_used(wrong: str) -> None:
+    """Without a current J, Ra25 and L can be anything, and what they are to each other cannot."""
+    runs = campaign(SERVO, seed=7, runs=3, rows=600)
+    dead = [replace(run, current=np.zeros(run.rows)) for run in runs]
+    name = wrong.partition("=")[0]
+
+    alone = quick(dead, force=True, known=(wrong,))
+    both = quick(dead, force=True, known=("J=1e-4", wrong))
+
+    assert alone["parameters"][name]["prior"]["used"] is True
+    used = {n: both["parameters"][n]["prior"]["used"] for n in ("J", name)}
+    assert sorted(used.values()) == [False, True]
+    refused = next(n for n, is_used in used.items() if not is_used)
+    assert both["warnings"][0].startswith(f"{refused} is ")
+
+
+def test_value_with_which_no_fit_is_found_is_not_used(
+    servo_runs: list[Run], servo: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A solver that finds nothing with a prior of the user: the answer is that of the runs."""
+
+    def lost(*arguments: Any) -> Fit:
+        """The fit as it would be, called infinitely far from the runs."""
+        return replace(solve(*arguments), cost=np.inf)
+
+    monkeypatch.setattr(knowledge, "solve", lost)
+    result = quick(servo_runs, known=("Kt25=0.07",))
+
+    entry = result["parameters"]["Kt25"]
+    assert entry.pop("prior")["used"] is False
+    assert entry == servo["parameters"]["Kt25"]
+    assert "and no fit was found with it and the other known values" in result["warnings"][0]
