@@ -70,8 +70,7 @@ def linear_where_uncertain(
     ra, kt = float(values[0]), float(values[2])
     changed = []
     for parameter, value, deviation in zip(coordinates.parameters, values, deviations, strict=True):
-        may_vanish = parameter.name in _MAY_VANISH and not parameter.origin
-        if may_vanish and not value > _CERTAIN * deviation:
+        if parameter.name in _MAY_VANISH and not value > _CERTAIN * deviation:
             scale = parameter.prior_mean + (kt**2 / ra if parameter.name == "b" else 0.0)
             lower = 0.0 if parameter.name == "b" else parameter.lower
             parameter = replace(

@@ -13,6 +13,7 @@ from identification import FitOptions, Run, identify
 from identification.fit import knowledge
 from identification.fit.knowledge import LIMIT
 from identification.fit.solve import Fit, solve
+from identification.fleet.refit import refit_of
 from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -235,3 +236,26 @@ def test_value_with_which_no_fit_is_found_is_not_used(
     assert entry.pop("prior")["used"] is False
     assert entry == servo["parameters"]["Kt25"]
     assert "and no fit was found with it and the other known values" in result["warnings"][0]
+
+
+def test_known_coefficient_of_runs_without_temperature_is_not_drawn_anew(
+    servo_runs: list[Run],
+) -> None:
+    """Without any temperature the coefficient was held and drawn at 0.003 1/K; 2 % was given."""
+    runs = [replace(run, temperature=None) for run in servo_runs]
+
+    entry = quick(runs, known=("alpha_Ra=0.0039+-2%",))["parameters"]["alpha_Ra"]
+
+    assert entry["prior"]["used"] is True
+    assert entry["median"] == pytest.approx(0.0039, rel=0.01)
+    assert entry["sd"] == pytest.approx(7.8e-5, rel=0.1)
+
+
+def test_known_value_has_no_drift_in_a_fleet(slow_runs: list[Run]) -> None:
+    """A prior has not moved; the runs say nothing of this inductance."""
+    result = quick(slow_runs, known=("L=2.5e-4+-10%",))
+
+    refit = refit_of("pump", "fitted", result)
+
+    assert not refit.estimates["L"].is_identified
+    assert refit.estimates["Kt25"].is_identified
