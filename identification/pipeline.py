@@ -40,7 +40,8 @@ from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
 from identification.posterior.sample import Sample, sample
-from identification.report.assemble import Findings, assemble
+from identification.report.assemble import assemble
+from identification.report.findings import Findings
 from identification.report.gather import write_outputs
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted

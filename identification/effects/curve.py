@@ -61,7 +61,7 @@ class _Curve(AbstractForced):
         speed: Natural speed [rad/s].
         current: Natural current [A].
         starts: Time at which each run began, in order, counted over all runs, and at which the
-            last one ended [s].
+            last one ended [s].  A curve that is local is zero in runs beyond.
         imitated: For each basis function its share of current and of speed, over their sizes.
         linear: Standard deviations that l has before the data, for current, speed and voltage over
             their sizes; none where it is zero or the tuple is empty [N m] or [V].
@@ -88,6 +88,20 @@ class _Curve(AbstractForced):
         """Its signals and its equation."""
         form = " carried by ".join(filter(None, (self.along, self.carrier)))
         return f"{form} in the {self.equation} equation"
+
+    @property
+    def is_local(self) -> bool:
+        """Whether it is a torque or voltage of its own time, or a change within each run.
+
+        A coefficient that drifted over all runs stays where it ended, and later runs have it.
+        """
+        return self.along == "time in the run" or (self.along == "time" and not self.carrier)
+
+    def _here(self, signals: Signals) -> Expression:
+        """One in runs that have the curve, zero elsewhere."""
+        if not (self.is_local and self.starts):
+            return ca.SX(1)
+        return (signals.run > -0.5) * (signals.run < len(self.starts) - 1.5)
 
     @property
     def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -130,7 +144,7 @@ class _Curve(AbstractForced):
         sizes = {"current": self.current, "speed": self.speed, "voltage": self.size}
         for name, _ in self._free():
             total = total + getattr(values, f"linear_{name}") * getattr(signals, name) / sizes[name]
-        return -total
+        return -total * self._here(signals)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
         """What each start gives along a trajectory, (n_sample, n_start) [N m] or [V]."""

@@ -98,6 +98,7 @@ class Candidate:
             each record.  Such starts are scored record by record.
         by_run: Whether the term concerns one run, its field `run`.  It is scanned in all runs at
             once, with `run` None, and scored for each.
+        recurs: Whether such a term may also concern several runs alike, its field `others`.
         tried: (n_parameter, n_place) further places that a refit simulates, where no score tells
             how good one is.
         traded: Further places of the same kind, each with the factors by which parameters that are
@@ -109,6 +110,7 @@ class Candidate:
     joint: int = 1
     fitted: AbstractTerm | None = None
     by_run: bool = False
+    recurs: bool = False
     tried: Array | None = None
     traded: tuple[tuple[Array, dict[str, float]], ...] = ()
 
@@ -138,10 +140,11 @@ class Candidate:
                 first[row] = 0.0
         return first
 
-    def in_run(self, run: int) -> Candidate:
-        """The candidate of one run."""
+    def in_runs(self, run: int, *others: int) -> Candidate:
+        """The candidate of one run, or of several where it recurs."""
         term: Any = self.term
-        return replace(self, term=replace(term, run=run), by_run=False)
+        own = {"run": run} | ({"others": others} if others else {})
+        return replace(self, term=replace(term, **own), by_run=False, recurs=False)
 
     @property
     def final(self) -> AbstractTerm:

@@ -60,7 +60,8 @@ def term_of(entry: object) -> AbstractTerm:
             f"effect {name!r} is not known; expected one of {', '.join(CATALOGUE)}", value=name
         )
     _check_settings(name, kind, settings)
-    term: AbstractTerm = kind(**settings)
+    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+    term: AbstractTerm = kind(**fields)
     return term
 
 

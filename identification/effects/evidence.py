@@ -47,7 +47,6 @@ from identification.model.term import AbstractTerm, State
 
 __all__ = [
     "LEAST_SIZE",
-    "LOCAL",
     "UNCOMPUTED",
     "Gates",
     "Judged",
@@ -69,7 +68,6 @@ _SURELY: Final = 2.0
 """Standard deviations by which the noise of the runs left out may be louder than is known."""
 _BY_CHANCE: Final = 0.5
 """Log likelihood that a number which is fitted gains where there is nothing to gain."""
-LOCAL: Final = frozenset({"load_step", "inertia_change"})
 UNCOMPUTED: Final = "cannot be computed: its simulation or its normal equations are not finite"
 
 
@@ -184,10 +182,10 @@ class Judged:
         more += _lasting(self.fit) - _lasting(simpler.fit)
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.share, 2.0)
-        names = {t.name for t in self.fit.simulator.model.terms}
-        names -= {t.name for t in simpler.fit.simulator.model.terms}
         terms = self.fit.simulator.model.terms
-        more += sum(len(term.moments) for term in terms if term.name in names)
+        known = {term.name for term in simpler.fit.simulator.model.terms}
+        added = [term for term in terms if term.name not in known]
+        more += sum(len(term.moments) for term in added)
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
             fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
@@ -208,7 +206,7 @@ class Judged:
             validation=validation,
             possible=possible,
             log_odds=log_odds,
-            local=bool(names) and names <= LOCAL,
+            local=bool(added) and all(term.is_local for term in added),
             # A richer form is no other kind, and may be flawed all the same.
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
         )

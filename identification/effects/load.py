@@ -31,13 +31,20 @@ _SHORTEST: Final = 5.0
 """Width of an edge, two samples, that a load has to outlast."""
 
 
-def _in_run(signals: Signals, run: int | None) -> Expression:
-    """One in the run, zero elsewhere."""
-    return ca.SX(1) if run is None else ca.fabs(signals.run - run) < 0.5
+def _in_run(signals: Signals, run: int | None, others: Sequence[int] = ()) -> Expression:
+    """One in these runs, zero elsewhere."""
+    if run is None:
+        return ca.SX(1)
+    return sum((ca.fabs(signals.run - one) < 0.5 for one in (run, *others)), ca.SX(0))
 
 
-def _run_name(run: int | None) -> str:
-    return "a run" if run is None else f"run {run + 1}"
+def _run_name(run: int | None, others: Sequence[int] = ()) -> str:
+    if run is None:
+        return "a run"
+    numbers = [str(one + 1) for one in sorted((run, *others))]
+    if len(numbers) == 1:
+        return f"run {numbers[0]}"
+    return f"runs {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
 @dataclass(frozen=True)
@@ -74,23 +81,26 @@ class LoadTorque(AbstractTorque):
 
 @dataclass(frozen=True)
 class LoadStep(AbstractTorque):
-    """An external torque in one span of one run.
+    """An external torque in one span of one run, or in the same span of several runs.
 
         tau = -T_l   while start <= t < stop in run r                       [N m]
 
-    The edges are smoothed over one sample interval, so that the times can be fitted.
+    A run that is not among them has none.  The edges are smoothed over one sample interval, so that
+    the times can be fitted.
 
     Args:
         run: Number of the run it happens in; None for all, as it is scanned.
         torque_size: Natural torque [N m].
         edge: Width of an edge [s].
         duration: Length of the longest run [s].
+        others: Numbers of the other runs in which it happens at the same time.
     """
 
     run: int | None
     torque_size: float
     edge: float
     duration: float
+    others: tuple[int, ...] = ()
 
     name: ClassVar[str] = "load_step"
     equation: ClassVar[str] = "mechanical"
@@ -99,9 +109,14 @@ class LoadStep(AbstractTorque):
     source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
+    def is_local(self) -> bool:
+        """A load comes and goes in its runs alone."""
+        return True
+
+    @property
     def variant(self) -> str:
-        """The run."""
-        return "" if self.run is None else _run_name(self.run)
+        """The runs."""
+        return "" if self.run is None else _run_name(self.run, self.others)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -113,10 +128,9 @@ class LoadStep(AbstractTorque):
             "prior_mean": self.duration / 2,
             "prior_sd": 50.0,
         }
+        meaning = f"load in {_run_name(self.run, self.others)}"
         return (
-            amplitude(
-                "torque", "N m", f"load in {_run_name(self.run)}", self.torque_size, signed=True
-            ),
+            amplitude("torque", "N m", meaning, self.torque_size, signed=True),
             Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
             Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
         )
@@ -130,7 +144,7 @@ class LoadStep(AbstractTorque):
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""
-        here = _in_run(signals, self.run)
+        here = _in_run(signals, self.run, self.others)
 
         def passed(moment: Expression) -> Expression:
             late = (signals.time - moment) / self.edge
@@ -140,7 +154,7 @@ class LoadStep(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure for each run; spans of three lengths are scanned over runs."""
+        """One structure for each run and for runs that agree; spans of three lengths."""
         lengths = sorted({record.run: float(record.time[-1]) for record in survey.records}.values())
         starts: list[Sequence[float]] = []
         scanned = 0.0
@@ -154,7 +168,7 @@ class LoadStep(AbstractTorque):
                     begin = 0.5 * k * length
                     starts.append((0.1 * survey.torque, begin, begin + length))
         term = cls(None, survey.torque, 2 * survey.interval, survey.duration)
-        return [Candidate(term, columns(*starts), by_run=True)]
+        return [Candidate(term, columns(*starts), by_run=True, recurs=True)]
 
 
 @dataclass(frozen=True)
@@ -174,6 +188,11 @@ class InertiaChange(AbstractCoefficient):
     drivers: ClassVar[tuple[str, ...]] = ("time",)
     source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
     coefficient: ClassVar[str] = "J"
+
+    @property
+    def is_local(self) -> bool:
+        """An inertia that was hung on is taken off again."""
+        return True
 
     @property
     def variant(self) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.effects.effect import Candidate
 from identification.effects.start import Along, Start
 
-__all__ = ["Score", "gathered"]
+__all__ = ["Score", "gathered", "sized"]
 
 Array = NDArray[np.float64]
 
@@ -63,3 +63,30 @@ def gathered(scores: Sequence[Score]) -> list[Score]:
         if known is not score and len(known.others) < _OTHERS:
             best[key] = replace(known, others=(*known.others, *score.starts))
     return list(best.values())
+
+
+def sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
+    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept.
+
+    Where that leaves nothing, since the score points where the effect cannot go, the prototype is
+    the start: what is best far from nothing need not show there.
+
+    Returns:
+        The start and the weights of the prototypes in it.
+    """
+    parameters = candidate.term.parameters
+    columns = candidate.starts[:, first : first + weights.size]
+    if columns.size == 0:
+        return np.zeros(0), weights
+    start = columns[:, 0].copy()
+    for row, parameter in enumerate(parameters):
+        if parameter.vanishes:
+            factor = np.clip(weights, -30.0, 30.0)
+            value = float(columns[row] @ factor)
+            reach = 3.0 * parameter.prior_sd * parameter.scale
+            low, high = max(parameter.lower, -reach), min(parameter.upper, reach)
+            start[row] = float(np.clip(value, low, high))
+            if start[row] == 0.0 and columns[row].any():
+                start[row] = float(columns[row][np.argmax(np.abs(columns[row]))])
+                weights = np.ones(1) if weights.size == 1 else weights
+    return start, weights

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.effects.forcing import responses
-from identification.effects.score import Score
+from identification.effects.recurring import recurring
+from identification.effects.score import Score, sized
 from identification.effects.start import Along
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
@@ -160,19 +161,7 @@ def _scores(
     fit: Fit, candidate: Candidate, deviations: list[Array], residuals: Sequence[Array]
 ) -> list[Score]:
     if candidate.by_run:
-        return [
-            score
-            for run in dict.fromkeys(record.run for record in fit.simulator.records)
-            for score in _scores_together(
-                fit,
-                candidate.in_run(run),
-                [
-                    deviation if record.run == run else np.zeros_like(deviation)
-                    for deviation, record in zip(deviations, fit.simulator.records, strict=True)
-                ],
-                residuals,
-            )
-        ]
+        return _scores_by_run(fit, candidate, deviations, residuals)
     if candidate.by_record:
         return _scores_by_record(fit, candidate, deviations, residuals)
     return _scores_together(fit, candidate, deviations, residuals)
@@ -187,6 +176,38 @@ def _scores_together(
     return _scores_from(candidate, *_normal(fit, kept, residuals, candidate.lanes, stride))
 
 
+def _scores_by_run(
+    fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
+) -> list[Score]:
+    """Scores of starts in single runs and, where the candidate recurs, in runs that agree."""
+    stride, lanes = _stride(fit), candidate.lanes
+    runs = list(dict.fromkeys(record.run for record in fit.simulator.records))
+
+    def apart(k: int) -> Array:
+        """The deviations of a record in the columns of its run, those of other runs empty."""
+        part = deviations[k][::stride]
+        first = lanes * runs.index(fit.simulator.records[k].run)
+        wide = np.zeros((*part.shape[:2], lanes * len(runs)))
+        wide[:, :, first : first + lanes] = part
+        return wide
+
+    projections, products, along = _normal(
+        fit, (apart(k) for k in range(len(deviations))), residuals, lanes * len(runs), stride
+    )
+    scores: list[Score] = []
+    for number, run in enumerate(runs):
+        own = slice(lanes * number, lanes * (number + 1))
+        scores += _scores_from(
+            candidate.in_runs(run), projections[own], products[own, own], along.of(own)
+        )
+    for lane in range(lanes if candidate.recurs else 0):
+        own = slice(lane, None, lanes)
+        scores += recurring(
+            candidate, lane, projections[own], products[own, own], along.of(own), runs
+        )
+    return scores
+
+
 def _scores_from(
     candidate: Candidate, projections: Array, products: Array, along: Along
 ) -> list[Score]:
@@ -198,8 +219,8 @@ def _scores_from(
             inverse = np.asarray(
                 np.linalg.pinv(products[span, span], rcond=1e-8, hermitian=True), dtype=np.float64
             )
-            sized, weights = _sized(candidate, first, weights)
-            scores.append(Score(candidate, sized, gain, inverse, (), along.of(span).by(weights)))
+            start, weights = sized(candidate, first, weights)
+            scores.append(Score(candidate, start, gain, inverse, (), along.of(span).by(weights)))
     return scores
 
 
@@ -341,30 +362,3 @@ def _normal(
         )
     ]
     return right, square - (crossed / size[:, None]).T @ solved, Along(moves, tuple(states))
-
-
-def _sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
-    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept.
-
-    Where that leaves nothing, since the score points where the effect cannot go, the prototype is
-    the start: what is best far from nothing need not show there.
-
-    Returns:
-        The start and the weights of the prototypes in it.
-    """
-    parameters = candidate.term.parameters
-    columns = candidate.starts[:, first : first + weights.size]
-    if columns.size == 0:
-        return np.zeros(0), weights
-    sized = columns[:, 0].copy()
-    for row, parameter in enumerate(parameters):
-        if parameter.vanishes:
-            factor = np.clip(weights, -30.0, 30.0)
-            value = float(columns[row] @ factor)
-            reach = 3.0 * parameter.prior_sd * parameter.scale
-            low, high = max(parameter.lower, -reach), min(parameter.upper, reach)
-            sized[row] = float(np.clip(value, low, high))
-            if sized[row] == 0.0 and columns[row].any():
-                sized[row] = float(columns[row][np.argmax(np.abs(columns[row]))])
-                weights = np.ones(1) if weights.size == 1 else weights
-    return sized, weights

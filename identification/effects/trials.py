@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate, survey_of
-from identification.effects.evidence import LEAST_SIZE, LOCAL, Judged, judged
+from identification.effects.evidence import LEAST_SIZE, Judged, judged
 from identification.effects.omitted import OmittedTerm, omitted_terms
 from identification.effects.refit import (
     as_declared,
@@ -330,23 +330,30 @@ def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
 
 
 def _single(scores: Sequence[Score]) -> list[Score]:
-    """The scores without effects of single runs that other runs ask for as well.
+    """The scores without effects of some runs that the other runs ask for as well.
 
-    An event in one run promises much there and nothing elsewhere.  What else is wrong with the
-    model promises about as much in every run, so the other runs are the control: the run has to
-    promise four times what they do in the middle.
+    An event in a run promises much there and nothing elsewhere.  What else is wrong with the model
+    promises about as much in every run, so the other runs are the control: a run has to promise
+    four times what they do in the middle.
     """
-    promised: dict[str, dict[str, float]] = {}
+    promised: dict[str, dict[int, float]] = {}
     for score in scores:
-        term = score.candidate.term
-        if term.name in LOCAL:
-            runs = promised.setdefault(term.name, {})
-            runs[term.variant] = max(runs.get(term.variant, 0.0), score.gain)
+        concerned = _runs_of(score)
+        if len(concerned) == 1:
+            runs = promised.setdefault(score.candidate.term.name, {})
+            runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
     kept = []
     for score in scores:
-        term = score.candidate.term
-        runs = promised.get(term.name, {})
-        control = [gain for run, gain in runs.items() if run != term.variant]
-        if not control or score.gain >= _COMMON * float(np.median(control)):
+        concerned = _runs_of(score)
+        runs = promised.get(score.candidate.term.name, {}) if concerned else {}
+        control = [gain for run, gain in runs.items() if run not in concerned]
+        each = score.gain / max(len(concerned), 1)
+        if not control or each >= _COMMON * float(np.median(control)):
             kept.append(score)
     return kept
+
+
+def _runs_of(score: Score) -> tuple[int, ...]:
+    """Numbers of the runs that a prototype belongs to; empty where it belongs to all."""
+    run = getattr(score.candidate.term, "run", None)
+    return () if run is None else (run, *getattr(score.candidate.term, "others", ()))

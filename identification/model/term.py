@@ -126,6 +126,11 @@ class AbstractTerm(ABC):
         return ""
 
     @property
+    def is_local(self) -> bool:
+        """Whether the term belongs to the runs or times where it was seen, and to no other run."""
+        return False
+
+    @property
     def richer(self) -> tuple[AbstractTerm, ...]:
         """Better forms of the same law, tried in turn once this one has been found; often none."""
         return ()

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from importlib import metadata
 from typing import Any
 
@@ -17,28 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.admission import Admission
-from identification.diagnosis.detection import Detection
-from identification.diagnosis.localise import Localisation
-from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
+from identification.diagnosis.odd_runs import odd_runs
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
-from identification.effects.omitted import OmittedTerm, consider_variances
-from identification.effects.outcome import Outcome
-from identification.feedback.nonlinear import SimulatedLoop, nonlinear_entries
+from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
-from identification.fit.ceiling import bounded_noise
-from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
+from identification.fit.evaluate import Simulated
 from identification.fit.identifiability import identified
-from identification.fit.knowledge import Comparison
-from identification.fit.noise import noise_deviation
 from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
-from identification.options import FitOptions
-from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.early_ends import early_ends
+from identification.report.findings import CHANNELS, Findings
 from identification.report.knowledge import (
     contradiction_warnings,
     known_only_warnings,
@@ -47,115 +37,17 @@ from identification.report.knowledge import (
 from identification.report.omitted import omitted_entries, omitted_warnings
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
+from identification.report.worse import worse_warnings
 
-__all__ = ["Findings", "assemble"]
+__all__ = ["assemble"]
 
 Array = NDArray[np.float64]
 
-_CHANNELS = ("current", "speed")
-
-_GROSS = 1.5
-"""Error over the noise above which no colour of the noise explains it."""
 _NOTHING = 0.9
 """Error over the movement of a channel from which a model explains nothing of it."""
 _BEYOND_NOISE = 2.0
 _TOLD = 12
 """Runs of which a warning names the temperature."""
-
-
-@dataclass(frozen=True)
-class Findings:
-    """What the stages found.
-
-    Args:
-        campaign: Runs and records.
-        options: What the user chose.
-        declared: Fit of the declared model (before).
-        declared_draws: Draws of its posterior, physical, by name.
-        final: Fit of the final model (after).
-        share: Effective share of the samples in the final model.
-        draws: Draws of the final model's posterior, physical, by name.
-        sample: The chain, None where none was asked for.
-        feedback: The feedback list of the result.
-        outcome: What the search for effects found, None where none was made.
-        feedback_before: The feedback list of the declared model; empty where it is the final one.
-        loops: The loop simulated with the effects in it; empty where none acts there.
-        localisation: The missing voltage and torque beside the declared model, None where they
-            were not looked for.
-        left: The same beside the final model.
-        before: Whether the declared model leaves something, None where it was not looked for.
-        after: Whether the final model does.
-        interrupted: Whether the time limit stopped a stage.
-        warnings: What the stages noticed.
-        omitted: What is not in the final model and could change its parameters.
-        admission: What the checks found in the runs given, None where they were not checked.
-        contradicted: Known values that the runs contradict.
-    """
-
-    campaign: Campaign
-    options: FitOptions
-    declared: Fit
-    declared_draws: dict[str, Array]
-    final: Fit
-    share: float
-    draws: dict[str, Array]
-    sample: Sample | None
-    feedback: list[dict[str, object]]
-    outcome: Outcome | None = None
-    feedback_before: list[dict[str, object]] = field(default_factory=list)
-    loops: tuple[SimulatedLoop, ...] = ()
-    localisation: Localisation | None = None
-    left: Localisation | None = None
-    before: Detection | None = None
-    after: Detection | None = None
-    interrupted: bool = False
-    warnings: tuple[str, ...] = field(default=())
-    omitted: tuple[OmittedTerm, ...] = ()
-    admission: Admission | None = None
-    contradicted: tuple[Comparison, ...] = ()
-
-    @cached_property
-    def simulated(self) -> dict[str, dict[str, list[Simulated]]]:
-        """Simulations by ``before`` or ``after`` and by role of the runs."""
-        return {
-            stage: {
-                "training": simulate_fitted(fit),
-                "validation": simulate_unseen(fit, self.campaign.validation),
-            }
-            for stage, fit in (("before", self.declared), ("after", self.final))
-        }
-
-    @cached_property
-    def known(self) -> dict[str, bool]:
-        """Whether the data determine each parameter of the final model, whatever it lacks."""
-        return identified(self.final, self.share, consider_variances(self.final, self.omitted))
-
-    @property
-    def has_effects(self) -> bool:
-        """Whether the final model is another than the declared one."""
-        return self.outcome is not None and bool(self.outcome.effects)
-
-    @cached_property
-    def noise(self) -> Array:
-        """(2,) standard deviation of the noise of current and speed [A, rad/s].
-
-        Where the residual of the training runs is far larger than noise can be, it is the noise
-        with the missing voltage and torque taken out: what the model lacks is no noise.  Nor is
-        what only runs have that do not fit the others.  Where it is little larger, slow noise of a
-        sensor and a voltage that wanders may look alike.  It is never more than what the other
-        channels of a run leave unexplained, so that a model that explains nothing cannot pass.
-        """
-        training = self.simulated["after"]["training"]
-        error = root_mean_square(training)
-        if self.after is None or self.left is None:
-            found = noise_of_most(training, noise_deviation(self.final))
-            return bounded_noise(self.campaign.training, found, error)
-        noise = error.copy()
-        for k, channel in enumerate(_CHANNELS):
-            checks = self.after.of(channel, "training")
-            if any(check.is_too_large and check.noise_ratio > _GROSS for check in checks):
-                noise[k] = min(noise[k], self.left.noise[k])
-        return bounded_noise(self.campaign.training, noise_of_most(training, noise), error)
 
 
 def assemble(findings: Findings) -> dict[str, object]:
@@ -248,6 +140,15 @@ def _missing(findings: Findings) -> list[str]:
     return (messages or [findings.after.sentence]) + odd
 
 
+def _worse(findings: Findings) -> list[str]:
+    """Validation runs for which the nominal model is the better one."""
+    if findings.outcome is None or not findings.outcome.effects:
+        return []
+    before, after = (findings.simulated[stage]["validation"] for stage in ("before", "after"))
+    names = [found.name for found in findings.outcome.effects]
+    return worse_warnings(before, after, findings.noise, names)
+
+
 def _software() -> dict[str, str]:
     names = ("motorid", "casadi", "emcee", "numpy", "scipy")
     return {name: metadata.version(name) for name in names} | {"python": platform.python_version()}
@@ -326,7 +227,7 @@ def _errors(
     if not simulated:
         return None
     entries: dict[str, dict[str, float | None]] = {}
-    for channel, name in enumerate(_CHANNELS):
+    for channel, name in enumerate(CHANNELS):
         kept = [s.record.weight[:, channel] > 0 for s in simulated]
         if not any(mask.any() for mask in kept):
             entries[name] = {"rmse": None, "nrmse": None, "noise_ratio": None}
@@ -381,6 +282,7 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
     messages += findings.warnings
     messages += _missing(findings)
     messages += omitted_warnings(findings.final, findings.omitted)
+    messages += _worse(findings)
     known = findings.known
     # A line that a curve may have is said by the declared parameter that it trades with.
     lines = {line.name for line in lines_of(findings.final)}

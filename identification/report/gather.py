@@ -13,7 +13,6 @@ from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
 from identification.report.along import final_path
-from identification.report.assemble import Findings
 from identification.report.atomic import write_text
 from identification.report.attempts import Attempts
 from identification.report.confusions import confusions_of
@@ -29,6 +28,7 @@ from identification.report.data import (
     Story,
 )
 from identification.report.diagnosis import signals_at
+from identification.report.findings import Findings
 from identification.report.html import render_report
 from identification.report.missing import missing_terms, unexplained_terms
 from identification.report.missing_time import missing_traces

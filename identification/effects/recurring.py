@@ -1,0 +1,67 @@
+"""Greedy selection of the runs in which an event happens alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.effect import Candidate
+from identification.effects.score import Score, sized
+from identification.effects.start import Along
+
+__all__ = ["recurring"]
+
+Array = NDArray[np.float64]
+
+_AGREES: Final = 3.0
+"""Log likelihood that a run has to add for an event to have happened there too: twenty to one."""
+
+
+def recurring(
+    candidate: Candidate,
+    lane: int,
+    projections: Array,
+    products: Array,
+    along: Along,
+    runs: Sequence[int],
+) -> list[Score]:
+    """The score of a start with one amplitude in the runs that agree; none where fewer than two.
+
+    Runs are added one by one, as long as the gain of the one amplitude rises by strong evidence.
+
+    Args:
+        candidate: The structure.
+        lane: Number of the start.
+        projections: (n_run,) of the residual on the deviation of the start in each run.
+        products: (n_run, n_run) of the deviations with each other.
+        along: How the fit moves along with each of them.
+        runs: (n_run,) numbers of the runs.
+    """
+
+    def gain(chosen: Sequence[int]) -> float:
+        size = float(products[np.ix_(chosen, chosen)].sum())
+        return 0.5 * float(projections[list(chosen)].sum()) ** 2 / size if size > 0 else -np.inf
+
+    left = [k for k in range(len(runs)) if np.isfinite(projections[k]) and products[k, k] > 0]
+    chosen: list[int] = []
+    reached = 0.0
+    while left:
+        best = max(left, key=lambda k: gain([*chosen, k]))
+        if gain([*chosen, best]) < reached + _AGREES:
+            break
+        chosen, reached = [*chosen, best], gain([*chosen, best])
+        left.remove(best)
+    if len(chosen) < 2:
+        return []
+    weight = float(projections[chosen].sum() / products[np.ix_(chosen, chosen)].sum())
+    first, *others = sorted(runs[k] for k in chosen)
+    own = replace(candidate.in_runs(first, *others), starts=candidate.starts[:, lane : lane + 1])
+    start, weights = sized(own, 0, np.array([weight]))
+    weighed = np.zeros(len(runs))
+    weighed[chosen] = weights[0]
+    covariance = np.array([[1.0 / products[np.ix_(chosen, chosen)].sum()]])
+    return [Score(own, start, reached, covariance, (), along.by(weighed))]

@@ -1,0 +1,127 @@
+"""What belongs to some runs or to a time is in those runs and in no other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from identification import FitOptions, identify
+from identification.effects.curve import HEIGHTS, MissingTorque
+from identification.effects.load import LoadStep
+from identification.feedback.closed_loop import acting_terms
+from identification.fit.evaluate import Simulated
+from identification.ingest.run import Run
+from identification.model.composite import MotorModel
+from identification.model.excitation import records_of
+from identification.model.simulate import Simulator, initial_states
+from identification.model.term import AbstractTerm
+from identification.prediction import predict
+from identification.report.worse import worse_warnings
+from tests.motors import campaign, motor_named
+
+Array = NDArray[np.float64]
+
+MOTOR = motor_named("servo 100 W")
+TORQUE = 0.1
+STEP = LoadStep(0, 1.0, 2e-3, 0.8, (2,))
+VALUES = np.array([*MOTOR.vector, TORQUE, 0.2, 0.5])
+CURVE = MissingTorque("time", "", 1.0, 0.0, 2.4, 1.0, 1.0, 1.0, (0.0, 0.8, 1.6, 2.4))
+
+
+def _logged(runs: list[Run], values: Array, *terms: AbstractTerm, first: int = 0) -> list[Array]:
+    """Current and speed of each run, started alike."""
+    records = records_of(runs, first)
+    model = MotorModel(terms)
+    states = [initial_states(model, record) for record in records]
+    simulator = Simulator.fitting(model, records, values)
+    return [y[:, :, 0] for y in simulator.logged(values[:, None], states)]
+
+
+def _loaded_in_first_and_third(runs: list[Run]) -> list[Run]:
+    """The runs with the load step, and the noise of one per cent anew."""
+    rng = np.random.default_rng(8)
+    made = []
+    for run, y in zip(runs, _logged(runs, VALUES, STEP), strict=True):
+        current, speed = (y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)).T
+        made.append(
+            Run(run.name, run.sha256, run.time, run.voltage, current, speed, run.temperature)
+        )
+    return made
+
+
+def test_a_load_that_recurs_at_a_time_is_of_those_runs_and_of_no_other() -> None:
+    """Loaded are runs 1 and 3 of three from 0.2 to 0.5 s; the fourth, for validation, is not.
+
+    Expected of the fourth is what the motor does without a load, whose noise is one per cent.
+    """
+    runs = _loaded_in_first_and_third(campaign(MOTOR, seed=7, runs=4, rows=800))
+    runs = [
+        Run(r.name, f"{k:064d}", r.time, r.voltage, r.current, r.speed, r.temperature)
+        for k, r in enumerate(runs)
+    ]
+
+    identification = identify(runs[:3], runs[3:], FitOptions(posterior=False))
+    result: Any = identification.result
+
+    assert [effect["name"] for effect in result["effects"]] == ["load_step"]
+    (effect,) = result["effects"]
+    assert effect["variant"] == "runs 1 and 3"
+    found = {name: entry["estimate"] for name, entry in effect["parameters"].items()}
+    assert found == pytest.approx({"torque": TORQUE, "start": 0.2, "stop": 0.5}, rel=0.03)
+    errors = result["errors"]["after"]["validation"]
+    assert all(entry["noise_ratio"] < 1.2 for entry in errors.values())
+    predicted = predict(result, runs[3])
+    error = predicted.speed - runs[3].speed
+    assert np.sqrt(np.mean(error**2)) < 0.012 * runs[3].speed.std()
+
+
+@pytest.mark.parametrize(
+    ("term", "values"), [(STEP, VALUES[7:]), (CURVE, np.full(HEIGHTS, TORQUE))]
+)
+def test_what_belongs_to_training_runs_leaves_other_runs_and_the_loop_alone(
+    term: AbstractTerm, values: Array
+) -> None:
+    """The same bytes as run 1 differ from the nominal model, as run 4 they do not."""
+    runs = campaign(MOTOR, seed=7, runs=1, rows=800)
+    own = np.concatenate([MOTOR.vector, values])
+
+    (nominal,) = _logged(runs, MOTOR.vector)
+    (here,) = _logged(runs, own, term, first=0)
+    (elsewhere,) = _logged(runs, own, term, first=3)
+
+    assert term.is_local
+    assert np.abs(here - nominal).max() > 0.1
+    np.testing.assert_allclose(elsewhere, nominal, rtol=1e-6, atol=1e-6)
+    assert acting_terms(MotorModel((term,))) == ()
+
+
+def test_a_coefficient_that_drifted_is_kept_by_later_runs() -> None:
+    """A friction that has run in is that of the motor from then on."""
+    worn = MissingTorque("time", "direction", 1.0, 0.0, 2.4, 1.0, 1.0, 1.0, (0.0, 0.8, 1.6, 2.4))
+    runs = campaign(MOTOR, seed=7, runs=1, rows=800)
+    own = np.concatenate([MOTOR.vector, np.full(HEIGHTS, TORQUE)])
+
+    (here,) = _logged(runs, own, worn, first=2)
+    (later,) = _logged(runs, own, worn, first=3)
+
+    assert not worn.is_local
+    np.testing.assert_allclose(later, here, rtol=1e-6, atol=1e-6)
+
+
+def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
+    """Errors of 3 and of 1 times the noise, and the other way round."""
+    (record,) = records_of(campaign(MOTOR, seed=7, runs=1, rows=800))
+    noise = np.array([0.1, 1.0])
+    close = Simulated(record, record.measured + noise)
+    far = Simulated(record, record.measured + 3.0 * noise)
+
+    (current, speed) = worse_warnings([close], [far], noise, ["load_step"])
+
+    assert current.startswith("effects_predict_worse: run0.csv: with load_step")
+    assert "the current is 3 times the noise, with the nominal model 1 times" in current
+    assert "--declared" in speed
+    assert worse_warnings([far], [close], noise, ["load_step"]) == []
+    assert worse_warnings([close], [close], noise, ["load_step"]) == []
