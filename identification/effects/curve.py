@@ -91,11 +91,12 @@ class _Curve(AbstractForced):
 
     @property
     def is_local(self) -> bool:
-        """Whether it is a torque or voltage of its own time, or a change within each run.
+        """Whether it is a torque or voltage of its own time.
 
-        A coefficient that drifted over all runs stays where it ended, and later runs have it.
+        A coefficient that drifts over all runs stays where it ended, and one that drifts anew in
+        each run does so in others: validation runs have to confirm that.
         """
-        return self.along == "time in the run" or (self.along == "time" and not self.carrier)
+        return self.along.startswith("time") and not self.carrier
 
     def _here(self, signals: Signals) -> Expression:
         """One in runs that have the curve, zero elsewhere."""
