@@ -121,7 +121,8 @@ def _temperature(
             half = _WIDEST * own.scale
             for _ in range(_ROUNDS):
                 middle = tried[row, 0]
-                tried[row] = np.linspace(middle - half, middle + half, _LANES)
+                lanes = np.linspace(middle - half, middle + half, _LANES)
+                tried[row] = np.clip(lanes, own.lower, own.upper)
                 sums = simulator.misfit(tried, states, weighting)
                 with np.errstate(over="ignore", invalid="ignore"):
                     cost = 0.5 * np.sum(sums / deviation[:, None] ** 2, axis=0)

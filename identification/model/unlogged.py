@@ -8,6 +8,11 @@ only have a known product do not have to be searched along a hyperbola.
 
 No motor keeps its temperature while it is driven, so each such run warms evenly by a second
 parameter.
+
+A bench without a thermometer stands in a room, and self-heating ends where the insulation does:
+beyond these limits it is not heat that changes the resistance.
+
+Source: IEC 60034-1, clause 6 (ambient air of 0 to 40 degC); IEC 60085 (thermal class F, 155 degC).
 """
 
 from __future__ import annotations
@@ -22,10 +27,16 @@ from identification.model.parameter import Parameter
 from identification.model.term import Expression
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["RAMP", "Unlogged"]
+__all__ = ["COLDEST", "HOTTEST", "RAMP", "Unlogged"]
 
 RAMP: Final = 0.5
 """Rise over a run that stands for an unknown temperature, small against any that is known [K]."""
+
+COLDEST: Final = 0.0
+"""Lowest temperature of a winding on a bench in a room [degC]."""
+
+HOTTEST: Final = 155.0
+"""Highest temperature of a winding of thermal class F [degC]."""
 
 _SPREAD: Final = 30.0
 """Standard deviation of a temperature that nobody logged [K]."""
@@ -97,8 +108,8 @@ class Unlogged:
             f"temperature_of_run_{run + 1}",
             "degC",
             f"temperature of run {run + 1}, which was not logged",
-            lower=-100.0,
-            upper=400.0,
+            lower=min(COLDEST, self.expected - _SPREAD),
+            upper=max(HOTTEST, self.expected + _SPREAD),
             scale=_SPREAD,
             prior_mean=self.expected,
             prior_sd=1.0,

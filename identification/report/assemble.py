@@ -25,6 +25,7 @@ from identification.fit.identifiability import identified
 from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
+from identification.model.unlogged import COLDEST, HOTTEST
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.early_ends import early_ends
@@ -263,10 +264,18 @@ def _temperatures(findings: Findings) -> list[str]:
     if all(run.temperature is None for run in training):
         by = f"{training[0].name}, called {REFERENCE_TEMPERATURE_DEGC:g} degC"
         by += ", and the usual coefficient of a winding"
-    return [
+    messages = [
         f"the temperature was not logged in {told}: each run was taken at the one that its "
         f"resistance and torque constant have by {by}"
     ]
+    beyond = [name for name, value in found.items() if not COLDEST < value < HOTTEST]
+    if beyond:
+        messages.append(
+            f"no heat explains {', '.join(beyond[:_TOLD])}: a winding there would have to be "
+            f"outside {COLDEST:g} to {HOTTEST:g} degC; check the gain of the current sensor and "
+            "the leads of these runs, or log their temperature"
+        )
+    return messages
 
 
 def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:

@@ -141,3 +141,15 @@ def test_a_run_left_out_may_lack_its_temperature() -> None:
     warnings: Any = found.result["warnings"]
     (told,) = [text for text in warnings if "was not logged" in text]
     assert float(told.split("run3.csv (")[1].split(" degC")[0]) == pytest.approx(60.0, abs=1.0)
+
+
+def test_no_heat_explains_a_winding_hotter_than_its_insulation_bears() -> None:
+    """A run as of 190 degC: its leads or its sensor are another."""
+    runs = [at(temperature, seed, is_logged=True) for seed, temperature in enumerate((30.0, 90.0))]
+
+    found = identify(runs, [at(190.0, 3, is_logged=False)], FAST)
+
+    warnings: Any = found.result["warnings"]
+    assert any(text.startswith("no heat explains run3.csv") for text in warnings)
+    (told,) = [text for text in warnings if "was not logged" in text]
+    assert float(told.split("run3.csv (")[1].split(" degC")[0]) <= 155.0
