@@ -148,6 +148,7 @@ def test_what_a_bench_adds_has_to_be_named_and_nothing_else() -> None:
     assert is_right(plain, FRICTION, FRICTION)
     assert not is_right(plain, FRICTION, ("brush_drop",))
     assert not is_right(filtered, FRICTION, FRICTION)
+    assert is_right(filtered, FRICTION, FRICTION, withheld=("current_filter",))
     assert is_right(filtered, (), ("current_filter",))
     assert wrong_kinds(plain, (), ("current_filter",)) == ["current_filter"]
     assert wrong_kinds(filtered, (), ("current_filter",)) == []

@@ -90,7 +90,7 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001  what it is is what this looks for
         line["failed"] = _located(error)
     else:
-        line |= _compared(number, measured, found.result)
+        line |= _compared(number, measured, found.result, settings.withheld)
         outcome = found.findings.outcome
         line["complete"] = outcome is not None and outcome.complete
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB
@@ -127,7 +127,9 @@ def _written(measured: Recorded, directory: Path) -> list[Path]:
     return paths
 
 
-def _compared(number: int, measured: Recorded, result: dict[str, Any]) -> dict[str, Any]:
+def _compared(
+    number: int, measured: Recorded, result: dict[str, Any], withheld: tuple[str, ...]
+) -> dict[str, Any]:
     """Names, errors and intervals beside the truth."""
     case = CELLS[number % len(CELLS)].case
     named = tuple(effect["name"] for effect in result["effects"])
@@ -139,7 +141,7 @@ def _compared(number: int, measured: Recorded, result: dict[str, Any]) -> dict[s
         "named": list(named),
         "alternatives": sorted(set(others)),
         "probabilities": [round(effect["probability"], 4) for effect in result["effects"]],
-        "right": is_right(case, measured.hidden, named, others),
+        "right": is_right(case, measured.hidden, named, others, withheld),
         "wrong": wrong,
         "sure": [e["name"] for e in result["effects"] if e["name"] in wrong and _is_sure(e)],
         "ratios": [round(float(e / n), 4) for e, n in zip(rmse, measured.noise, strict=True)],

@@ -40,7 +40,8 @@ def page(lines: Sequence[Line], command: str, rows: int, intervals: str) -> str:
             "`benchmarks/benches/cases.py`.",
             "",
             'The column "to the noise" counts validation errors of at most '
-            f"{_NEAR} times the noise, in current and speed both.",
+            f"{_NEAR} times the noise, in current and speed both; "
+            "where rows are missing the voltage of these rows is lost, and no model comes there.",
             '"Sure and wrong" counts campaigns in which a kind that is not there has a '
             "probability above 95 %.",
             '"Search cut short" counts those in which the budget of the effort ended it.',
