@@ -21,25 +21,31 @@ class Effort:
 
     Args:
         search: Operations of the search for effects, whatever the length of the runs.
-        search_each: Operations of the search for each sample on top.
+        search_part: Operations for each of the first samples on top, as many as a part of long
+            records has.
+        search_each: Operations for each sample on top: what was found is fitted to all.
         sampling: Operations of the sampler.
         steps: Steps of the sampler at most.
     """
 
     search: float
+    search_part: float
     search_each: float
     sampling: float
     steps: int
 
     def search_of(self, rows: int) -> float:
         """Operations of the search on so many samples."""
-        return self.search + self.search_each * rows
+        return self.search + self.search_part * min(rows, _PART) + self.search_each * rows
 
+
+_PART: Final = 10_000
+"""Samples on which the search works where there are many more."""
 
 EFFORTS: Final[dict[EffortName, Effort]] = {
-    "quick": Effort(search=1.5e10, search_each=3e6, sampling=2e11, steps=600),
-    "normal": Effort(search=6e10, search_each=1.2e7, sampling=1.2e12, steps=3000),
-    "thorough": Effort(search=6e11, search_each=1.2e8, sampling=1e13, steps=20000),
+    "quick": Effort(1.5e10, 1e7, 1.25e6, sampling=2e11, steps=600),
+    "normal": Effort(6e10, 4e7, 5e6, sampling=1.2e12, steps=3000),
+    "thorough": Effort(6e11, 4e8, 5e7, sampling=1e13, steps=20000),
 }
-"""A normal search of 24,000 samples may take half a minute of one core, one of 370 samples six
-seconds; most end long before, since nothing is left to find."""
+"""A normal search of 24,000 samples may take a minute of one core, one of 370 samples six seconds;
+most end long before, since nothing is left to find."""

@@ -61,7 +61,12 @@ def search_long(
     budget = Budget(work)
     stretches, nominal = part
     found = search(
-        nominal, stretches, lambda done: tell(0.6 * done), _PART * work, withheld=withheld
+        nominal,
+        stretches,
+        lambda done: tell(0.6 * done),
+        _PART * work,
+        withheld=withheld,
+        is_part=True,
     )
     whole, effects = _confirmed(declared, campaign, found, budget)
     tell(0.8)

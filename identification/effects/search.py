@@ -30,7 +30,7 @@ from identification.effects.tracing import traced
 from identification.effects.trials import UNDERSTATED, Trials, promising
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
-from identification.work import Budget
+from identification.work import Budget, operations
 
 __all__ = ["search"]
 
@@ -71,6 +71,8 @@ def search(
     work: float = np.inf,
     begin: Fit | None = None,
     withheld: Collection[str] = (),
+    *,
+    is_part: bool = False,
 ) -> Outcome:
     """Search the catalogue for what the declared model lacks.
 
@@ -81,6 +83,8 @@ def search(
         work: Operations after which nothing new is begun; what passed until then stands.
         begin: Fit of the model that the search goes on from; the nominal one where None.
         withheld: Kinds of the catalogue that are not candidates.
+        is_part: Whether the model will be fitted to more samples, so that it need not be made
+            more accurate here.
     """
     tell = progress or (lambda fraction: None)
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
@@ -102,7 +106,10 @@ def search(
         if alone is None and (
             (round_ == 1 and _leaves_more(state)) or (round_ == 2 and _is_left(state))
         ):
+            began = operations()
             alone = _curve_alone(state, first)
+            # A curve is no kind of the catalogue, whose rounds keep what is theirs.
+            listed = listed.longer(operations() - began)
         if alone is not None and _ends(state, round_, alone, first):
             break
         if round_ == 1:
@@ -117,7 +124,8 @@ def search(
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
     effects = _explained(state)
     traces = traced(trials.curves(first)) if effects else ()
-    fit = with_known_amplitudes(state.current.fit).full()
+    last = state.current.fit if is_part else trials.final(state.current)
+    fit = with_known_amplitudes(last).full()
     return Outcome(
         fit, tuple(effects), tuple(state.searched), complete, traces, trials.omitted(state.current)
     )

@@ -33,7 +33,7 @@ from identification.fit.declared import replanned
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
-from identification.work import Budget
+from identification.work import Budget, operations
 
 __all__ = ["UNDERSTATED", "Trials", "promising"]
 
@@ -47,6 +47,8 @@ _REACH: Final = 0.15
 UNDERSTATED: Final = 5.0
 """Gain of a refit over what screening promised, at most."""
 _COMMON: Final = 4.0
+_FINISH: Final = 2.5
+"""Operations to finish a model of a round, over those of a first refit."""
 _PART: Final = 0.2
 """Share of the gain of the best kind that makes another one worth to go on from."""
 
@@ -73,6 +75,7 @@ class Trials:
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
     _uncomputed: dict[Key, list[str]] = field(default_factory=dict)
+    _unfinished: set[Key] = field(default_factory=set)
     _led: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
@@ -237,11 +240,24 @@ class Trials:
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
             best = min((one.fit.cost for one in finer), default=np.inf)
-            self._fits[key] = self._finished(fit, best).light()
+            began = operations()
+            self._fits[key] = self._finished(fit, best, self.longest_finish).light()
+            if operations() - began > self.longest_finish:
+                self._unfinished.add(key)
             finer.append(self.judge(self._fits[key]))
         return finer
 
-    def _finished(self, fit: Fit, reference: float = np.inf) -> Fit:
+    @property
+    def longest_finish(self) -> float:
+        """Operations after which a model that may get further terms is not made more accurate."""
+        return _FINISH * self.longest
+
+    def final(self, current: Judged) -> Fit:
+        """The fit of the final model, finished where its budget had ended before it was."""
+        fit = current.fit
+        return refined(fit, Patience(_STEPS)) if _key(fit) in self._unfinished else fit
+
+    def _finished(self, fit: Fit, reference: float = np.inf, longest: float = np.inf) -> Fit:
         """The fit at its optimum, on intervals as fine as it needs.
 
         A base that has not converged would make everything that is added to it look good.
@@ -249,8 +265,9 @@ class Trials:
         Args:
             fit: The fit.
             reference: Cost of a better model that it is compared with.
+            longest: Operations after which it is left as it is.
         """
-        patience = self.patience(reference=reference)
+        patience = self.patience(longest=longest, reference=reference)
         return self._converged(refined(self._converged(fit, patience), patience), patience)
 
     def _converged(self, fit: Fit, patience: Patience) -> Fit:
