@@ -23,6 +23,7 @@ class Unlisted:
     name = "unlisted"
     equation = "electrical"
     drivers = ("current", "speed")
+    variant = ""
 
 
 def fit_with(*terms: object) -> Fit:

@@ -1,0 +1,40 @@
+"""What a search spends on a model that may get further terms, and on the one that stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench import make_campaign
+from identification.effects.evidence import Judged
+from identification.effects.trials import Trials, promising
+from identification.fit.declared import fit_declared
+from identification.work import metered, operations
+from tests.effects.hidden import records_of_bench
+
+
+def first_round(longest: float) -> tuple[Trials, Judged, float]:
+    """A servo with a brush drop: its model after the round, and what finishing it took."""
+    measured = make_campaign(
+        "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign, longest=longest)
+    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    drops = [s for s in trials.scores(declared) if s.candidate.term.name == "brush_drop"]
+    refits = trials.refits(declared, promising(drops, 1))
+    began = operations()
+    (model, *_) = trials.near(declared, refits)
+    return trials, model, operations() - began
+
+
+def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
+    """What is saved in a round is made up for once, when nothing is added any more."""
+    with metered():
+        _, free, cost_of_free = first_round(np.inf)
+        trials, capped, cost_of_capped = first_round(1e7)
+        final = trials.final(capped)
+
+    assert cost_of_capped < 0.7 * cost_of_free
+    assert capped.fit.cost >= free.fit.cost
+    assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
