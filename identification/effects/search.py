@@ -21,9 +21,9 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import LEAST_SIZE, UNCOMPUTED, Judged, probabilities, scores_of
+from identification.effects.evidence import UNCOMPUTED, Judged, probabilities, scores_of
 from identification.effects.outcome import Alternative, Found, Outcome, Searched
+from identification.effects.ranking import is_better, is_strained, ranked, replaces
 from identification.effects.refit import with_known_amplitudes
 from identification.effects.score import Score
 from identification.effects.tracing import traced
@@ -48,13 +48,8 @@ _REFIT_SHARE: Final = 0.06
 """Shares of the budget for the catalogue and for one refit."""
 _MOST_EFFECTS: Final = 6
 _KEPT: Final = 0.005
-_ALIKE: Final = 1.0
-_PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
 _NEAR: Final = 0.02
 _SLACK: Final = 30.0
-_AT: Final = 1e-3
-_WITHIN: Final = 2.0
-"""Share of a range, and standard deviations, within which a shape is at its bound."""
 
 
 @dataclass
@@ -162,10 +157,10 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
     fits = trials.refits(current, wanted)
     near = trials.near(current, fits)
     far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
-    order = _ranked(near)
+    order = ranked(near)
     passing = [k for k in order if near[k].gates(current, trials.tried).passed]
     # Ranked anew: those that are alike are alike among what passes.
-    chosen = passing[_ranked([near[k] for k in passing])[0]] if passing else None
+    chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
     if chosen is None and far:
         # Those in reach of the best have failed; only then is it worth to judge the others.
         far = [trials.judge(one.fit, current.share) for one in far]
@@ -219,7 +214,7 @@ def _exchange(state: _State) -> None:
         ]
         if rivals:
             models = [state.current, *rivals]
-            state.current = models[_ranked(models)[0]]
+            state.current = models[ranked(models)[0]]
 
 
 def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
@@ -241,7 +236,7 @@ def _second_thoughts(state: _State) -> None:
     """
     if not state.current.fit.simulator.model.terms:
         return
-    if not (_is_left(state) or _is_strained(state.current.fit)):
+    if not (_is_left(state) or is_strained(state.current.fit)):
         return
     for runner in state.trials.runners()[:_RUNNERS]:
         if state.trials.over:
@@ -250,7 +245,7 @@ def _second_thoughts(state: _State) -> None:
         round_ = 1 + max(one.round for one in state.searched)
         if _forward(other, round_):
             _enrich(other, round_)
-            if _is_better(other.current, state.current):
+            if is_better(other.current, state.current):
                 state.current = other.current
                 _backward(state)
 
@@ -273,67 +268,16 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
     Stand-ins pile up where nothing in the catalogue is what is missing; one curve that does better
     than two of them ends that.
     """
-    if state.trials.over or not (_is_left(state) or _is_strained(state.current.fit)):
+    if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
         return None
     beside = _State(state.trials, declared)
     return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
 
 
-def _ranked(models: Sequence[Judged]) -> list[int]:
-    """Places of models, best first; of those that are alike, the commonest kinds first."""
-    scores = scores_of(models)
-    best = min(scores, default=0.0)
-
-    def key(k: int) -> tuple[float, float]:
-        alike = scores[k] < best + _ALIKE
-        places = [_PLACES.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
-        return (best, float(sum(places))) if alike else (scores[k], 0.0)
-
-    return sorted(range(len(models)), key=key)
-
-
-def _is_better(one: Judged, other: Judged) -> bool:
-    scores = scores_of([one, other])
-    return scores[0] < scores[1]
-
-
-def _replaces(alone: Judged, listed: Judged) -> bool:
-    """Whether a curve stands in the place of the effects of the catalogue.
-
-    Of a single one only where the error is smaller by what counts as a size: a free form that does
-    as well as a kind is that kind, unless the kind is strained.  Never where it predicts worse.
-    """
-    if alone.predicts_worse(listed):
-        return False
-    fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
-    must_be_smaller = len(listed.fit.simulator.model.terms) == 1 and not _is_strained(listed.fit)
-    return _is_better(alone, listed) and not (must_be_smaller and float(np.sum(fall)) < LEAST_SIZE)
-
-
-def _is_strained(fit: Fit) -> bool:
-    """Whether a shape that makes a kind what it is may lie beyond a bound of its range.
-
-    A drag with the highest power that is one bends more than drags do: the data ask for another
-    law, which happens to be imitated.
-    """
-    at = {name: k for k, name in enumerate(fit.coordinates.names)}
-    shapes = [
-        at[f"{term.name}.{name}"] for term in fit.simulator.model.terms for name in term.defining
-    ]
-    if not shapes:
-        return False
-    lower, position, upper = (
-        side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)
-    )
-    spread = np.sqrt(np.diag(fit.equations.covariance())[shapes])
-    near = np.maximum(_AT * (upper - lower), _WITHIN * spread)
-    return bool(np.any(np.minimum(position - lower, upper - position) < near))
-
-
 def _ends(state: _State, round_: int, alone: Judged, declared: Judged) -> bool:
     """Whether a curve does so much better than what was found that more kinds would not help."""
     if round_ > 1:
-        return _replaces(alone, state.current)
+        return replaces(alone, state.current)
     is_far = _is_far_better(alone, state.current, declared)
     return is_far and not _closes_the_gap(state, alone)
 
@@ -344,7 +288,7 @@ def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
     Then nothing in the catalogue is what is missing, and more rounds would pile up stand-ins.
     """
     gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
-    return _is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
+    return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
 
 
 def _closes_the_gap(state: _State, alone: Judged) -> bool:
@@ -367,10 +311,10 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
-    strained = not trials.over and _is_strained(listed.fit)
+    strained = not trials.over and is_strained(listed.fit)
     if (left or strained) and alone is None and listed is not declared:
         alone = _curve_alone(state, declared)
-    if alone is not None and _replaces(alone, listed):
+    if alone is not None and replaces(alone, listed):
         state.current = alone
         return
     if left and is_exhausted:
