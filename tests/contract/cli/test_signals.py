@@ -29,6 +29,9 @@ ENDS = [
 ]
 
 
+_ATTEMPTS = 3
+
+
 @pytest.fixture
 def mark() -> str:
     """A word in the environment of all processes of a test."""
@@ -74,23 +77,40 @@ def in_work(mark: str) -> list[int]:
 def test_batch_that_is_ended_leaves_no_process_and_goes_on(
     manifest: Path, tmp_path: Path, mark: str, number: int, status: int, told: str
 ) -> None:
-    """One motor is done and two run: one line, and the same command keeps what is done."""
-    words = ["batch", str(manifest), "--out", str(tmp_path / "out"), "--jobs", "2"]
-    process = begin(mark, *words)
-    table = tmp_path / "out" / "results.csv"
-    # Either of the first two; the table is written every two seconds at most.
-    assert until(lambda: table.exists() and ",fitted," in table.read_text() and in_work(mark))
+    """One motor is done and two run: one line, and the same command keeps what is done.
 
-    process.send_signal(number)
+    On a busy machine the batch may be over before it is looked at; then it is begun again.
+    """
+    outs = [tmp_path / f"out{attempt}" for attempt in range(_ATTEMPTS)]
+    out, process = next(
+        (out, process)
+        for out in outs
+        if (process := interrupted(mark, manifest, out, number)) is not None
+    )
     _, said = process.communicate(timeout=60)
 
     assert (process.returncode, said) == (status, told)
     assert until(lambda: not marked(mark), 5.0)
-    again = begin(mark, *words, "--quiet")
+    again = begin(mark, "batch", str(manifest), "--out", str(out), "--jobs", "2", "--quiet")
     assert (again.communicate(timeout=120)[1], again.returncode) == ("", 0)
-    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
+    with (out / "results.csv").open(encoding="utf-8") as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
-    assert (len(statuses), "kept" in statuses, statuses[-1]) == (6, True, "fitted")
+    assert (len(statuses), "kept" in statuses) == (6, True)
+
+
+def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess.Popen[str] | None:
+    """A batch that was sent a signal with one motor done and others running; None if it is over."""
+    process = begin(mark, "batch", str(manifest), "--out", str(out), "--jobs", "2")
+
+    def done() -> bool:
+        return any(out.glob("m*/result.json")) and bool(in_work(mark))
+
+    if until(lambda: done() or process.poll() is not None, 30.0) and process.poll() is None:
+        process.send_signal(number)
+        return process
+    process.kill()
+    process.communicate(timeout=60)
+    return None
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
