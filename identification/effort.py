@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["EFFORTS", "Effort", "EffortName"]
+__all__ = ["EFFORTS", "PART_ROWS", "Effort", "EffortName"]
 
 EffortName = Literal["quick", "normal", "thorough"]
 
@@ -36,10 +36,10 @@ class Effort:
 
     def search_of(self, rows: int) -> float:
         """Operations of the search on so many samples."""
-        return self.search + self.search_part * min(rows, _PART) + self.search_each * rows
+        return self.search + self.search_part * min(rows, PART_ROWS) + self.search_each * rows
 
 
-_PART: Final = 10_000
+PART_ROWS: Final = 10_000
 """Samples on which the search works where there are many more."""
 
 EFFORTS: Final[dict[EffortName, Effort]] = {

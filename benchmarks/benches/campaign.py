@@ -29,7 +29,7 @@ _KIB: Final = 1024.0
 
 @dataclass(frozen=True)
 class Settings:
-    """What is the same for all campaigns.
+    """Options of all campaigns.
 
     Args:
         rows: Samples a run.

@@ -42,7 +42,7 @@ COVERED: Final = ("Ra25", "Kt25", "J", "b")
 
 @dataclass(frozen=True)
 class Case:
-    """How a bench records.
+    """Recording properties of a bench.
 
     Args:
         name: Word of the case.
@@ -151,7 +151,7 @@ def is_right(
     others: tuple[str, ...] = (),
     withheld: tuple[str, ...] = (),
 ) -> bool:
-    """Whether every hidden kind, and what the bench adds, is named, but for what cannot be.
+    """Whether every hidden effect is named, except those that the runs cannot show.
 
     Args:
         case: How the bench records.

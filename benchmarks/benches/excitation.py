@@ -1,4 +1,4 @@
-"""What a bench asks of the motor: levels, triangles and a binary sequence on top.
+"""Excitation of the motor: voltage levels, triangles and a binary sequence on top.
 
 The levels change no faster than a drive allows whose current is limited to some times the rated
 one; the binary sequence, a fraction of the voltage at stall with rated current, shows the

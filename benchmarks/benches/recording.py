@@ -51,7 +51,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class _Bench:
-    """What is the same in all runs of a campaign."""
+    """Constants of all runs of a campaign."""
 
     cell: Cell
     motor: BenchMotor

@@ -91,7 +91,7 @@ class _Curve(AbstractForced):
 
     @property
     def is_local(self) -> bool:
-        """Whether it is a torque or voltage of its own time.
+        """Whether it is a torque or voltage against time, which other runs do not have.
 
         A coefficient that drifts over all runs stays where it ended, and one that drifts anew in
         each run does so in others: validation runs have to confirm that.

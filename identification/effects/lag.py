@@ -32,7 +32,7 @@ _BOTH_AHEAD: Final = "the log lags winding and magnet"
 
 
 def _moves(survey: Survey) -> bool:
-    """Whether the logged temperature moves within any run."""
+    """Whether the logged temperature changes within a run by more than noise."""
     movement = (float(np.ptp(record.column("temperature"))) for record in survey.records)
     return max(movement) >= _LEAST_MOVEMENT
 
@@ -98,7 +98,7 @@ class WindingLag(_Lag):
     log as the winding is.
 
     Args:
-        direction: What lags what.
+        direction: Direction of the lag.
     """
 
     direction: str = _BEHIND
@@ -112,7 +112,7 @@ class WindingLag(_Lag):
 
     @property
     def variant(self) -> str:
-        """What lags what."""
+        """Direction of the lag."""
         return self.direction
 
     @property

@@ -1,4 +1,4 @@
-"""What terms that are not in the model could do to the parameters that are.
+"""Consider covariance: how far omitted terms could change the parameters of a model.
 
 A search may end with structure in the residual: a term promises more gain in log likelihood than
 chance reaches and yet passes no gate, since its law is not that of the motor.  The structure is
@@ -80,7 +80,7 @@ def omitted_terms(
 
 
 def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
-    """What an unknown gain of the current sensor could change; empty where nothing is unknown.
+    """Changes by an unknown gain of the current sensor; empty where the gains agree.
 
     A sensor that reads g times the current gives Ra/g, L/g, J g and b g, and fits as well.
 
@@ -129,13 +129,7 @@ def with_omitted_drawn(
     amplitudes = np.random.default_rng([seed, 2]).standard_normal((len(omitted), *shape))
     position = fit.coordinates.of(np.stack([draws[name] for name in names]))
     position = position + np.tensordot(_steps(fit, omitted), amplitudes, axes=1)
-    lower, upper = (
-        side.reshape(-1, *[1] * len(shape))
-        for side in (fit.coordinates.lower, fit.coordinates.upper)
-    )
-    position = np.where(position < lower, 2 * lower - position, position)
-    position = np.where(position > upper, 2 * upper - position, position)
-    values = fit.coordinates.values(np.clip(position, lower, upper))
+    values = fit.coordinates.values(fit.coordinates.mirrored(position))
     return draws | dict(zip(names, values, strict=True))
 
 

@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effort import PART_ROWS
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
 from identification.fit.evaluate import simulate_unseen
@@ -34,8 +35,6 @@ __all__ = ["part_of"]
 
 Array = NDArray[np.float64]
 
-_ROWS: Final = 10_000
-"""Samples of training, and half as many of validation, in a part."""
 _LEAST: Final = 1_000
 """Samples of a stretch at least; it has to be many times the slowest time constant."""
 _LONGER: Final = 1.5
@@ -55,11 +54,13 @@ def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
     Returns:
         The campaign of the stretches and its nominal fit; None where the records are short.
     """
-    if sum(record.rows for record in campaign.training) <= _LONGER * _ROWS:
+    if sum(record.rows for record in campaign.training) <= _LONGER * PART_ROWS:
         return None
-    training = _stretches(campaign.training, declared.residuals(), _ROWS)
+    training = _stretches(campaign.training, declared.residuals(), PART_ROWS)
     unseen = simulate_unseen(declared, campaign.validation)
-    validation = _stretches([s.record for s in unseen], [s.residual for s in unseen], _ROWS // 2)
+    validation = _stretches(
+        [s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2
+    )
     own = declared.simulator
     simulator = Simulator.fitting(own.model, training, declared.values)
     fit = replanned(solve(simulator, declared.coordinates, declared.position))

@@ -255,7 +255,11 @@ class Trials:
     def final(self, current: Judged) -> Fit:
         """The fit of the final model, finished where its budget had ended before it was."""
         fit = current.fit
-        return refined(fit, Patience(_STEPS)) if _key(fit) in self._unfinished else fit
+        return (
+            refined(fit, Patience(_STEPS, budget=Budget()))
+            if _key(fit) in self._unfinished
+            else fit
+        )
 
     def _finished(self, fit: Fit, reference: float = np.inf, longest: float = np.inf) -> Fit:
         """The fit at its optimum, on intervals as fine as it needs.

@@ -105,6 +105,13 @@ class Coordinates:
                 coordinates * self._shaped(self._scale, coordinates),
             )
 
+    def mirrored(self, coordinates: Array) -> Array:
+        """Coordinates (n_parameter, ...) with those out of bounds mirrored at their bound."""
+        lower, upper = (self._shaped(x, coordinates) for x in (self.lower, self.upper))
+        inner = np.where(coordinates < lower, 2 * lower - coordinates, coordinates)
+        inner = np.where(inner > upper, 2 * upper - inner, inner)
+        return np.clip(inner, lower, upper)
+
     def slopes(self, coordinates: Array) -> Array:
         """Derivative of each physical value by its own coordinate (n_parameter,)."""
         return np.where(self._log, np.exp(np.where(self._log, coordinates, 0.0)), self._scale)

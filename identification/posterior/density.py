@@ -82,11 +82,8 @@ class Posterior:
     def mirrored(self, points: Array) -> Array:
         """Points (n_point, n_dim) with those that are out of bounds mirrored at them."""
         n = self.fit.position.size
-        lower, upper = self.fit.coordinates.lower, self.fit.coordinates.upper
-        inner = self.ridge.bent(points[:, :n].T).T
-        inner = np.where(inner < lower, 2 * lower - inner, inner)
-        inner = np.where(inner > upper, 2 * upper - inner, inner)
-        straight = self.ridge.straightened(np.clip(inner, lower, upper).T).T
+        inner = self.fit.coordinates.mirrored(self.ridge.bent(points[:, :n].T))
+        straight = self.ridge.straightened(inner).T
         return np.concatenate([straight, points[:, n:]], axis=1)
 
     def physical(self, points: Array) -> Array:

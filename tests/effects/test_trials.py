@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,10 +21,12 @@ def first_round(longest: float) -> tuple[Trials, Judged, float]:
         "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
     )
     campaign = records_of_bench(measured)
-    trials = Trials(campaign, longest=longest)
+    trials = Trials(campaign)
     declared = trials.judge(fit_declared(campaign.training, "zoh"))
     drops = [s for s in trials.scores(declared) if s.candidate.term.name == "brush_drop"]
     refits = trials.refits(declared, promising(drops, 1))
+    refits = [(score, replace(fit, converged=False)) for score, fit in refits]
+    trials.longest = longest
     began = operations()
     (model, *_) = trials.near(declared, refits)
     return trials, model, operations() - began

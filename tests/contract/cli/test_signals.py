@@ -95,7 +95,7 @@ def test_batch_that_is_ended_leaves_no_process_and_goes_on(
     assert (again.communicate(timeout=120)[1], again.returncode) == ("", 0)
     with (out / "results.csv").open(encoding="utf-8") as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
-    assert (len(statuses), "kept" in statuses) == (6, True)
+    assert (len(statuses), "kept" in statuses, statuses[-1]) == (6, True, "fitted")
 
 
 def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess.Popen[str] | None:
