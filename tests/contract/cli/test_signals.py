@@ -99,11 +99,14 @@ def test_batch_that_is_ended_leaves_no_process_and_goes_on(
 
 
 def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess.Popen[str] | None:
-    """A batch that was sent a signal with one motor done and others running; None if it is over."""
+    """A batch that was sent a signal with one motor done and others running; None if it is over.
+
+    The record of a motor, batch.json, is written last: from then on its result is kept.
+    """
     process = begin(mark, "batch", str(manifest), "--out", str(out), "--jobs", "2")
 
     def done() -> bool:
-        return any(out.glob("m*/result.json")) and bool(in_work(mark))
+        return any(out.glob("m*/batch.json")) and bool(in_work(mark))
 
     if until(lambda: done() or process.poll() is not None, 30.0) and process.poll() is None:
         process.send_signal(number)
