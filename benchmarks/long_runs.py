@@ -1,9 +1,10 @@
 """How long five long runs take, and how much memory.
 
-    python -m benchmarks.long_runs [--rows 24000]
+    python -m benchmarks.long_runs [--rows 24000] [--effects brush_drop=0.03,coulomb_friction=0.02]
 
-Four training runs and one left out of a servo motor with a hidden brush drop go through the whole
-job, search and posterior included; the largest memory is that of this process.
+Four training runs and one left out of a servo motor with hidden effects go through the whole job,
+search and posterior included; the largest memory is that of this process, the simulation of the
+bench included.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Sequence
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
-from identification.pipeline import identify
+from identification.pipeline import FitOptions, identify
 
 __all__ = ["main"]
 
@@ -24,18 +25,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Identify the motor, and print seconds, memory and what was named."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=24_000, help="samples a run")
-    rows = parser.parse_args(arguments).rows
-    measured = make_campaign(
-        "servo_150w", [("brush_drop", 0.03)], seed=3, rows=rows, training=4, validation=1
-    )
+    parser.add_argument("--effects", default="brush_drop=0.03", help="KIND=SIZE, ...")
+    parser.add_argument("--no-posterior", action="store_true", help="intervals from the fit")
+    options = parser.parse_args(arguments)
+    pairs = [word.split("=") for word in options.effects.split(",") if word]
+    hidden = [(kind, float(size)) for kind, size in pairs]
+    rows = options.rows
+    measured = make_campaign("servo_150w", hidden, seed=3, rows=rows, training=4, validation=1)
     training = [run_of(run, f"training_{k}.csv") for k, run in enumerate(measured.training, 1)]
     validation = [run_of(run, f"left_{k}.csv") for k, run in enumerate(measured.validation, 1)]
     began = time.perf_counter()
-    outcome = identify(training, validation).findings.outcome
+    chosen = FitOptions(posterior=not options.no_posterior)
+    outcome = identify(training, validation, chosen).findings.outcome
     seconds = time.perf_counter() - began
     named = [found.name for found in outcome.effects] if outcome else []
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
-    print(f"5 runs of {rows} samples: {seconds:.0f} s, {memory:.2f} GB; named: {named}")
+    spent = time.process_time()
+    print(
+        f"5 runs of {rows} samples: {seconds:.0f} s, {spent:.0f} s of processors, "
+        f"{memory:.2f} GB; hidden: {[kind for kind, _ in hidden]}; named: {named}"
+    )
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ from identification.model.parameter import Parameter
 from identification.model.scan import scan_of
 from identification.model.simulate import Simulator
 from identification.model.step import advance
+from identification.model.tangent import BLOCK, stretch, tangent_blocks
 from identification.model.term import (
     AbstractDelay,
     AbstractTorque,
@@ -196,14 +197,17 @@ def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
     scale = _scale(Structure(units.size, bare, n), rows, noise)
     structure, rows = _in_units(Structure(units.size, bare, n), rows, (units, scale, noise))
     slopes = fit.coordinates.slopes(fit.position)
-    logged, tangents = simulator.tangent(fit.values, fit.states, np.diag(slopes))
+    targets = [np.empty((record.rows, 2, 1 + n)) for record in simulator.records]
+    for block in tangent_blocks(simulator, fit.values, fit.states, np.diag(slopes)):
+        part = targets[block.record][block.samples]
+        measured = simulator.records[block.record].measured[block.samples]
+        part[:, :, 0] = (measured - block.logged) / noise
+        part[:, :, 1:] = block.tangent[:, :, :n] / noise[:, None]
     pieces = []
     for k, record in enumerate(simulator.records):
-        residual = (record.measured - logged[k])[:, :, None]
-        targets = np.concatenate([residual, tangents[k][:, :, :n]], axis=2) / noise[:, None]
         spread = spreads[k] / units**2
         weight = np.where(record.weight > 0, 1.0, 0.0)
-        pieces.append(Piece(record, rows[k], targets, weight, spread))
+        pieces.append(Piece(record, rows[k], targets[k], weight, spread))
     prior = 1.0 / fit.coordinates.prior_sd**2
     offset = np.where(prior > 0, fit.coordinates.prior_mean - fit.position, 0.0)
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in simulator.records])))
@@ -243,12 +247,18 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
         [ca.substitute(following, pushed, ca.SX.zeros(2)), ca.vertcat(*moving)],
     )
     values = _without_delays(simulator.model, fit.values)[:, None]
-    scan, found = scan_of(step), []
-    for k, (inputs, state) in enumerate(zip(simulator.inputs, fit.states, strict=True)):
-        rows = np.ascontiguousarray(scan([inputs], values, [state[:, None]])[1][0][:, :, 0])
-        if simulator.divisions is not None:
-            rows = _composed(rows, n, simulator.divisions[k])
-        found.append(rows)
+    scan = scan_of(step)
+    found = [np.empty((record.rows, len(moving))) for record in simulator.records]
+    for k, rows in enumerate(found):
+        carry = fit.states[k][:, None]
+        for first in range(0, len(rows), BLOCK):
+            part = slice(first, min(first + BLOCK, len(rows)))
+            inputs, _ = stretch(simulator, k, part.start, part.stop)
+            (carry,), (out,) = scan([inputs], values, [carry])
+            if simulator.divisions is None:
+                rows[part] = out[:, :, 0]
+            else:
+                rows[part] = _composed(out[:, :, 0], n, simulator.divisions[k][part])
     return fixed, found
 
 
@@ -302,4 +312,6 @@ def _in_units(
     )
     moving = flat[[value is None for value in fixed]]
     changed = Structure(structure.shape, fixed, structure.tangents)
-    return changed, [each * moving for each in rows]
+    for each in rows:
+        each *= moving
+    return changed, rows

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from identification.diagnosis.deviation import Deviation, Piece, deviation_of
-from identification.diagnosis.filtering import likelihood
+from identification.diagnosis.filtering import Likelihood, likelihood
 from identification.diagnosis.smoothing import traces
 from identification.diagnosis.spikes import weighted
 from identification.diagnosis.strengths import (
@@ -144,8 +144,12 @@ def localise(fit: Fit) -> Localisation:
         fit: The fitted model with its training records; it may hold effects.
     """
     deviation = deviation_of(fit)
-    both = strongest(deviation, _stretches(deviation.pieces, _COARSE), (True, True))
-    deviation = _moved(fit, deviation, both)
+    coarse = _stretches(deviation.pieces, _COARSE)
+    both = strongest(deviation, coarse, (True, True))
+    known = likelihood(deviation, coarse, both.hyper)
+    # The rows of all records are in memory once.
+    del deviation, coarse
+    deviation = _moved(fit, both, known)
     fits = _nested(deviation, _stretches(deviation.pieces, _FINE), both.place)
     longest = longest_memory(fits.pieces)
     gains = fits.gains
@@ -235,13 +239,11 @@ def _is_significant(gain: float, longest: float) -> bool:
     return p_value_of(gain, longest) < 0.5 * LEVEL
 
 
-def _moved(fit: Fit, deviation: Deviation, both: Strengths) -> Deviation:
+def _moved(fit: Fit, both: Strengths, known: Likelihood) -> Deviation:
     """The model linearised where the parameters move once a disturbance is allowed.
 
     A shift is halved where the simulation is too curved to follow all of it.
     """
-    pieces = _stretches(deviation.pieces, _COARSE)
-    known = likelihood(deviation, pieces, both.hyper)
     value, shift = float(known.value[0]), known.shift[0]
     for share in (1.0, 0.5, 0.25):
         position = np.clip(
@@ -251,7 +253,7 @@ def _moved(fit: Fit, deviation: Deviation, both: Strengths) -> Deviation:
         there = likelihood(moved, _stretches(moved.pieces, _COARSE), both.hyper)
         if float(there.value[0]) > value - _WORSE:
             return moved
-    return deviation
+    return deviation_of(fit)
 
 
 def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:

@@ -29,6 +29,7 @@ from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
+from identification.model.tangent import tangent
 
 __all__ = ["Remains", "remains_of_training", "remains_of_validation"]
 
@@ -170,13 +171,13 @@ def remains_of_validation(fit: Fit, records: Sequence[Record], noise: Array) -> 
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
     slopes = fit.coordinates.slopes(fit.position)
-    _, tangents = simulator.tangent(fit.values, states, np.diag(slopes))
+    _, tangents = tangent(simulator, fit.values, states, np.diag(slopes))
     n = fit.position.size
     spread = _spread(fit, noise)
     residuals, errors = [], []
-    for one, tangent in zip(simulated, tangents, strict=True):
-        both = np.concatenate([one.residual[:, :, None], tangent[:, :, :n] @ spread], axis=2)
-        left = _without_start(both, tangent[:, :, n:], one.record.weight, noise)
+    for one, derivative in zip(simulated, tangents, strict=True):
+        both = np.concatenate([one.residual[:, :, None], derivative[:, :, :n] @ spread], axis=2)
+        left = _without_start(both, derivative[:, :, n:], one.record.weight, noise)
         residuals.append(left[:, :, 0])
         errors.append(left[:, :, 1:])
     return _remains([s.record for s in simulated], residuals, errors)

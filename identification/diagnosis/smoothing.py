@@ -17,7 +17,7 @@ Source: Rauch et al., AIAA J. 3 (1965) 1445-1450; in this form Bierman, Automati
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -42,7 +42,8 @@ __all__ = ["Trace", "surprises", "traces"]
 Array = NDArray[np.float64]
 
 _AT_ONCE: Final = 50_000
-"""Rows whose covariances are held in memory together."""
+"""Rows whose covariances are held in memory together; a longer piece is filtered twice, the second
+time block by block from its end, beginning where the first time each block began."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,7 @@ def surprises(
     """
     found = []
     for batch in _batches(pieces):
-        for out in _passes(deviation, batch, hyper, known):
-            found.append(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
+        found += _passes(deviation, batch, hyper, known, _surprise)
     return found
 
 
@@ -90,10 +90,14 @@ def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Trace]
         hyper: (n_hyper, 1) strengths, see `HYPER`.
         known: What is known of the parameters under them.
     """
+
+    def traced(out: Array) -> Array:
+        return _trace(deviation, out, known.covariance[0])
+
     found = []
     for pieces in _batches(deviation.pieces):
-        outputs = _passes(deviation, pieces, hyper, known)
-        found += [_trace(deviation, out, known.covariance[0]) for out in outputs]
+        for trace in _passes(deviation, pieces, hyper, known, traced):
+            found.append(Trace(trace[:, :2], trace[:, 2:]))
     return found
 
 
@@ -109,37 +113,57 @@ def _batches(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
 
 
 def _passes(
-    deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
+    deviation: Deviation,
+    pieces: Sequence[Piece],
+    hyper: Array,
+    known: Likelihood,
+    kept: Callable[[Array], Array],
 ) -> list[Array]:
-    """For each piece (n_sample, 8, n_column) the output of `_backward`, in the order of time."""
+    """For each piece what `kept` makes of the output of `_backward`, (n_sample, 8, n_column)."""
     structure = deviation.structure
     symbols, columns = Symbols(structure), 1 + structure.tangents
     parameters = np.concatenate([np.repeat(hyper, columns, axis=1), np.eye(columns)])
-    rows, carries = [], []
-    for piece in pieces:
-        targets = piece.targets.copy()
-        targets[:, :, 0] -= targets[:, :, 1:] @ known.shift[0]
-        rows.append(rows_of(replace(piece, targets=targets)))
-        packed = np.repeat(started(deviation, piece, hyper), columns, axis=1)
-        carries.append(np.concatenate([packed, np.zeros((symbols.size, columns))]))
-    _, passed = scan_of(_forward(structure))(rows, parameters, carries)
+    forward, backward = scan_of(_forward(structure)), scan_of(_backward(structure))
     size = len(symbols.triangle)
-    back, ends = [], []
-    for row, out in zip(rows, passed, strict=True):
-        means = out[:, size:, :].transpose(0, 2, 1).reshape(out.shape[0], -1)
-        back.append(np.column_stack([row, out[:, :size, 0], means])[::-1])
-        ends.append(np.zeros((size + symbols.size, columns)))
-    del passed
-    _, outputs = scan_of(_backward(structure))(back, parameters, ends)
-    return [out[::-1] for out in outputs]
+    packed = [started(deviation, piece, hyper) for piece in pieces]
+    means = np.zeros((symbols.size, columns))
+    starts = [[np.concatenate([np.repeat(p, columns, axis=1), means]) for p in packed]]
+    firsts = range(0, max(piece.rows for piece in pieces), _AT_ONCE)
+    for first in firsts[:-1]:
+        rows = [_rows(piece, first, known) for piece in pieces]
+        starts.append(forward(rows, parameters, starts[-1])[0])
+    ends = [np.zeros((size + symbols.size, columns)) for _ in pieces]
+    found = []
+    for first, start in zip(reversed(firsts), reversed(starts), strict=True):
+        rows = [_rows(piece, first, known) for piece in pieces]
+        back = []
+        for row, out in zip(rows, forward(rows, parameters, start)[1], strict=True):
+            means = out[:, size:, :].transpose(0, 2, 1).reshape(out.shape[0], -1)
+            back.append(np.column_stack([row, out[:, :size, 0], means])[::-1])
+        ends, outputs = backward(back, parameters, ends)
+        found.append([kept(out[::-1]) for out in outputs])
+    return [np.concatenate(blocks) for blocks in zip(*reversed(found), strict=True)]
 
 
-def _trace(deviation: Deviation, out: Array, covariance: Array) -> Trace:
-    """The trace from what `_backward` made of residual and tangents."""
+def _rows(piece: Piece, first: int, known: Likelihood) -> Array:
+    """What the passes read of some samples, at the most likely parameters."""
+    part = piece.part(first, first + _AT_ONCE)
+    targets = part.targets.copy()
+    targets[:, :, 0] -= targets[:, :, 1:] @ known.shift[0]
+    return rows_of(replace(part, targets=targets))
+
+
+def _surprise(out: Array) -> Array:
+    """(n_sample, 2) auxiliary residuals, standardised, from what `_backward` made."""
+    return np.asarray(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
+
+
+def _trace(deviation: Deviation, out: Array, covariance: Array) -> Array:
+    """(n_sample, 4) missing terms and their deviations, from what `_backward` made."""
     response = out[:, :2, 1:]
     moved = np.einsum("ncj,jk,nck->nc", response, covariance, response, optimize=True)
     variance = np.maximum(out[:, 2:4, 0], 0.0) + moved
-    return Trace(out[:, :2, 0] * deviation.scale, np.sqrt(variance) * deviation.scale)
+    return np.hstack([out[:, :2, 0] * deviation.scale, np.sqrt(variance) * deviation.scale])
 
 
 @dataclass(frozen=True)

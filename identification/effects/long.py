@@ -72,7 +72,7 @@ def search_long(
     tell(0.8)
     if _excess(whole, found.fit) < LEAST_SIZE or budget.spent:
         complete = found.complete and not budget.spent
-        return replace(found, fit=whole.full(), effects=effects, complete=complete)
+        return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None
     more = search(
         declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin, withheld

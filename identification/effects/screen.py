@@ -324,7 +324,9 @@ def _normal(
     square = np.zeros((count, count))
     crossed = np.zeros((n, count))
     moved = []
-    for k, (deviation, residual) in enumerate(zip(deviations, residuals, strict=True)):
+    blocks = equations.derivatives.blocks(0)
+    for deviation, residual, block in zip(deviations, residuals, blocks, strict=True):
+        k = block.record
         charge(_PASSES * TOUCH * deviation.size)
         bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
         safe = np.where(bad[None, None, :], 0.0, deviation)
@@ -337,10 +339,10 @@ def _normal(
             square += white.T @ scaled
             white_residual = weighting.whitened(residual[::stride, channel], channel)
             right += scaled.T @ white_residual
-            tangent = weighting.whitened(equations.tangents[k][::stride, channel, :], channel)
+            tangent = weighting.whitened(block.tangent[::stride, channel, :], channel)
             both += tangent.T @ scaled
             asked += tangent.T @ (white_residual * weight[:, 0] / weighting.deviation[channel] ** 2)
-        asked -= gradient_of(residual, equations.tangents[k], weighting, k)
+        asked -= gradient_of(residual, block.tangent, weighting, k)
         solved = solution(equations.state_matrices[k], both[n:])
         square -= both[n:].T @ solved
         right -= solved.T @ (equations.state_gradients[k] + asked[n:])

@@ -120,7 +120,7 @@ def search(
     effects = _explained(state)
     traces = traced(trials.curves(first)) if effects else ()
     last = state.current.fit if is_part else trials.final(state.current)
-    fit = with_known_amplitudes(last).full()
+    fit = with_known_amplitudes(last)
     return Outcome(
         fit, tuple(effects), tuple(state.searched), complete, traces, trials.omitted(state.current)
     )

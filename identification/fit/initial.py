@@ -17,6 +17,7 @@ from identification.fit.normal_equations import products, state_precision
 from identification.linear import solution
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator, initial_states
+from identification.model.tangent import tangent_blocks
 from identification.model.weighting import Weighting
 
 __all__ = ["fitted_initial_states"]
@@ -66,10 +67,10 @@ def _fitted_to_heads(
     if simulator.model.terms:
         short = short.divided_for(values, states, _ROUGH * deviation)
     for _ in range(_STEPS):
-        logged, tangents = short.tangent(values, states, nothing)
         moves = []
-        for k, record in enumerate(heads):
-            full, right = products(record.measured - logged[k], tangents[k], weighting, k)
+        blocks = tangent_blocks(short, values, states, nothing, rows=None)
+        for k, (record, block) in enumerate(zip(heads, blocks, strict=True)):
+            full, right = products(record.measured - block.logged, block.tangent, weighting, k)
             precision = state_precision(short, k)
             right = right + precision * (centres[k] - states[k])
             moves.append(solution(full + np.diag(precision), right))

@@ -27,6 +27,7 @@ from scipy import signal, stats
 
 from identification.fit.solve import Fit, solve
 from identification.linear import eigh, root, solution
+from identification.model.tangent import tangent_blocks
 from identification.model.weighting import Weighting
 
 __all__ = [
@@ -224,30 +225,29 @@ def effective_share(fit: Fit) -> float:
     Source:
         White, Econometrica 48 (1980) 817-838; Huber, Ann. Math. Statist. 35 (1964) 73-101.
     """
-    residuals = fit.residuals()
-    slopes = fit.coordinates.slopes(fit.position)
-    _, tangents = fit.simulator.tangent(fit.values, fit.states, np.diag(slopes))
-    n = fit.position.size
+    weighting, n = fit.weighting, fit.position.size
+    weights = [weighting.sample_weights(k) for k in range(len(weighting.records))]
+    memories = _memories(fit, weights)
+    slopes = [_mean_slope([each[:, channel] for each in weights]) for channel in range(2)]
     plain, curvature, gradient = (np.zeros((n, n)) for _ in range(3))
-    for channel in range(2):
-        weights = [fit.weighting.sample_weights(k)[:, channel] for k in range(len(residuals))]
-        series = [
-            weight * fit.weighting.whitened(residual[:, channel], channel)
-            for weight, residual in zip(weights, residuals, strict=True)
-        ]
-        taps = autoregression(series)
-        power = np.sqrt(
-            np.mean(np.concatenate([signal.lfilter(taps, [1.0], s) ** 2 for s in series]))
-        )
-        deviation = float(fit.weighting.deviation[channel])
-        slope = _mean_slope(weights)
-        for weight, tangent in zip(weights, tangents, strict=True):
-            whitened = fit.weighting.whitened(tangent[:, channel, :n], channel) / deviation
-            scaled = whitened * np.sqrt(weight)[:, None]
-            plain += scaled.T @ scaled
-            curvature += slope * (scaled.T @ scaled)
-            counted = whitened * (weight > 0)[:, None]
-            spread = signal.lfilter([1.0], taps, counted[::-1], axis=0) * (power / deviation)
+    directions = np.diag(fit.coordinates.slopes(fit.position))
+    ends: dict[tuple[int, int], Array] = {}
+    for block in tangent_blocks(
+        fit.simulator, fit.values, fit.states, directions, weighting.memory
+    ):
+        for channel, (taps, power) in enumerate(memories):
+            weight = weights[block.record][block.samples, channel][block.lead :, None]
+            deviation = float(weighting.deviation[channel])
+            whitened = weighting.whitened(block.tangent[:, channel, :n], channel)[block.lead :]
+            scaled = whitened * np.sqrt(weight) / deviation
+            own = scaled.T @ scaled
+            plain += own
+            curvature += slopes[channel] * own
+            place = (block.record, channel)
+            begin = ends.get(place, np.zeros((taps.size - 1, n)))
+            counted = whitened * (weight > 0) * (power / deviation**2)
+            # Its covariance with itself is that of the gradient but for the ends of a record.
+            spread, ends[place] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
             gradient += spread.T @ spread
     prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
     factor = root(plain + prior)
@@ -255,6 +255,22 @@ def effective_share(fit: Fit) -> float:
     ratios, _ = eigh(turned.T @ (gradient + prior) @ turned)
     inflation = float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-12)))))
     return 1.0 / max(inflation, 1.0)
+
+
+def _memories(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
+    """For each channel the filter that whitens its weighted residuals, and what that leaves."""
+    residuals = fit.residuals()
+    found = []
+    for channel in range(2):
+        series = [
+            weight[:, channel] * fit.weighting.whitened(residual[:, channel], channel)
+            for weight, residual in zip(weights, residuals, strict=True)
+        ]
+        taps = autoregression(series)
+        squares = [np.sum(signal.lfilter(taps, [1.0], each) ** 2) for each in series]
+        power = float(np.sqrt(np.sum(squares) / sum(each.size for each in series)))
+        found.append((taps, power))
+    return found
 
 
 def _mean_slope(weights: Sequence[Array]) -> float:

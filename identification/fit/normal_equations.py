@@ -12,17 +12,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.derivatives import Derivatives
 from identification.linear import eigh, least_squares, solution
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 from identification.work import TOUCH, charge
 
-__all__ = ["NormalEquations", "gradient_of", "normal_equations", "products", "state_precision"]
+__all__ = [
+    "NormalEquations",
+    "gradient_of",
+    "normal_equations",
+    "products",
+    "state_precision",
+]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +42,10 @@ _PASSES = 4.0
 
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest of the matrix."""
+
+
+_KEPT: Final = 100_000
+"""Samples of all records up to which their derivatives are kept; 8 MB for ten thousand."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +60,7 @@ class NormalEquations:
         couplings: For each record (n_state, n_parameter) X'J.
         state_gradients: For each record (n_state,).
         logged: For each record (n_sample, 2) what is simulated at this point.
-        tangents: For each record (n_sample, 2, n_parameter + n_state) its derivatives.
+        derivatives: Of what is simulated, by search coordinates and initial states.
     """
 
     matrix: Array
@@ -58,7 +70,7 @@ class NormalEquations:
     couplings: tuple[Array, ...]
     state_gradients: tuple[Array, ...]
     logged: tuple[Array, ...]
-    tangents: tuple[Array, ...]
+    derivatives: Derivatives
 
     @property
     def is_finite(self) -> bool:
@@ -85,25 +97,45 @@ class NormalEquations:
         """
         return self._solved(damping, position, coordinates, self.gradient, self.state_gradients)
 
-    def slopes(self, k: int, directions: Array) -> Array:
-        """Derivative of what record `k` logs, (n_sample, 2, n_lane), along directions.
+    def curved(
+        self,
+        directions: Sequence[Array],
+        changes: Sequence[Array],
+        probe: float,
+        weighting: Weighting,
+    ) -> tuple[list[Array], Array]:
+        """Gradient of the second derivative of what is simulated along directions.
 
         Args:
-            k: Number of the record.
-            directions: (n_parameter + n_state, n_lane).
+            directions: For each record (n_parameter + n_state, n_lane).
+            changes: For each record (n_sample, 2, n_lane) what is simulated so far along.
+            probe: How far, as a share of the directions.
+            weighting: Noise model.
+
+        Returns:
+            For each record (n_parameter + n_state, n_lane), and (n_lane,) whether it is finite.
         """
-        tangent = self.tangents[k]
-        rows, channels, size = tangent.shape
-        flat = tangent.reshape(rows * channels, size) @ directions
-        return np.asarray(flat.reshape(rows, channels, directions.shape[1]))
+        rights = [np.zeros(each.shape) for each in directions]
+        finite = np.ones(directions[0].shape[1], dtype=bool)
+        for block in self.derivatives.blocks(weighting.memory):
+            k, tangent = block.record, block.tangent
+            rows, channels, size = tangent.shape
+            slope = (tangent.reshape(rows * channels, size) @ directions[k]).reshape(
+                rows, channels, -1
+            )
+            known = self.logged[k][block.samples, :, None]
+            curve = 2.0 * (changes[k][block.samples] - known - probe * slope) / probe**2
+            finite &= np.isfinite(curve[block.lead :]).all(axis=(0, 1))
+            with np.errstate(invalid="ignore", over="ignore"):
+                rights[k] += gradient_of(curve, tangent, weighting, k, block.start, block.lead)
+        return rights, finite
 
     def bends(
         self,
         dampings: Array,
         position: Array,
         coordinates: Coordinates,
-        curves: Sequence[Array],
-        weighting: Weighting,
+        curved: Sequence[Array],
     ) -> list[tuple[Array, list[Array]]]:
         """What has to be added to steps so that they follow a curved valley to second order.
 
@@ -111,9 +143,7 @@ class NormalEquations:
             dampings: (n_lane,) damping of each step.
             position: (n_parameter,) where the steps start.
             coordinates: Bounds.
-            curves: For each record (n_sample, 2, n_lane) second derivative of what is simulated
-                along each step.
-            weighting: Noise model.
+            curved: For each record what `curved` says along each step.
 
         Returns:
             For each lane (n_parameter,) and for each record (n_state,).
@@ -123,9 +153,8 @@ class NormalEquations:
         """
         n = position.size
         gradient, state_gradients = np.zeros((n, dampings.size)), []
-        for k, curve in enumerate(curves):
-            with np.errstate(invalid="ignore", over="ignore"):
-                right = -0.5 * gradient_of(curve, self.tangents[k], weighting, k)
+        for k, each in enumerate(curved):
+            right = -0.5 * each
             coupled = self.couplings[k].T @ solution(self.state_matrices[k], right[n:])
             gradient += right[:n] - coupled
             state_gradients.append(right[n:])
@@ -200,13 +229,25 @@ def normal_equations(
         weighting: Noise model with its deviations.
     """
     n = position.size
-    values = coordinates.values(position)
-    slopes = coordinates.slopes(position)
-    logged, tangents = simulator.tangent(values, states, np.diag(slopes))
+    directions = np.diag(coordinates.slopes(position))
+    derivatives = Derivatives(simulator, coordinates.values(position), tuple(states), directions)
+    if sum(record.rows for record in simulator.records) <= _KEPT:
+        derivatives = derivatives.keeping()
+    size = n + simulator.n_state
+    fulls = [np.zeros((size, size)) for _ in states]
+    rights = [np.zeros(size) for _ in states]
+    logged = [np.empty((record.rows, 2)) for record in simulator.records]
+    for block in derivatives.blocks(weighting.memory):
+        k, samples = block.record, block.samples
+        residual = simulator.records[k].measured[samples] - block.logged
+        full, right = products(residual, block.tangent, weighting, k, block.start, block.lead)
+        fulls[k] += full
+        rights[k] += right
+        logged[k][samples] = block.logged
     information, gradient = np.zeros((n, n)), np.zeros(n)
     matrices, couplings, state_gradients = [], [], []
     for k, record in enumerate(simulator.records):
-        full, right = products(record.measured - logged[k], tangents[k], weighting, k)
+        full, right = fulls[k], rights[k]
         precision = state_precision(simulator, k)
         centre = initial_states(simulator.model, record)
         xx = full[n:, n:] + np.diag(precision)
@@ -232,18 +273,22 @@ def normal_equations(
         tuple(couplings),
         tuple(state_gradients),
         tuple(logged),
-        tuple(tangents),
+        derivatives,
     )
 
 
-def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> tuple[Array, Array]:
-    """J'WJ and J'Wr of one record.
+def products(
+    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
+) -> tuple[Array, Array]:
+    """J'WJ and J'Wr of a record, or of a block of it.
 
     Args:
         residual: (n_sample, 2) measured minus simulated.
         tangent: (n_sample, 2, n_direction) derivatives of what is simulated.
         weighting: Noise model with its deviations.
         k: Number of the record.
+        start: Its first sample here.
+        lead: Samples at the head that are whitened with the others and count in the block before.
 
     Returns:
         (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite
@@ -251,12 +296,13 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
     """
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)
-    weights = weighting.sample_weights(k)
+    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
     charge(_PASSES * TOUCH * tangent.size)
     for channel in range(2):
         root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
-        jacobian = weighting.whitened(tangent[:, channel, :], channel) * root[:, None]
-        target = weighting.whitened(residual[:, channel], channel) * root
+        white = weighting.whitened(tangent[:, channel, :], channel)[lead:]
+        jacobian = white * root[:, None]
+        target = weighting.whitened(residual[:, channel], channel)[lead:] * root
         # A model that runs away has tangents too large to square; infinity tells the caller.
         with np.errstate(over="ignore", invalid="ignore"):
             full += jacobian.T @ jacobian
@@ -264,18 +310,21 @@ def products(residual: Array, tangent: Array, weighting: Weighting, k: int) -> t
     return full, right
 
 
-def gradient_of(residual: Array, tangent: Array, weighting: Weighting, k: int) -> Array:
-    """J'WR of one record, (n_direction, ...), of residuals (n_sample, 2, ...).
+def gradient_of(
+    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
+) -> Array:
+    """J'WR of a block, (n_direction, ...), of residuals (n_sample, 2, ...).
 
     The other arguments are those of `products`.
     """
     right = np.zeros((tangent.shape[2], *residual.shape[2:]))
-    weights = weighting.sample_weights(k)
+    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
     charge(_PASSES * TOUCH * (tangent.size + residual.size))
     for channel in range(2):
         scale = weights[:, channel] / weighting.deviation[channel] ** 2
-        white = weighting.whitened(residual[:, channel], channel)
-        right += weighting.whitened(tangent[:, channel, :], channel).T @ (white.T * scale).T
+        white = weighting.whitened(residual[:, channel], channel)[lead:]
+        along = weighting.whitened(tangent[:, channel, :], channel)[lead:]
+        right += along.T @ (white.T * scale).T
     return right
 
 

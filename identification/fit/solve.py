@@ -106,17 +106,17 @@ class Fit:
         return self.coordinates.values(self.position)
 
     def light(self) -> Fit:
-        """The fit without the derivatives of every sample, which are most of its memory."""
-        return replace(self, equations=replace(self.equations, tangents=()))
+        """The fit without what is computed again where it is asked for, most of its memory."""
+        # A simulator keeps the rows that its loops read; a copy of it has none yet.
+        simulator = replace(self.simulator)
+        derivatives = replace(self.equations.derivatives, simulator=simulator, kept=None)
+        equations = replace(self.equations, derivatives=derivatives)
+        return replace(self, simulator=simulator, equations=equations)
 
     def full(self) -> Fit:
         """The fit with those derivatives."""
-        if self.equations.tangents:
-            return self
-        equations = normal_equations(
-            self.simulator, self.coordinates, self.position, self.states, self.weighting
-        )
-        return replace(self, equations=equations)
+        derivatives = self.equations.derivatives.keeping()
+        return replace(self, equations=replace(self.equations, derivatives=derivatives))
 
     def simulated(self) -> list[Array]:
         """For each record (n_sample, 2) what the sensors would log."""
@@ -219,13 +219,9 @@ def _bent(
         coordinates.values(at[:, None] + _PROBE * steps),
         [start[:, None] + _PROBE * move for start, move in zip(x0, moves, strict=True)],
     )
-    curves = []
-    for k, logged in enumerate(probe):
-        slope = equations.slopes(k, np.concatenate([steps, moves[k]]))
-        change = logged - equations.logged[k][:, :, None]
-        curves.append(2 * (change - _PROBE * slope) / _PROBE**2)
-    finite = np.all([np.isfinite(curve).all(axis=(0, 1)) for curve in curves], axis=0)
-    bends = equations.bends(ladder, at, coordinates, curves, weighting)
+    directions = [np.concatenate([steps, move]) for move in moves]
+    curved, finite = equations.curved(directions, probe, _PROBE, weighting)
+    bends = equations.bends(ladder, at, coordinates, curved)
     position, states = trial[0].copy(), [end.copy() for end in trial[1]]
     for lane in np.flatnonzero(finite):
         bend, state_bends = bends[lane]

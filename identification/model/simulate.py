@@ -2,7 +2,6 @@
 
     simulator = Simulator(model, records, values)
     simulator.logged(values, states)        what the sensors would log
-    simulator.tangent(values, states, ...)  and its exact derivative in given directions
 
 `values` are physical parameters, (n_parameter,) or (n_parameter, n_lane).
 """
@@ -28,8 +27,9 @@ from identification.model.division import (
     more_parts,
 )
 from identification.model.excitation import Record
-from identification.model.memory import memory_size, memory_start
+from identification.model.memory import memory_start
 from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
+from identification.model.rate import rate_of
 from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import (
     Plan,
@@ -39,39 +39,13 @@ from identification.model.step import (
 )
 from identification.model.weighting import Weighting
 
-__all__ = ["Simulator", "initial_states", "rate_of"]
+__all__ = ["Simulator", "initial_states"]
 
 Array = NDArray[np.float64]
 
 _SAMPLED: Final = 100
 _LOOKS: Final = 6
 _STRUCTURES: Final = 128
-
-
-def rate_of(
-    model: MotorModel, records: Sequence[Record], values: Array, states: Sequence[Array]
-) -> float:
-    """Largest spectral radius of h df/dx over the records, where `states` pass through [-].
-
-    Args:
-        model: The model.
-        records: What drives it.
-        values: (n_parameter,) physical.
-        states: For each record (n_point, n_state) states to look at.
-    """
-    largest = 0.0
-    for record, points in zip(records, states, strict=True):
-        rows = np.linspace(0, record.rows - 1, points.shape[0]).astype(int)
-        each = _rate_jacobian(model, points.shape[0])
-        columns = np.repeat(values[:, None], points.shape[0], axis=1)
-        found = np.asarray(each(points.T, record.inputs[rows].T, columns))
-        n = points.shape[1]
-        stack = found.reshape(n, points.shape[0], n).transpose(1, 0, 2)
-        stack = stack[np.isfinite(stack).all(axis=(1, 2))]
-        if stack.size:
-            radius = np.abs(np.linalg.eigvals(stack)).max()
-            largest = max(largest, float(radius) * record.interval)
-    return largest
 
 
 def initial_states(model: MotorModel, record: Record) -> Array:
@@ -121,15 +95,15 @@ class Simulator:
         return [divided(inputs, counts, self.model.held) for inputs, counts in pairs]
 
     @cached_property
-    def _begins(self) -> list[NDArray[np.intp]] | None:
+    def begins(self) -> list[NDArray[np.intp]] | None:
         """For each record the rows at which samples lie; None where every row is a sample."""
         return None if self.divisions is None else [begins(c) for c in self.divisions]
 
     def _sampled(self, rows: list[Array]) -> list[Array]:
         """Of arrays with a value for each part, those at the samples."""
-        if self._begins is None:
+        if self.begins is None:
             return rows
-        return [y[at] for y, at in zip(rows, self._begins, strict=True)]
+        return [y[at] for y, at in zip(rows, self.begins, strict=True)]
 
     def _shifted(self, inputs: Array) -> Array:
         """Inputs with the voltage as many samples ahead as the model asks."""
@@ -143,7 +117,7 @@ class Simulator:
             shifted[:, column] = inputs[rows, column]
         return shifted
 
-    def _carries(self, states: Sequence[Array], lanes: int) -> list[Array]:
+    def carries(self, states: Sequence[Array], lanes: int) -> list[Array]:
         """Carry before the first sample of each record (n_state + n_memory, n_lane)."""
         return [
             np.concatenate(
@@ -240,7 +214,7 @@ class Simulator:
             For each record (n_sample, 2, n_lane) [A, rad/s].
         """
         scan = _logged_scan(self.model, self.plan, effort)
-        carries = self._carries(states, values.shape[1])
+        carries = self.carries(states, values.shape[1])
         return self._sampled(scan(self.inputs, values, carries)[1])
 
     def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
@@ -255,7 +229,7 @@ class Simulator:
             weighting: Noise model; its deviations are not applied.
         """
         loop, rows = self._compared(weighting)
-        starts = self._carries(states, values.shape[1])
+        starts = self.carries(states, values.shape[1])
         own = starts[0].shape[0]
         sums = np.zeros((loop.scan.n_carry - own, values.shape[1]))
         finals, _ = loop.scan(rows, values, [np.concatenate([x, sums]) for x in starts])
@@ -317,34 +291,6 @@ class Simulator:
         carries = [_lanes(state, values.shape[1]) for state in states]
         return self._sampled(_states_scan(self.model, self.plan)(self.inputs, values, carries)[1])
 
-    def tangent(
-        self, values: Array, states: Sequence[Array], directions: Array
-    ) -> tuple[list[Array], list[Array]]:
-        """Logged channels and their derivatives, by parameters and by initial states.
-
-        The tangents come from CasADi's derivative of the very step that is simulated, so they are
-        those of the discrete model, exact to rounding.
-
-        Args:
-            values: (n_parameter,) physical.
-            states: For each record (n_state,).
-            directions: (n_parameter, n_direction) physical.
-
-        Returns:
-            For each record the logged channels (n_sample, 2) and their derivatives
-            (n_sample, 2, n_direction + n_state); the last are by the initial states.
-        """
-        n, m = self.n_state, directions.shape[1]
-        lanes = m + n
-        size = n + memory_size(self.model)
-        seeds = np.concatenate([directions, np.zeros((directions.shape[0], n))], axis=1)
-        parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
-        start = np.concatenate([np.zeros((size, m)), np.eye(size, n)], axis=1)
-        carries = [np.concatenate([carry, start]) for carry in self._carries(states, lanes)]
-        scan = _tangent_scan(self.model, self.plan)
-        outputs = self._sampled(scan(self.inputs, parameter, carries)[1])
-        return [y[:, :2, 0] for y in outputs], [y[:, 2:, :] for y in outputs]
-
 
 @lru_cache(_STRUCTURES)
 def _logged_scan(model: MotorModel, plan: Plan, effort: Effort) -> Scan:
@@ -369,30 +315,6 @@ def _errors_scan(model: MotorModel, plan: Plan) -> Scan:
     return scan_of(
         ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
     )
-
-
-@lru_cache(_STRUCTURES)
-def _tangent_scan(model: MotorModel, plan: Plan) -> Scan:
-    _, u, p = _symbols(model)
-    x = ca.SX.sym("x", len(model.state_names) + memory_size(model))
-    dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
-    both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
-    following, logged = step_function(model, plan)(x, u, p)
-    step = ca.Function(
-        "tangent",
-        [ca.vertcat(x, dx), u, ca.vertcat(p, dp)],
-        [
-            ca.vertcat(following, ca.jtimes(following, both, seeds)),
-            ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
-        ],
-    )
-    return scan_of(step, effort="some")
-
-
-@lru_cache(_STRUCTURES)
-def _rate_jacobian(model: MotorModel, points: int) -> ca.Function:
-    x, u, p = _symbols(model)
-    return ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)]).map(points)
 
 
 def _lanes(state: Array, count: int) -> Array:

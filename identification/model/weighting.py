@@ -57,6 +57,11 @@ class Weighting:
         """(2,) number of samples that count in each channel."""
         return np.asarray(np.sum([record.weight.sum(axis=0) for record in self.records], axis=0))
 
+    @property
+    def memory(self) -> int:
+        """Samples before one that its whitened residual depends on."""
+        return max(taps.size for taps in self.whitening) - 1
+
     def whitened(self, series: Array, channel: int) -> Array:
         """A series (n_sample, ...) through the whitening filter of a channel."""
         taps = self.whitening[channel]

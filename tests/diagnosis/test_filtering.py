@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from identification.diagnosis import smoothing
 from identification.diagnosis.deviation import Deviation, Piece, Structure
 from identification.diagnosis.filtering import likelihood
 from identification.diagnosis.smoothing import surprises, traces
@@ -105,8 +106,15 @@ def test_the_likelihood_is_that_of_the_dense_normal_law() -> None:
     np.testing.assert_allclose(found.covariance[0], covariance, rtol=1e-6)
 
 
-def test_the_traces_are_mean_and_deviation_of_the_dense_posterior() -> None:
-    """Conditional normal law of the disturbances, uncertain parameters included."""
+@pytest.mark.parametrize("rows", [7, 50_000])
+def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Conditional normal law of the disturbances, uncertain parameters included.
+
+    The law of a record does not know whether it is gone through at one time or in blocks of seven.
+    """
+    monkeypatch.setattr(smoothing, "_AT_ONCE", rows)
     deviation = system(2)
     known = likelihood(deviation, deviation.pieces, HYPER[:, None])
 

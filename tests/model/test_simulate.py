@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from identification.model.composite import MotorModel
+from identification.model.division import evenly
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.step import Plan
+from identification.model.tangent import tangent, tangent_blocks
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 from tests.motors import Motor, campaign, motor_named, noiseless
@@ -74,7 +76,7 @@ def test_tangents_are_derivatives_by_parameters_and_initial_states(name: str, ho
     """Expected are central differences, whose step is argued where they are computed."""
     simulator, values, states = case(CASES[name][0], hold, CASES[name][1], CASES[name][2])
 
-    _, tangents = simulator.tangent(values, states, np.eye(values.size))
+    _, tangents = tangent(simulator, values, states, np.eye(values.size))
 
     for row in range(tangents[0].shape[2]):
         expected = central_difference(simulator, values, states, row)
@@ -86,7 +88,7 @@ def test_tangents_come_with_the_simulation_itself() -> None:
     """Expected is the plain simulation of the same values."""
     simulator, values, states = case(SERVO, "foh", (), ())
 
-    logged, _ = simulator.tangent(values, states, np.eye(7))
+    logged, _ = tangent(simulator, values, states, np.eye(7))
 
     for ours, plain in zip(logged, simulator.logged(values[:, None], states), strict=True):
         np.testing.assert_allclose(ours, plain[:, :, 0], rtol=1e-12)
@@ -97,11 +99,31 @@ def test_a_tangent_in_a_direction_is_the_sum_of_its_parts() -> None:
     simulator, values, states = case(SERVO, "zoh", (), ())
     direction = np.linspace(-1.0, 1.0, 7) * values
 
-    _, single = simulator.tangent(values, states, np.eye(7))
-    _, mixed = simulator.tangent(values, states, direction[:, None])
+    _, single = tangent(simulator, values, states, np.eye(7))
+    _, mixed = tangent(simulator, values, states, direction[:, None])
 
     expected = single[0][:, :, :7] @ direction
     np.testing.assert_allclose(mixed[0][:, :, 0], expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("lead", [0, 4])
+@pytest.mark.parametrize("name", ["servo", "with a state"])
+def test_tangents_in_blocks_are_those_of_the_whole_record(name: str, lead: int, parts: int) -> None:
+    """A block goes on where the one before ended, so not one bit may differ; 120 samples in 17s."""
+    simulator, values, states = case(CASES[name][0], "zoh", CASES[name][1], CASES[name][2])
+    simulator = replace(
+        simulator, divisions=evenly([record.rows for record in simulator.records], parts)
+    )
+    logged, tangents = tangent(simulator, values, states, np.eye(values.size))
+    counted = np.zeros((2, 120))
+
+    for block in tangent_blocks(simulator, values, states, np.eye(values.size), lead, rows=34):
+        assert block.lead == (0 if block.start == 0 else lead)
+        assert np.array_equal(block.logged, logged[block.record][block.samples])
+        assert np.array_equal(block.tangent, tangents[block.record][block.samples])
+        counted[block.record, block.samples][block.lead :] += 1
+    assert (counted == 1).all()
 
 
 def uneven_weights(records: list[Record], seed: int) -> tuple[list[Record], tuple[Array, ...]]:
