@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import casadi as ca
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.deviation import Deviation, Piece, Structure
 from identification.linear import eigh
-from identification.model.scan import scan_of
+from identification.model.scan import Scan, scan_of
 
 __all__ = [
     "HYPER",
@@ -45,6 +46,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+_STRUCTURES: Final = 32
 
 HYPER: Final = (
     "keep_voltage", "drive_voltage", "keep_torque", "drive_torque",
@@ -181,6 +184,11 @@ def started(deviation: Deviation, piece: Piece, hyper: Array) -> Array:
     return packed
 
 
+@lru_cache(_STRUCTURES)
+def _filter_scan(structure: Structure) -> Scan:
+    return scan_of(_filter_step(structure))
+
+
 def _filter_step(structure: Structure) -> ca.Function:
     """Carry: packed covariance, means, sums of products of innovations, log of variances."""
     symbols = Symbols(structure)
@@ -235,7 +243,7 @@ def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> L
         rest = np.zeros((symbols.size * columns + pairs + 1, lanes))
         carries.append(np.concatenate([started(deviation, piece, hyper), rest]))
         rows.append(rows_of(piece))
-    finals, _ = scan_of(_filter_step(structure))(rows, hyper, carries)
+    finals, _ = _filter_scan(structure)(rows, hyper, carries)
     sums, logs = np.zeros((pairs, lanes)), np.zeros(lanes)
     for final, piece in zip(finals, pieces, strict=True):
         sums += final[own : own + pairs]

@@ -22,7 +22,11 @@ from emcee import moves
 from numpy.typing import NDArray
 
 from identification.posterior.checkpoint import Checkpoint
-from identification.posterior.convergence import Convergence, convergence_of
+from identification.posterior.convergence import (
+    Convergence,
+    autocorrelation_times,
+    convergence_of,
+)
 from identification.posterior.density import Posterior
 from identification.posterior.proposal import AlongRidge, Independent
 from identification.posterior.resume import chain_key, kept_backend, state_of
@@ -112,7 +116,7 @@ def sample(
     while done < min(most_steps, affordable):
         state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
         done += _CHUNK
-        tau = float(np.max(emcee.autocorr.integrated_time(sampler.get_chain(), tol=0)))
+        tau = float(np.max(autocorrelation_times(sampler.get_chain())))
         if progress is not None:
             goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
             progress(min(1.0, done / min(goal, most_steps, affordable)))

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.posterior.convergence import convergence_of, split_r_hat
+from identification.posterior.convergence import (
+    autocorrelation_times,
+    convergence_of,
+    split_r_hat,
+)
 
 Array = NDArray[np.float64]
 
@@ -33,6 +37,27 @@ def test_the_autocorrelation_time_is_that_of_the_process(pole: float) -> None:
     assert found.ess_min == pytest.approx(4000 * 32 / expected, rel=0.15)
     assert found.reached
     assert (found.walkers, found.steps, found.acceptance) == (32, 4000, 0.5)
+
+
+def test_walkers_that_stay_apart_have_a_time_as_long_as_the_chain() -> None:
+    """With a standard deviation of 3 apart and 1 within, the correlation stays at 9/10 for ever.
+
+    The biased estimate falls linearly, so that its sum is 0.9 of the length of the chain, of which
+    the window of five times takes all.
+    """
+    rng = np.random.default_rng(7)
+    chain = rng.standard_normal((400, 200, 1)) + 3.0 * rng.standard_normal((1, 200, 1))
+
+    assert autocorrelation_times(chain)[0] == pytest.approx(0.9 * 400, rel=0.05)
+
+
+def test_a_walker_that_never_moved_makes_no_time_unknown() -> None:
+    """One of 32 walkers stands still; the times of the others are a hundredth of the chain."""
+    chain = autoregressive(1000, 32, 0.5, seed=8)
+    chain[:, 0] = 0.0
+
+    assert 3.0 < autocorrelation_times(chain)[0] < 6.0
+    assert autocorrelation_times(np.ones((50, 8, 2))).tolist() == [50.0, 50.0]
 
 
 def test_a_chain_shorter_than_asked_says_so() -> None:
