@@ -10,7 +10,7 @@ from app.settings import Settings
 __all__ = ["unknown_variables"]
 
 # Variables of other commands, and the place of the files that hold settings.
-_OTHERS = ("MOTORID_KEY", "MOTORID_SECRETS_DIR", "MOTORID_TRACEBACK")
+_OTHERS = ("MOTORID_CACHE", "MOTORID_KEY", "MOTORID_SECRETS_DIR", "MOTORID_TRACEBACK")
 
 
 def unknown_variables(names: Iterable[str]) -> dict[str, str]:

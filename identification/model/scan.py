@@ -35,6 +35,7 @@ import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.kernels import keep, kept
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
 from identification.threads import threads
@@ -70,10 +71,15 @@ class Scan:
             in place of the parameters, and has no output.
         effort: How much the code is worked on: ``once`` for a loop that runs a few times, ``some``
             for one that runs in a fit, ``most`` for one that a sampler runs thousands of times.
+        key: Name under which its machine code is kept on disk; not kept where absent.
     """
 
     def __init__(
-        self, step: ca.Function, prepare: ca.Function | None = None, effort: Effort = "most"
+        self,
+        step: ca.Function,
+        prepare: ca.Function | None = None,
+        effort: Effort = "most",
+        key: str | None = None,
     ) -> None:
         self.n_carry, self.n_input, self.n_parameter = (step.size1_in(k) for k in range(3))
         self.n_output = step.size1_out(1)
@@ -88,7 +94,13 @@ class Scan:
         own = step.n_instructions()
         self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
-        self._engine, self._kernel = _compile(lower(step, prepare), effort)
+        code = kept(key) if key else None
+        if code is None:
+            self._engine, self._kernel, code = _compile(lower(step, prepare), effort)
+            if key:
+                keep(key, code)
+        else:
+            self._engine, self._kernel = _loaded(code)
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -173,7 +185,7 @@ def scan_of(step: ca.Function, prepare: ca.Function | None = None, effort: Effor
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     found = _cache.get(key)
     if found is None:
-        found = _cache[key] = Scan(step, prepare, effort)
+        found = _cache[key] = Scan(step, prepare, effort, key)
         while len(_cache) > _CACHE_SIZE:
             _cache.pop(next(iter(_cache)))
     return found
@@ -209,7 +221,7 @@ def _initialized() -> None:
 
 
 def _target(effort: Effort) -> llvm.TargetMachine:
-    """A new one for each kernel: the engine takes it over and frees it with itself."""
+    """A new one for each kernel: an engine takes it over and frees it with itself."""
     _initialized()
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
@@ -219,7 +231,9 @@ def _target(effort: Effort) -> llvm.TargetMachine:
     )
 
 
-def _compile(text: str, effort: Effort) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
+def _compile(
+    text: str, effort: Effort
+) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType, bytes]:
     """Machine code of one kernel; the engine owns it and has to live as long.
 
     CasADi's list of operations is already free of repetitions and dead code, so that the passes
@@ -234,6 +248,13 @@ def _compile(text: str, effort: Effort) -> tuple[llvm.ExecutionEngine, ctypes._C
         options.slp_vectorization = False
         passes = llvm.create_pass_builder(target, options)
         passes.getModulePassManager().run(module, passes)
-    engine = llvm.create_mcjit_compiler(module, target)
+    code = target.emit_object(module)
+    return *_loaded(code), code
+
+
+def _loaded(code: bytes) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
+    """A kernel from its machine code."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target("once"))
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine, _SIGNATURE(engine.get_function_address("scan"))

@@ -16,7 +16,7 @@ from typing import Final
 
 import llvmlite.binding as llvm
 
-__all__ = ["WIDTH", "vector_function"]
+__all__ = ["WIDTH", "vector_function", "vector_functions"]
 
 WIDTH: Final = 4
 """Lanes of one call."""
@@ -37,11 +37,12 @@ def vector_function(name: str) -> str | None:
     Args:
         name: Name of the function for one number: exp, log, sin, cos or pow.
     """
-    return _found().get(name)
+    return vector_functions().get(name)
 
 
 @functools.cache
-def _found() -> dict[str, str]:
+def vector_functions() -> dict[str, str]:
+    """Symbols by name of what this machine has; from then on code that calls them can be loaded."""
     if not llvm.get_host_cpu_features().get("avx2", False):
         return {}
     try:

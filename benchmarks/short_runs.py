@@ -1,0 +1,79 @@
+"""What fits of short records cost: a fleet of motors, one after another, each in its own process.
+
+    python -m benchmarks.short_runs [--motors 38] [--rows 370]
+
+Each motor is drawn at random, with one run that holds dry friction, and goes through the whole
+command: reading, search, posterior, report.  Compiled loops are kept in a directory that is empty
+at the beginning, so that the first motor pays for them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bench import MOTORS, make_campaign
+
+__all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Fit them, and print seconds of the wall clock and of processors, and memory."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--motors", type=int, default=38)
+    parser.add_argument("--rows", type=int, default=370, help="samples a run")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        files = [_written(number, options.rows, folder) for number in range(options.motors)]
+        spent = [_fitted(file, folder) for file in files]
+    walls, processors = np.array(spent).T
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(
+        f"{options.motors} motors of {options.rows} samples: {walls.sum():.0f} s; the first "
+        f"{walls[0]:.1f} s ({processors[0]:.1f} s of processors), the others in the median "
+        f"{np.median(walls[1:]):.1f} s ({np.median(processors[1:]):.1f} s); at most "
+        f"{memory:.0f} MB"
+    )
+
+
+def _written(number: int, rows: int, folder: Path) -> Path:
+    """One run of a motor, as a file."""
+    motor = sorted(MOTORS)[number % len(MOTORS)]
+    size = float(np.random.default_rng(number).uniform(0.01, 0.05))
+    measured = make_campaign(
+        motor, [("coulomb_friction", size)], seed=number, rows=rows, training=1, validation=1
+    )
+    path = folder / f"motor_{number}.csv"
+    measured.training[0].frame.to_csv(path, index=False, float_format="%.9g")
+    return path
+
+
+def _fitted(file: Path, folder: Path) -> tuple[float, float]:
+    """Seconds of the wall clock and of processors of one command."""
+    program = "from app.cli import main; main()"
+    command = [sys.executable, "-c", program, "fit", str(file), "--out", str(folder / file.stem)]
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(
+        command,
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"MOTORID_CACHE": str(folder / "loops")},
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - began, used
+
+
+if __name__ == "__main__":
+    main()
