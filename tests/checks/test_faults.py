@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from benchmarks.fault_table import FAULTS, Fault
 from benchmarks.faults import seen
+from identification.checks import check_runs
+from identification.ingest import Run, read_run
 
+DATA = Path(__file__).parents[2] / "data"
 MET = {
     "refuse": {"refuse"},
     "suspect": {"refuse", "suspect"},
@@ -30,3 +37,53 @@ def test_a_fault_is_found_and_its_correction_corrects_it(fault: Fault) -> None:
 def test_the_table_holds_more_than_25_kinds() -> None:
     """A fault in one run and in all runs is one kind."""
     assert len({fault.name for fault in FAULTS}) >= 25
+
+
+PAPER_RUNS = [read_run(DATA / "paper_motor" / f"training_{k}.csv") for k in (1, 2, 3, 5)]
+"""Runs of a motor whose friction keeps current and speed in proportion: R and K are not known
+from one of them, and only its inductance says that v and i belong together."""
+
+
+def flipped(run: Run, channel: str) -> Run:
+    """The run with the other sign of a channel."""
+    return replace(run, **{channel: -getattr(run, channel)})
+
+
+@pytest.mark.parametrize("channel", ["voltage", "current"])
+@pytest.mark.parametrize("k", range(len(PAPER_RUNS)))
+def test_reversed_sensor_of_a_motor_with_much_friction_is_refused(k: int, channel: str) -> None:
+    """The other sign makes L negative, which no delay does where R is negative as well."""
+    runs = [flipped(run, channel) if n == k else run for n, run in enumerate(PAPER_RUNS)]
+
+    (finding,) = check_runs(runs).findings
+
+    assert (finding.code, finding.severity) == ("reversed_channel", "refuse")
+    assert (finding.file, finding.column) == (runs[k].name, f"{channel}_{channel_unit(channel)}")
+
+
+def channel_unit(channel: str) -> str:
+    """Unit in the name of a column."""
+    return {"voltage": "V", "current": "A"}[channel]
+
+
+def test_reversed_speed_of_a_motor_with_much_friction_is_suspected() -> None:
+    """K w has no sign of its own there; that inertia and friction are negative has."""
+    runs = [flipped(run, "speed") for run in PAPER_RUNS]
+
+    found = check_runs(runs).findings
+
+    assert [(f.code, f.severity, f.column) for f in found] == [
+        ("reversed_channel", "suspect", "speed_rad_s")
+    ] * len(runs)
+    assert all("speed_rad_s=speed_rad_s * -1" in f.corrections[0] for f in found)
+
+
+def test_negative_inductance_by_a_late_current_is_no_reversed_sensor() -> None:
+    """A current logged 2.5 L/R late has the apparent inductance -1.5 L, and its resistance."""
+    run = read_run(DATA / "clean_servo" / "training_1.csv")
+    late = round(2.5 * 2.6e-3 / 1.1 / float(np.median(np.diff(run.time)))) + 1
+    delayed = replace(
+        run, current=np.concatenate([np.full(late, run.current[0]), run.current[:-late]])
+    )
+
+    assert not [f for f in check_runs([delayed]).findings if f.code == "reversed_channel"]
