@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import ComputationError, InputError, OptionError, Run, identify
+from identification import ComputationError, FitOptions, InputError, OptionError, Run, identify
 from identification.pipeline import _within_signs
 from tests.motors import campaign, motor_named
 
@@ -53,3 +53,17 @@ def test_draws_without_an_end_are_no_motor() -> None:
 
     with pytest.raises(ComputationError, match=r"posterior of Kt25 .* check the largest values"):
         _within_signs(draws)
+
+
+def test_what_the_nominal_model_lacks_is_a_warning_though_no_effect_was_searched() -> None:
+    """A brush drop of 0.5 V is some 20 times the noise; without it nothing is said."""
+    options = FitOptions(effects=False, posterior=False)
+    dropped = _with("voltage", RUN.voltage + 0.5 * np.sign(RUN.current))
+
+    sound, lacking = (
+        str(identify([run], (), options).result["warnings"]) for run in (RUN, dropped)
+    )
+
+    assert "times its noise" not in sound
+    assert "the current of the training runs is off by" in lacking
+    assert "and no effect was searched" in lacking

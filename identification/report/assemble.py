@@ -38,6 +38,7 @@ from identification.report.knowledge import (
 from identification.report.omitted import omitted_entries, omitted_warnings
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
+from identification.report.summary import NEAR_NOISE
 from identification.report.worse import worse_warnings
 
 __all__ = ["assemble"]
@@ -123,6 +124,8 @@ def _missed(findings: Findings) -> list[str]:
 
 def _missing(findings: Findings) -> list[str]:
     """What the final model leaves unexplained, and which run it is where it is one."""
+    if not findings.options.effects:
+        return _unsearched(findings)
     if findings.after is None or findings.left is None or not findings.after.missing:
         return []
     messages = []
@@ -139,6 +142,17 @@ def _missing(findings: Findings) -> list[str]:
                 )
     odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
     return (messages or [findings.after.sentence]) + odd
+
+
+def _unsearched(findings: Findings) -> list[str]:
+    """Channels off by more than their noise where no effect was searched."""
+    return [
+        f"the {channel} of the {role} runs is off by {entry['noise_ratio']:.3g} times its noise: "
+        "the model lacks something, which its parameters make up for, and no effect was searched"
+        for role, simulated in findings.simulated["after"].items()
+        for channel, entry in (_errors(simulated, findings.noise) or {}).items()
+        if (entry["noise_ratio"] or 0.0) > NEAR_NOISE
+    ]
 
 
 def _worse(findings: Findings) -> list[str]:

@@ -16,12 +16,13 @@ from identification.report.numbers import (
 )
 from identification.report.result import known_only_from
 
-__all__ = ["KeyFigure", "key_figures", "summary_sentences"]
+__all__ = ["NEAR_NOISE", "KeyFigure", "key_figures", "summary_sentences"]
 
 Entry = Mapping[str, Any]
 
 _DOWN_TO_NOISE = 1.02
-_NEAR_NOISE = 1.10
+NEAR_NOISE = 1.10
+"""Simulation error over the noise above which a model lacks something."""
 _NAMED = 2
 _HALF = 0.5
 """Error over the movement of a channel from which no noise ratio makes a fit good."""
@@ -230,9 +231,9 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
             "the training runs are explained, so the validation runs hold something that none of "
             "them does, in the motor, its load or a sensor"
         )
-    if worst > _NEAR_NOISE and (failed or not remaining):
+    if worst > NEAR_NOISE and (failed or not remaining):
         return "something is at work that the model does not contain, in the motor or in a sensor"
-    if worst <= _NEAR_NOISE and coloured:
+    if worst <= NEAR_NOISE and coloured:
         # Where the noise is estimated from the same residuals, a ratio of 1 proves nothing.
         return (
             f"yet the residual of {_list(coloured)} is not white, so either the sensor is slow or "
@@ -240,9 +241,9 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
         )
     if failed:
         return "yet the training runs are not explained to their noise"
-    if worst <= (_NEAR_NOISE if remaining else _DOWN_TO_NOISE):
+    if worst <= (NEAR_NOISE if remaining else _DOWN_TO_NOISE):
         return "that is as close as the sensors can tell"
-    if worst <= _NEAR_NOISE:
+    if worst <= NEAR_NOISE:
         return "a small part of the error is more than sensor noise"
     return "that is within what so few samples scatter"
 
@@ -352,5 +353,5 @@ def _tone(ratio: float | None, is_coloured: bool) -> str:
     if ratio is None:
         return "plain"
     if is_coloured:
-        return "fair" if ratio <= _NEAR_NOISE else "bad"
-    return "good" if ratio <= _DOWN_TO_NOISE else "fair" if ratio <= _NEAR_NOISE else "bad"
+        return "fair" if ratio <= NEAR_NOISE else "bad"
+    return "good" if ratio <= _DOWN_TO_NOISE else "fair" if ratio <= NEAR_NOISE else "bad"
