@@ -56,7 +56,7 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
         "begun": _when(fit.created_at),
         "percent": f"{100 * fit.progress.fraction:.0f} %",
         "took": took,
-        "options": {name: _option(value) for name, value in fit.options.items()},
+        "options": {name: _option(value) or _NONE for name, value in fit.options.items()},
     }
 
 
@@ -139,7 +139,7 @@ def _option(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return ", ".join(str(part) for part in value)
-    return str(value)
+    return _NONE if value is None else str(value)
 
 
 def _duration(seconds: float) -> str:

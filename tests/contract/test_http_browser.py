@@ -72,7 +72,7 @@ def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) ->
 
     assert_is_quiet(shown, bench.server)
     assert {a.partition("?")[0].removeprefix(bench.server.url) for a in shown.requests} >= {
-        "/", "/static/motorid.css", "/static/home.js", "/static/calls.js",
+        "/", "/static/motorid.css", "/static/home.js", "/static/calls.js", "/static/words.js",
     }  # fmt: skip
     assert len(re.findall(r'<tr data-run="', shown.dom)) == 2
     assert len(re.findall(r'<tr data-fit="', shown.dom)) == SEVERAL + 1
@@ -80,6 +80,8 @@ def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) ->
     assert f'href="/api/v1/batches/{bench.batch}/report"' in shown.dom
     assert f'href="/api/v1/batches/{bench.batch}/results.csv"' in shown.dom
     assert "&lt;b&gt;refit" in shown.dom
+    for field in ("known", "nameplate", "contradicting", "effort"):
+        assert f'name="{field}"' in shown.dom
 
 
 def test_page_of_a_fit_shows_its_parameters(bench: Bench, tmp_path: Path) -> None:

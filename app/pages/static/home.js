@@ -1,6 +1,7 @@
 // The first page: uploads runs, chooses which to fit, starts fits and watches them.
 
 import { call, hasEnded, showBatch, showProgress, wireEnds } from "/static/calls.js";
+import { knownWords, list } from "/static/words.js";
 
 const WATCH_MS = 1000;
 
@@ -93,10 +94,6 @@ function showChoice() {
   document.getElementById("chosen").textContent = text;
 }
 
-function list(text) {
-  return text.split(/[\s;]+|,\s+/).filter((part) => part !== "");
-}
-
 function request() {
   const ids = (role) => chosen(role).map((row) => row.dataset.run);
   const field = fit.elements;
@@ -109,9 +106,12 @@ function request() {
       posterior: field.posterior.checked,
       effects: field.effects.checked,
       hold: field.hold.value,
+      effort: field.effort.value,
+      set_aside: field.contradicting.value === "set_aside",
+      force: field.contradicting.value === "force",
       temperatures: list(field.temperatures.value.replaceAll(",", " ")).map(Number),
       controllers: list(field.controllers.value),
-      known: list(field.known.value),
+      known: knownWords(field.known.value),
       nameplate: field.nameplate.value.trim(),
       seed: Number(field.seed.value),
     },

@@ -57,6 +57,18 @@ def test_runs_of_a_fit_are_shown_by_name_where_it_is_known() -> None:
     assert (shown["training"], shown["validation"]) == (["a.csv"], ["run_x"])
 
 
+def test_option_that_was_not_given_is_a_dash() -> None:
+    """No time limit, no known value, no nameplate; 0 and False are values."""
+    given: dict[str, object] = {"time_limit": None, "known": [], "nameplate": ""}
+    options = given | {"seed": 0, "force": False}
+
+    shown = fit_view(FitSummary.model_validate(FIT | {"options": options}), {})["options"]
+
+    assert shown == {
+        "time_limit": "–", "known": "–", "nameplate": "–", "seed": "0", "force": "no",
+    }  # fmt: skip
+
+
 def test_parameter_shows_two_digits_of_its_spread() -> None:
     """1.09999 with a standard deviation of 5e-5 has digits to 1e-5 and no more."""
     entry = {"median": 1.0999912, "q05": 1.0999112, "q95": 1.1000672, "sd": 5e-5, "unit": "ohm"}
