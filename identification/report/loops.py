@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from identification.report.numbers import Interval, interval_text, number_text, unit_text
+from identification.report.numbers import UNKNOWN, Interval, interval_text, number_text, unit_text
 
-__all__ = ["METRICS", "LoopComparison", "loop_comparisons"]
+__all__ = ["METRICS", "LoopComparison", "loop_comparisons", "metric_text"]
 
 Entry = Mapping[str, Any]
 
@@ -28,6 +28,10 @@ _TOLD: Final = {
     "feedback": "final model",
     "feedback_nonlinear": "simulated with its effects",
 }
+
+
+_MOST: Final = 0.5
+"""Share of the draws that speaks for all."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +78,9 @@ def _comparison(controller: str, result: Entry, told: Mapping[str, str]) -> Loop
     for metric, label in METRICS.items():
         entries = [cell.get(metric) for cell in cells]
         known = [entry for entry in entries if entry is not None]
-        if any(entry["median"] is not None for entry in known):
+        if any(metric_text(entry).median != UNKNOWN for entry in known):
             unit = unit_text(known[0]["unit"])
-            rows.append((label, unit, tuple(_interval(entry) for entry in entries)))
+            rows.append((label, unit, tuple(metric_text(entry) for entry in entries)))
     return LoopComparison(
         controller=controller,
         temperatures=tuple(f"{t:g} °C" for t in temperatures),
@@ -101,7 +105,10 @@ def _remark(simulated: Sequence[Entry]) -> str:
     )
 
 
-def _interval(entry: Entry | None) -> Interval:
+def metric_text(entry: Entry | None) -> Interval:
+    """A metric as the report writes it; a margin that nothing uses up is infinite."""
     if entry is None:
         return interval_text(None, None, None)
+    if entry["median"] is None and entry.get("infinite_fraction", 0.0) > _MOST:
+        return Interval("infinite", UNKNOWN, UNKNOWN, "")
     return interval_text(entry["median"], entry["q05"], entry["q95"])

@@ -11,7 +11,7 @@ import numpy as np
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.quantities import DECLARED_PARAMETERS
 from identification.report.data import ReportData, RunTraces
-from identification.report.loops import METRICS
+from identification.report.loops import METRICS, metric_text
 from identification.report.numbers import (
     UNKNOWN,
     Interval,
@@ -157,7 +157,7 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
             key=lambda entry: float(entry["temperature_degC"]),
         )
         rows = tuple(
-            (label, _metric_unit(entries[0][key]), tuple(_interval(e[key]) for e in entries))
+            (label, _metric_unit(entries[0][key]), tuple(metric_text(e[key]) for e in entries))
             for key, label in METRICS.items()
             if all(entry.get(key) is not None for entry in entries)
         )

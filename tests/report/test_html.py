@@ -188,6 +188,21 @@ def test_the_story_of_an_effect_is_told_only_where_there_is_one(
     assert words not in Page(clean).text
 
 
+def test_table_of_candidates_that_were_not_fitted_is_left_out(make_report: MakeReport) -> None:
+    """A head without a row tells nothing; the names of what was screened do."""
+    data = make_report(rows=300, with_effect=True)
+    assert data.story is not None
+    screened = tuple(
+        replace(candidate, verdict="ruled out", explained=None)
+        for candidate in data.story.candidates
+    )
+
+    words = Page(render_report(replace(data, story=replace(data.story, candidates=screened)))).text
+
+    assert "Explains of the squared residual" not in words
+    assert "Screened, and not fitted since" in words
+
+
 def test_every_picture_has_a_name_and_a_description(told: str) -> None:
     """What a screen reader says in place of the picture; identifiers are unique."""
     elements = Page(told).elements

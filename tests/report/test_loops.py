@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from identification.report.data import ReportData
-from identification.report.loops import loop_comparisons
+from identification.report.loops import loop_comparisons, metric_text
 
 
 @pytest.fixture
@@ -53,3 +53,12 @@ def test_effects_of_the_log_leave_two_columns(result: dict[str, Any]) -> None:
 
     assert comparison.ways == ("declared model", "final model")
     assert comparison.remark == ""
+
+
+def test_margin_that_no_gain_uses_up_is_infinite_and_no_dash() -> None:
+    """As the command line says it; a metric that does not exist has no infinite draws."""
+    nothing = {"median": None, "q05": None, "q95": None}
+
+    assert metric_text(nothing | {"infinite_fraction": 1.0}).median == "infinite"
+    assert metric_text(nothing | {"infinite_fraction": 0.2}).median == "–"
+    assert metric_text(nothing).median == "–"

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from identification.report.data import PosteriorChain
+from identification.report.figures.corner import corner_figure
 from identification.report.svg import Frame, axes, band, line, span, svg, text, tick_words, ticks
 
 FRAME = Frame((10.0, 20.0, 100.0, 50.0), (0.0, 10.0), (-1.0, 1.0))
@@ -93,3 +95,17 @@ def test_axes_without_a_label_below_have_no_numbers_there() -> None:
 
     assert "tick mid" in labelled
     assert "tick mid" not in bare
+
+
+def test_names_of_many_parameters_do_not_run_into_each_other() -> None:
+    """14 panels of 69 units; a bold letter of 12 px is some 7 wide."""
+    names = ("Ra25", *(f"brush_drop.{n}" for n in ("voltage", "knee", "sharpness")), "noise_speed")
+    names += tuple(f"shaft_compliance.{n}" for n in "abcdefgh") + ("noise_current_A",)
+    chain = np.random.default_rng(1).standard_normal((30, 8, len(names)))
+
+    drawing = corner_figure(PosteriorChain(names, ("V",) * len(names), chain))
+
+    shown = re.findall(r'class="label mid strong"[^>]*>([^<]*)</text>', drawing)
+    assert len(shown) == 2 * len(names) - 1
+    assert "voltage" in shown
+    assert max(len(word) for word in shown) * 7 < 880 / len(names) + 6

@@ -21,6 +21,8 @@ _LEFT, _BOTTOM, _GAP = 92.0, 58.0, 6.0
 _SHARES = (0.9, 0.5)
 _DIGIT = 5.8
 """Width of a digit of a tick, in drawing units."""
+_LETTER = 7.6
+"""Width of a bold letter of a name, in drawing units."""
 _LONGEST = 14
 
 
@@ -49,13 +51,14 @@ def corner_figure(posterior: PosteriorChain) -> str:
             )
             body.append(_panel(box, draws, limits, row, column))
     side = len(names) * (size + _GAP)
+    room = min(int((size + _GAP) / _LETTER), _LONGEST)
     for index, (name, unit, power) in enumerate(zip(names, units, powers, strict=True)):
         unit = scaled_unit(unit, power)
         centre = index * (size + _GAP) + size / 2
-        body.append(text(_LEFT + centre, side + 36, _shown(name), "label mid strong"))
+        body.append(text(_LEFT + centre, side + 36, _shown(name, room), "label mid strong"))
         body.append(text(_LEFT + centre, side + 50, unit, "tick mid"))
         if index:
-            body.append(text(14, 4.0 + centre, _shown(name), "label mid strong", turned=True))
+            body.append(text(14, 4.0 + centre, _shown(name, room), "label mid strong", turned=True))
             body.append(text(27, 4.0 + centre, unit, "tick mid", turned=True))
     return svg(
         _LEFT + side,
@@ -145,10 +148,11 @@ def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
     return single
 
 
-def _shown(name: str) -> str:
-    """The name without the unit at its end, which stands beside it, and short enough to fit."""
+def _shown(name: str, room: int) -> str:
+    """The name in so many letters: without the unit at its end, then without its effect."""
     bare = name.removesuffix("_A").removesuffix("_rad_s")
-    return bare if len(bare) <= _LONGEST else f"{bare[: _LONGEST - 1]}…"
+    bare = bare if len(bare) <= room else bare.rpartition(".")[2]
+    return bare if len(bare) <= room else f"{bare[: room - 1]}…"
 
 
 def _spread_rows(size: int, most: int) -> NDArray[np.int_]:
