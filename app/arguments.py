@@ -5,6 +5,7 @@
 --controller P:1 PI:2,0.5
 --set Ra25=0.59 Kt25=0.071
 --known Kt25=0.048+-5% L=2.9e-3
+--nameplate voltage=12 no_load_speed=3000rpm
 --map 'current_A=CH2 * 2.5 + 0.1 in mA'
 --map 'run3.csv:current_A=CH2 * -1'     of that file alone
 """
@@ -48,6 +49,7 @@ class SeveralWords(typer.core.TyperCommand):
         "--temperature": _is_number,
         "--controller": lambda word: re.match(r"(?i)[a-z]{1,3}:", word) is not None,
         "--known": lambda word: re.match(r"\w+=", word) is not None,
+        "--nameplate": lambda word: re.match(r"\w+=", word) is not None,
         "--set": lambda word: re.match(r"\w+=", word) is not None,
     }
 

@@ -44,7 +44,10 @@ _NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _FORM: Final = re.compile(
     rf"\s*(\w+)\s*=\s*({_NUMBER})\s*(?:(?:\+-|±)\s*({_NUMBER})\s*(%?)\s*)?", re.ASCII
 )
-_EXPECTED: Final = "expected NAME=VALUE, NAME=VALUE+-SPREAD or NAME=VALUE+-PERCENT%, in SI units"
+_EXPECTED: Final = (
+    "expected NAME=VALUE, NAME=VALUE+-SPREAD or NAME=VALUE+-PERCENT%, each a word of its own, with "
+    "a decimal point and without a unit"
+)
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,8 @@ def _prior(word: str) -> Prior:
         raise _refusal(word, f"there is no parameter {name[:60]!r}; expected one of {names}")
     match = _FORM.fullmatch(word)
     if match is None:
-        raise _refusal(word, _EXPECTED)
+        unit = DECLARED_PARAMETERS[name].unit
+        raise _refusal(word, f"{_EXPECTED}; {name} is in {unit}")
     value = float(match[2])
     prior = Prior(name, value, _spread(value, match[3], match[4]))
     _check_value(word, prior)
@@ -149,7 +153,7 @@ def _check_spread(word: str, prior: Prior, *, is_given: bool) -> None:
     least, most = (_NARROWEST, _WIDEST) if prior.is_size else _SLOPE_SPREADS
     if not least <= share <= most:
         limits = (
-            f"from {100 * least:g} to {100 * most:g} % of the value"
+            f"from {100 * least:g} to {100 * most:g} % of the value (per cent need a % behind)"
             if prior.is_size
             else f"from {least:g} to {most:g} {prior.unit}"
         )

@@ -128,7 +128,10 @@ def _data(text: str) -> dict[str, float]:
     for part in filter(None, (part.strip() for part in re.split("[,;]", text))):
         key, equals, word = (piece.strip() for piece in part.partition("="))
         if not equals or key not in KEYS:
-            raise _refusal(part, f"expected KEY=VALUE with a key of {', '.join(KEYS)}")
+            raise _refusal(
+                part,
+                f"expected KEY=VALUE with a key of {', '.join(KEYS)}; numbers have a decimal point",
+            )
         if key in data:
             raise _refusal(part, f"{key} is given twice; keep one")
         data[key] = _value(part, word, KEYS[key])
@@ -166,18 +169,26 @@ def _check(text: str, data: Mapping[str, float]) -> None:
 
 
 def _check_constants(text: str, data: Mapping[str, float], found: Nameplate) -> None:
-    """Refuse a torque constant by the speed that is another one than by the stall torque."""
-    stall, torque = data.get("stall_current"), data.get("stall_torque")
-    if stall is None or torque is None or found.constant is None:
+    """Refuse a torque constant by the speed that is another one than by a torque.
+
+    The rated torque tells it only where the no-load current is known, which is a large part of a
+    small motor's rated one.
+    """
+    if found.constant is None:
         return
-    ratio = torque / (stall - data.get("no_load_current", 0.0)) / found.constant
-    if not 1.0 / _APART < ratio < _APART:
-        raise _refusal(
-            text,
-            f"the torque constant by the stall torque is {ratio:.3g} times that by the no-load "
-            "speed; expected the same: check the units; of a speed in rpm write rpm behind "
-            "the number, of a torque in mN m write mNm",
-        )
+    idle = data.get("no_load_current")
+    for point, least in (("stall", 0.0 if idle is None else idle), ("rated", idle)):
+        torque, current = data.get(f"{point}_torque"), data.get(f"{point}_current")
+        if torque is None or current is None or least is None:
+            continue
+        ratio = torque / (current - least) / found.constant
+        if not 1.0 / _APART < ratio < _APART:
+            raise _refusal(
+                text,
+                f"the torque constant by the {point} torque is {ratio:.3g} times that by the "
+                "no-load speed; expected the same: check the units; of a speed in rpm write rpm "
+                "behind the number, of a torque in mN m write mNm",
+            )
 
 
 def _derived(data: Mapping[str, float]) -> Nameplate:

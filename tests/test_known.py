@@ -50,6 +50,10 @@ def test_known_value_is_read_as_it_is_written(
         (["Kt25=0.048+-"], "expected NAME=VALUE"),
         (["Kt25=0.048+-5%%"], "expected NAME=VALUE"),
         (["Kt25=nan"], "expected NAME=VALUE"),
+        (["Kt25=0,048"], "with a decimal point and without a unit; Kt25 is in N m/A"),
+        (["L=2.9mH"], "without a unit; L is in H"),
+        (["Kt25=0.048,L=2.9e-3"], "each a word of its own"),
+        (["Kt25=0.048+-5"], "per cent need a % behind"),
         (["Kt25=0.048\n"], None),
         (["Kt25=-0.048"], "-0.048 N m/A is no Kt25; expected a positive number"),
         (["J=0"], "0 kg m\\^2 is no J; expected a positive number"),
@@ -177,12 +181,28 @@ def test_revolutions_a_minute_are_turned_into_radians() -> None:
             "voltage=12,no_load_speed=3000,no_load_current=0.2,stall_current=4,stall_torque=0.15",
             "10.4 times .* write rpm behind",
         ),
+        (
+            "voltage=12,no_load_speed=3000rpm,no_load_current=0.2,stall_current=4,"
+            "rated_current=1.2,rated_torque=38",
+            "by the rated torque is 1.05e\\+03 times .* write mNm",
+        ),
+        (
+            "voltage=12,5,no_load_speed=3000rpm",
+            "'5': expected KEY=VALUE .* numbers have a decimal point",
+        ),
     ],
 )
 def test_nameplate_that_is_none_is_refused_with_what_was_expected(text: str, said: str) -> None:
     """The message has the part, its fault and what would do."""
     with pytest.raises(OptionError, match=said):
         FitOptions(nameplate=text)
+
+
+def test_rated_torque_is_no_contradiction_where_the_current_without_load_is_unknown() -> None:
+    """Half of 1.2 A may be without load: Kt is twice 12 mN m / 1.2 A then."""
+    plate = nameplate_of("voltage=12,no_load_speed=600,rated_current=1.2,rated_torque=11mNm")
+
+    assert plate.constant == pytest.approx(0.02)
 
 
 def test_known_value_goes_before_the_nameplate() -> None:

@@ -54,6 +54,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
         _shifted(result),
         _quality(result, coloured),
         _identified(result),
+        _given(result),
         _loop(result),
     ]
     return [sentence for sentence in sentences if sentence]
@@ -271,6 +272,15 @@ def _identified(result: Entry) -> str:
             f"{'it' if len(unknown) == 1 else 'them'} is not a measurement."
         )
     return f"All {len(entries)} parameters are determined by the data."
+
+
+def _given(result: Entry) -> str:
+    """Values of the user that are in the intervals, beside what the runs say."""
+    entries: Entry = result["parameters"]
+    used = [name for name, entry in entries.items() if (entry.get("prior") or {}).get("used")]
+    if not used:
+        return ""
+    return f"The values given for {_list(used)} were used, and the intervals include them."
 
 
 def _loop(result: Entry) -> str:

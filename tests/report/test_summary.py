@@ -182,3 +182,17 @@ def test_a_loop_that_does_not_need_what_is_unknown_is_told(result: dict[str, Any
     assert "takes the final value from" in told
     assert "the rise time from" in told
     assert "these runs do not determine" not in told
+
+
+@pytest.mark.parametrize("is_used", [True, False])
+def test_values_that_were_used_are_named(result: dict[str, Any], is_used: bool) -> None:
+    """An interval that a given value made narrow is not the work of the runs alone."""
+    for name in ("Kt25", "J"):
+        result["parameters"][name]["prior"] = {
+            "value": 0.07, "sd": 7e-4, "origin": "--known", "used": is_used,
+            "identified_by_runs": True,
+        }  # fmt: skip
+
+    words = " ".join(summary_sentences(result))
+
+    assert ("The values given for Kt25 and J were used" in words) is is_used

@@ -92,7 +92,7 @@ def test_all_ways_refuse_with_the_same_words(
 def test_words_of_the_command_line_reach_the_result(run_files: list[Path], tmp_path: Path) -> None:
     """Several words behind one option, and another one of the same name."""
     words = ["--known", *KNOWN, "--known", "J=1e-4+-10%", "--nameplate", "voltage=24"]
-    words += ["--nameplate", "stall_current=40"]
+    words += ["stall_current=40"]
 
     assert main(["fit", *map(str, run_files[:2]), *words, "--out", str(tmp_path), *FAST]) == 0
 
