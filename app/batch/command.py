@@ -85,7 +85,7 @@ def run_batch(
     if show.as_json:
         console.print_json(rows)
     elif not show.quiet:
-        console.print_rows(["motor", "status", *DECLARED_PARAMETERS], rows)
+        console.print_rows(["motor", "status", *DECLARED_PARAMETERS, "warnings"], rows)
     failed = [refit.motor for refit in batch.refits if refit.status == "failed"]
     if failed:
         raise ComputationError(

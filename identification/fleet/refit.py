@@ -57,6 +57,7 @@ class Refit:
         fit: Id or place of the fit.
         ended_at: When it ended, UTC, ISO 8601.
         error: Why there is no result.
+        warnings: Those of the result, in its order.
         previous: The refit of the same motor before this one.
         link: Where its report is, as an address relative to the page; empty where there is none.
     """
@@ -70,6 +71,7 @@ class Refit:
     fit: str = ""
     ended_at: str | None = None
     error: str = ""
+    warnings: tuple[str, ...] = ()
     previous: Refit | None = None
     link: str = ""
 
@@ -114,6 +116,7 @@ def refit_of(
         ),
         fit=fit,
         ended_at=ended_at,
+        warnings=tuple(str(warning) for warning in result.get("warnings") or ()),
         link=link,
     )
 

@@ -72,6 +72,8 @@ COLUMNS: dict[str, tuple[type, str]] = {
     "previous_effects": (str, ""),
     "previous_shared_runs": (int, ""),
     "error": (str, ""),
+    "warnings": (int, ""),
+    "first_warning": (str, ""),
 }
 """Columns in order, with the type of their cells and their unit."""
 
@@ -146,6 +148,8 @@ def _row(refit: Refit, changes: Mapping[str, Drift]) -> Row:
         "previous_effects": " ".join(before.effects) if before else None,
         "previous_shared_runs": len({*refit.training} & {*before.training}) if before else None,
         "error": refit.error or None,
+        "warnings": len(refit.warnings) if refit.estimates else None,
+        "first_warning": refit.warnings[0] if refit.warnings else None,
     }
 
 

@@ -94,3 +94,14 @@ def test_page_holds_names_as_text_and_no_address_of_another() -> None:
     assert "http" not in text.replace("http-equiv", "").replace("http://www.w3.org", "")
     assert "script" not in content_security_policy()
     assert content_security_policy().startswith("default-src 'none'; style-src 'sha256-")
+
+
+def test_first_warning_of_a_motor_stands_in_its_row() -> None:
+    """Escaped, with their number; a motor without one has none."""
+    refits = fleet(2)
+    warned = dataclasses.replace(refits[0], warnings=("Kt25 <7> by --known", "a gap"))
+
+    text = page([warned, refits[1]])
+
+    assert text.count("2 warnings: Kt25 &lt;7&gt; by --known") == 1
+    assert "0 warnings" not in text

@@ -67,6 +67,20 @@ def test_noise_ratios_and_effects_come_from_the_final_model() -> None:
     assert row["effects"] == "brush_drop coulomb_friction"
 
 
+def test_first_warning_and_their_number_are_in_the_row() -> None:
+    """A known value that the runs contradict is said first; a motor without a result has none."""
+    result = {"parameters": {"J": {"median": 1e-4}}, "warnings": ["Kt25 is 7 by --known", "gap"]}
+
+    said, silent, failed = rows_of(
+        [refit_of("m", "fitted", result), refit_of("n", "fitted", result | {"warnings": []}),
+         Refit("o", "failed", error="no")]
+    )  # fmt: skip
+
+    assert (said["warnings"], said["first_warning"]) == (2, "Kt25 is 7 by --known")
+    assert (silent["warnings"], silent["first_warning"]) == (0, None)
+    assert (failed["warnings"], failed["first_warning"]) == (None, None)
+
+
 def test_runs_that_both_refits_share_are_counted() -> None:
     """Shared runs are shared noise, which the combined standard deviation does not know."""
     refit = fleet(1)[0]
