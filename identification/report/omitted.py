@@ -61,7 +61,8 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
     names = ", ".join(term.name for term in omitted[:_NAMED])
     names += f" and {len(omitted) - _NAMED} more" if len(omitted) > _NAMED else ""
     return [
-        "the residual holds structure that no effect explains: terms promise more than chance but "
-        f"pass no criterion ({names}); the intervals include what such a term could change, "
-        f"most of all {most} by {100 * shares[most]:.3g} % (one standard deviation)"
+        "the residual holds structure that no effect explains: adding a term would improve the fit "
+        f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
+        "include what such a term could change, which is most for "
+        f"{most}: {100 * shares[most]:.3g} % of its value (one standard deviation)"
     ]

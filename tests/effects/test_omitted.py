@@ -25,6 +25,7 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
+from identification.report.omitted import omitted_warnings
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -132,3 +133,15 @@ def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) 
     assert [name for name in ("Ra25", "Kt25", "J", "b", "L") if known[name]] == ["Kt25"]
     np.testing.assert_allclose(draws["Ra25"] * draws["J"], np.prod(clean.values[[0, 4]]), rtol=0.05)
     assert np.log(draws["Ra25"]).std() == pytest.approx(np.log(2.0), rel=0.03)
+
+
+def test_warning_names_the_terms_and_the_parameter_they_change_most(
+    rubbing: tuple[Fit, dict[str, float]],
+) -> None:
+    """Dry friction is taken for viscous friction: b is what it changes most."""
+    fit, _ = rubbing
+
+    (message,) = omitted_warnings(fit, left_out(fit))
+
+    assert "none passes the acceptance criteria (coulomb_friction" in message
+    assert "which is most for b: " in message
