@@ -67,3 +67,19 @@ def test_what_the_nominal_model_lacks_is_a_warning_though_no_effect_was_searched
     assert "times its noise" not in sound
     assert "the current of the training runs is off by" in lacking
     assert "and no effect was searched" in lacking
+
+
+def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:
+    """Six single samples 5 A off, some 200 times the noise; two in a row are none of them."""
+    at = np.array([50, 120, 121, 200, 260, 310, 350])
+    spiked = RUN.current.copy()
+    spiked[at] += np.array([5.0, -5.0, -5.0, 5.0, 5.0, -5.0, 5.0])
+    options = FitOptions(effects=False, posterior=False)
+
+    sound, said = (
+        str(identify([run], (), options).result["warnings"])
+        for run in (RUN, _with("current", spiked))
+    )
+
+    assert "single samples" not in sound
+    assert f"{RUN.name}, column current_A: 5 single samples are more than 10" in said

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from identification.checks.admission import Admission
 from identification.diagnosis.odd_runs import odd_runs
+from identification.diagnosis.outliers import outlier_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
 from identification.feedback.nonlinear import nonlinear_entries
@@ -300,6 +301,7 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
     messages += missed
     messages += [str(warning) for run in runs for warning in run.warnings]
     messages += campaign.warnings
+    messages += outlier_warnings(findings.simulated["after"]["training"])
     messages += coarse_warnings(campaign.training_runs, findings.noise)
     messages += _temperatures(findings)
     messages += findings.warnings
