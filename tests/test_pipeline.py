@@ -83,3 +83,17 @@ def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:
 
     assert "single samples" not in sound
     assert f"{RUN.name}, column current_A: 5 single samples are more than 10" in said
+
+
+def test_what_the_result_is_worth_is_said_before_what_was_noted_of_the_files() -> None:
+    """Without a temperature the coefficients are open, which matters more than why."""
+    runs = [replace(RUN, temperature=None)]
+
+    said = identify(runs, (), FitOptions(effects=False, posterior=False)).result["warnings"]
+
+    assert isinstance(said, list)
+    found = [
+        next(k for k, message in enumerate(said) if message.startswith(words))
+        for words in ("the runs do not determine alpha_Ra", "the runs have no temperature")
+    ]
+    assert found == [0, len(said) - 1]

@@ -294,31 +294,38 @@ def _temperatures(findings: Findings) -> list[str]:
 
 
 def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
-    campaign = findings.campaign
+    """All warnings: what the result is worth first, what was noted of the files last."""
+    campaign, options = findings.campaign, findings.options
     runs = (*campaign.training_runs, *campaign.validation_runs)
-    messages = contradiction_warnings(findings.contradicted, runs)
-    messages += findings.admission.warnings if findings.admission else []
-    messages += missed
-    messages += [str(warning) for run in runs for warning in run.warnings]
-    messages += campaign.warnings
-    messages += outlier_warnings(findings.simulated["after"]["training"])
-    messages += coarse_warnings(campaign.training_runs, findings.noise)
-    messages += _temperatures(findings)
-    messages += findings.warnings
-    messages += _missing(findings)
-    messages += omitted_warnings(findings.final, findings.omitted)
-    messages += _worse(findings)
-    known = findings.known
+    stopped = (options.effort, options.time_limit if findings.interrupted else None)
+    return [
+        *contradiction_warnings(findings.contradicted, runs),
+        *(findings.admission.warnings if findings.admission else []),
+        *missed,
+        *_missing(findings),
+        *_undetermined(findings),
+        *findings.warnings,
+        *early_ends(findings.final, findings.outcome, findings.sample, *stopped),
+        *outlier_warnings(findings.simulated["after"]["training"]),
+        *coarse_warnings(campaign.training_runs, findings.noise),
+        *_worse(findings),
+        *omitted_warnings(findings.final, findings.omitted),
+        *known_only_warnings(findings.final, findings.share),
+        *_temperatures(findings),
+        *campaign.warnings,
+        *(str(warning) for run in runs for warning in run.warnings),
+    ]
+
+
+def _undetermined(findings: Findings) -> list[str]:
+    """Parameters that the runs leave open."""
     # A line that a curve may have is said by the declared parameter that it trades with.
     lines = {line.name for line in lines_of(findings.final)}
     lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
-    unknown = [name for name, found in known.items() if not found and name not in lines]
-    if unknown:
-        messages.append(
-            f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
-            "rest on general knowledge of motors"
-        )
-    messages += known_only_warnings(findings.final, findings.share)
-    options = findings.options
-    stopped = (options.effort, options.time_limit if findings.interrupted else None)
-    return messages + early_ends(findings.final, findings.outcome, findings.sample, *stopped)
+    unknown = [name for name, found in findings.known.items() if not found and name not in lines]
+    if not unknown:
+        return []
+    return [
+        f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
+        "rest on general knowledge of motors"
+    ]
