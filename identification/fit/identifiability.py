@@ -62,10 +62,23 @@ def identified(
         physical = deviations[k] * slopes[k]
         is_size = parameter.lower >= 0.0 and (parameter.vanishes or np.isinf(parameter.upper))
         if parameter.search == "log" or is_size:
-            answer[parameter.name] = bool(physical < _RELATIVE * abs(fit.values[k]))
+            estimate = fit.values[k] * (_moved(fit, k, deviations[k]) if by_runs else 1.0)
+            answer[parameter.name] = bool(physical < _RELATIVE * abs(estimate))
         else:
             answer[parameter.name] = bool(deviations[k] < _PRIOR_SHARE * _beforehand(parameter))
     return answer
+
+
+def _moved(fit: Fit, k: int, deviation: float) -> float:
+    """Factor from a value that a known one holds to the one that the runs have without it.
+
+    The optimum is the mean of the two, weighted with their precisions.
+    """
+    parameter = fit.coordinates.parameters[k]
+    if not parameter.origin or parameter.search != "log" or not np.isfinite(deviation):
+        return 1.0
+    step = float(fit.position[k] - fit.coordinates.prior_mean[k])
+    return float(np.exp(np.clip(step * (deviation / fit.coordinates.prior_sd[k]) ** 2, -50, 50)))
 
 
 def _beforehand(parameter: Parameter) -> float:

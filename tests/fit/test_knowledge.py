@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from identification.fit import knowledge
 from identification.fit.knowledge import LIMIT
 from identification.fit.solve import Fit, solve
 from identification.fleet.refit import refit_of
+from identification.ingest import read_run
 from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
+PAPER_RUN = Path(__file__).parents[2] / "data" / "paper_motor" / "training_1.csv"
 SLOW = Motor("slow bench", motor_named("coreless 10 W").values, 24.0, 5e-3, 40)
 """A motor with an electrical time constant of 0.1 ms on a bench of 200 Hz."""
 
@@ -249,6 +252,20 @@ def test_known_coefficient_of_runs_without_temperature_is_not_drawn_anew(
     assert entry["prior"]["used"] is True
     assert entry["median"] == pytest.approx(0.0039, rel=0.01)
     assert entry["sd"] == pytest.approx(7.8e-5, rel=0.1)
+
+
+@pytest.mark.parametrize("word", ["Kt25=0.071+-2%", "Kt25=0.07+-5%"])
+def test_runs_determine_no_more_because_a_value_is_known(word: str) -> None:
+    """One run of the paper's motor leaves Kt at 0.060 +- 0.022, a third of it and more."""
+    runs = [read_run(PAPER_RUN)]
+
+    alone = quick(runs)["parameters"]["Kt25"]
+    result = quick(runs, known=(word,))
+
+    assert not alone["identified"]
+    assert result["parameters"]["Kt25"]["prior"]["used"] is True
+    assert result["parameters"]["Kt25"]["prior"]["identified_by_runs"] is False
+    assert "Kt25: from --known, not from the runs" in result["warnings"]
 
 
 def test_known_value_has_no_drift_in_a_fleet(slow_runs: list[Run]) -> None:
