@@ -1,4 +1,4 @@
-"""Draws of the normal approximation, where nobody asked for a sampled posterior."""
+"""Draws of the normal approximation, where no posterior was sampled or no chain converged."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.linear import root
 from identification.posterior.density import Posterior
 
-__all__ = ["normal_draws"]
+__all__ = ["normal_draws", "normal_points"]
 
 Array = NDArray[np.float64]
 
@@ -24,9 +24,17 @@ def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str
     Returns:
         Physical values by name, (n_draw,) each.
     """
+    values = posterior.physical(normal_points(posterior, seed, count))
+    return {name: values[:, k] for k, name in enumerate(posterior.names)}
+
+
+def normal_points(posterior: Posterior, seed: int, count: int) -> Array:
+    """The same draws in the coordinates that are sampled, (n_draw, n_dim).
+
+    The arguments are those of `normal_draws`.
+    """
     rng = np.random.default_rng(seed)
     covariance = posterior.covariance()
     factor = root(covariance)
     points = posterior.centre + rng.standard_normal((count, covariance.shape[0])) @ factor.T
-    values = posterior.physical(posterior.mirrored(points))
-    return {name: values[:, k] for k, name in enumerate(posterior.names)}
+    return posterior.mirrored(points)

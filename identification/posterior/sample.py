@@ -13,8 +13,8 @@ Source: Foreman-Mackey et al., PASP 125 (2013), 306 (emcee); ter Braak, Statisti
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
 import emcee
 import numpy as np
@@ -28,13 +28,16 @@ from identification.posterior.convergence import (
     convergence_of,
 )
 from identification.posterior.density import Posterior
+from identification.posterior.importance import weighted_draws
+from identification.posterior.normal import normal_points
 from identification.posterior.proposal import AlongRidge, Independent
 from identification.posterior.resume import chain_key, kept_backend, state_of
 from identification.work import was_interrupted
 
-__all__ = ["Sample", "sample"]
+__all__ = ["Sample", "Source", "sample"]
 
 Array = NDArray[np.float64]
+Source = Literal["chain", "importance", "normal"]
 
 _NARROW: Final = (200.0, 1.02)
 _WIDE: Final = (5.0, 1.1)
@@ -42,6 +45,8 @@ _WIDE: Final = (5.0, 1.1)
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _LENGTHS: Final = 50.0
+_STAND_IN: Final = 2000
+"""Draws that stand in for a chain."""
 _TRIAL: Final = 300
 """Steps after which a chain is given up that would not be long enough at the last one."""
 
@@ -56,6 +61,9 @@ class Sample:
         names: Names of the dimensions.
         units: Their units.
         convergence: How well the chain has mixed.
+        source: What the draws are: of the ``chain``; where it did not converge, of ``importance``
+            sampling or, where that is not reliable either, of the ``normal`` approximation.
+        shape: Pareto shape of the weights of importance sampling [-]; None where none was tried.
     """
 
     chain: Array
@@ -63,6 +71,8 @@ class Sample:
     names: tuple[str, ...]
     units: tuple[str, ...]
     convergence: Convergence
+    source: Source = "chain"
+    shape: float | None = None
 
     def draws(self, most: int = 2000) -> dict[str, Array]:
         """At most `most` draws, evenly spread over the chain, by name."""
@@ -131,12 +141,32 @@ def sample(
         if checkpoint is not None and checkpoint.is_due():
             checkpoint.save(key, state_of(sampler.backend))
     burn = _burn_in(done, tau)
-    return Sample(
+    found = Sample(
         chain=posterior.physical(sampler.get_chain(discard=burn)),
         log_density=sampler.get_log_prob(discard=burn),
         names=posterior.names,
         units=posterior.units,
         convergence=_convergence(sampler, burn),
+    )
+    if found.convergence.reached or was_interrupted():
+        return found
+    return _standing_in(found, posterior, seed, walkers)
+
+
+def _standing_in(found: Sample, posterior: Posterior, seed: int, walkers: int) -> Sample:
+    """The sample with draws that do not come from its chain, which has not converged."""
+    count = walkers * max(_STAND_IN // walkers, 1)
+    weighted = weighted_draws(posterior, seed, count)
+    points, density = weighted.points, weighted.log_density
+    if not weighted.is_reliable:
+        points = normal_points(posterior, seed, count)
+        density = posterior(points)
+    return replace(
+        found,
+        chain=posterior.physical(points).reshape(-1, walkers, points.shape[1]),
+        log_density=density.reshape(-1, walkers),
+        source="importance" if weighted.is_reliable else "normal",
+        shape=weighted.shape,
     )
 
 

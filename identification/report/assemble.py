@@ -27,6 +27,7 @@ from identification.fit.resolution import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
 from identification.model.unlogged import COLDEST, HOTTEST
+from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
 from identification.report.early_ends import early_ends
@@ -56,7 +57,7 @@ _TOLD = 12
 def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
-    convergence = findings.sample.convergence if findings.sample else None
+    sample = findings.sample
     known = identified(declared, findings.share)
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
@@ -96,18 +97,24 @@ def assemble(findings: Findings) -> dict[str, object]:
         "feedback": findings.feedback,
         "feedback_before": findings.feedback_before,
         "feedback_nonlinear": nonlinear_entries(findings.loops),
-        "sampler": None
-        if convergence is None
-        else {
-            "walkers": convergence.walkers,
-            "steps": convergence.steps,
-            "acceptance": convergence.acceptance,
-            "autocorrelation_time": convergence.autocorrelation_time,
-            "ess_min": convergence.ess_min,
-            "r_hat_max": convergence.r_hat_max,
-            "converged": convergence.reached,
-        },
+        "sampler": None if sample is None else _sampler(sample),
         "warnings": _warnings(findings, missed),
+    }
+
+
+def _sampler(sample: Sample) -> dict[str, object]:
+    """The member `sampler`."""
+    convergence = sample.convergence
+    return {
+        "walkers": convergence.walkers,
+        "steps": convergence.steps,
+        "acceptance": convergence.acceptance,
+        "autocorrelation_time": convergence.autocorrelation_time,
+        "ess_min": convergence.ess_min,
+        "r_hat_max": convergence.r_hat_max,
+        "converged": convergence.reached,
+        "draws": sample.source,
+        "pareto_k": None if sample.shape is None else _number(sample.shape),
     }
 
 

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from identification.effects.outcome import Outcome
 from identification.fit.solve import Fit
-from identification.posterior.convergence import LARGEST_R_HAT, Convergence
-from identification.posterior.sample import Sample
+from identification.posterior.convergence import LARGEST_R_HAT
+from identification.posterior.sample import Sample, Source
 
 __all__ = ["early_ends"]
+
+_STAND_INS: Final[dict[Source, str]] = {
+    "chain": "the intervals may be too narrow",
+    "importance": "the draws come from importance sampling in its place, which is reliable here",
+    "normal": "the draws are those of the normal approximation in its place, whose intervals are "
+    "rough where parameters are near a bound or strongly confounded",
+}
 
 
 def early_ends(
@@ -40,16 +49,19 @@ def early_ends(
             f"names{_remedy(effort, limit)}"
         )
     if sample is not None and not sample.convergence.reached:
-        messages.append(_unconverged(sample.convergence, effort, limit))
+        messages.append(_unconverged(sample, effort, limit))
     return messages
 
 
-def _unconverged(found: Convergence, effort: str, limit: str) -> str:
+def _unconverged(sample: Sample, effort: str, limit: str) -> str:
+    found = sample.convergence
     return (
         f"the sampler did not converge: it stopped after {found.steps} steps, "
         f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
-        f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; the intervals "
-        "may be too narrow" + (f"; it met {limit}" if limit else "") + _remedy(effort, limit)
+        f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; "
+        + _STAND_INS[sample.source]
+        + (f"; it met {limit}" if limit else "")
+        + _remedy(effort, limit)
     )
 
 

@@ -211,6 +211,9 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
             "autocorrelation_time": 9.4,
             "ess_min": 2040.0,
             "r_hat_max": 1.004,
+            "converged": True,
+            "draws": "chain",
+            "pareto_k": None,
         },
         "warnings": ["bench_training_1.csv: 3 samples of current_A are at the limit of the sensor"]
         if with_effect

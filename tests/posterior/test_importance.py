@@ -1,0 +1,86 @@
+"""Weighted draws stand for a posterior, or say that they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from identification.posterior.density import Posterior
+from identification.posterior.importance import largest_shape, smoothed, weighted_draws
+from identification.posterior.sample import _CHUNK, sample
+from tests.posterior.test_sample import WHITE, servo_fit
+
+Array = NDArray[np.float64]
+
+
+def log_weights(deviation: float, count: int, seed: int) -> Array:
+    """Of draws from a normal law with this deviation, for one with deviation 1."""
+    draws = deviation * np.random.default_rng(seed).standard_normal(count)
+    found = stats.norm.logpdf(draws) - stats.norm.logpdf(draws, scale=deviation)
+    return np.asarray(found)
+
+
+@pytest.mark.parametrize("variance", [0.2, 0.5, 0.8])
+def test_the_shape_of_the_weights_is_that_of_two_normal_laws(variance: float) -> None:
+    """For a proposal of variance s^2 < 1 the weights have P(w > t) ~ t^(-1/k) with k = 1 - s^2.
+
+    A logarithm beside that moves the estimate by about 0.1.
+    """
+    found = [smoothed(log_weights(np.sqrt(variance), 20_000, seed))[1] for seed in range(8)]
+
+    assert np.mean(found) == pytest.approx(1.0 - variance, abs=0.15)
+
+
+def test_a_proposal_wider_than_the_posterior_is_reliable_and_gives_its_moments() -> None:
+    """The weights are bounded; mean 0 and variance 1 within four standard errors of 4096 draws."""
+    rng = np.random.default_rng(5)
+    draws = 1.5 * rng.standard_normal(4096)
+    weights, shape = smoothed(stats.norm.logpdf(draws) - stats.norm.logpdf(draws, scale=1.5))
+
+    assert shape < largest_shape(4096)
+    assert weights.sum() == pytest.approx(1.0)
+    assert abs(np.sum(weights * draws)) < 4.0 / np.sqrt(4096)
+    assert np.sum(weights * draws**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 4096))
+
+
+def test_a_proposal_that_hardly_meets_the_posterior_is_not_reliable() -> None:
+    """A tenth of the variance: k = 0.9 and more than any limit."""
+    assert smoothed(log_weights(np.sqrt(0.1), 4096, 3))[1] > largest_shape(4096)
+    assert smoothed(np.full(100, -np.inf))[1] == np.inf
+
+
+def test_equal_weights_stay_equal() -> None:
+    """A proposal that is the posterior needs no weights."""
+    weights, shape = smoothed(np.zeros(1000))
+
+    assert np.all(weights == 1e-3)
+    assert shape <= 0.0
+
+
+def test_weighted_draws_of_a_motor_are_those_of_its_covariance() -> None:
+    """The posterior of a linear motor with 3,000 samples is normal to a few per cent.
+
+    The mean scatters by 1/sqrt(2000) of a deviation, of draws that repeat some more.
+    """
+    posterior = Posterior(servo_fit(), WHITE)
+
+    found = weighted_draws(posterior, seed=1, count=2000)
+
+    assert found.is_reliable
+    spread = np.sqrt(np.diag(posterior.covariance()))
+    off = (found.points.mean(axis=0) - posterior.centre) / spread
+    assert np.abs(off).max() < 0.15
+    np.testing.assert_allclose(found.points.std(axis=0), spread, rtol=0.15)
+
+
+def test_a_chain_that_ends_too_early_is_replaced_and_says_so() -> None:
+    """Ten steps are no chain; the weights of the motor above are in order."""
+    found = sample(Posterior(servo_fit(), WHITE), seed=2, most_steps=_CHUNK)
+
+    assert not found.convergence.reached
+    assert found.source == "importance"
+    assert found.shape is not None
+    assert found.shape < 0.7
+    assert found.chain.shape[0] * found.chain.shape[1] >= 1900
