@@ -20,7 +20,7 @@ from identification.effects.orders import HIGHEST_ORDER, orders_of
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractDelay, AbstractHold, AbstractTerm
+from identification.model.term import AbstractDelay, AbstractHold, AbstractMean, AbstractTerm
 
 __all__ = [
     "AbstractForced",
@@ -127,7 +127,7 @@ class Candidate:
     @property
     def can_rest(self) -> bool:
         """Whether the term can be in a model without doing anything there."""
-        if self.term.states or isinstance(self.term, AbstractDelay | AbstractHold):
+        if self.term.states or isinstance(self.term, AbstractDelay | AbstractHold | AbstractMean):
             return False
         return any(parameter.vanishes for parameter in self.term.parameters)
 

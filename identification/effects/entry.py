@@ -59,10 +59,16 @@ def term_of(entry: object) -> AbstractTerm:
         raise InputError(
             f"effect {name!r} is not known; expected one of {', '.join(CATALOGUE)}", value=name
         )
+    laws = (kind, *kind.laws)
+    kind = next((law for law in laws if _fields(law) == set(settings)), kind)
     _check_settings(name, kind, settings)
     fields = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
     term: AbstractTerm = kind(**fields)
     return term
+
+
+def _fields(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}
 
 
 def _check_settings(name: str, kind: Any, settings: Mapping[str, Any]) -> None:

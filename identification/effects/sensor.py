@@ -13,8 +13,10 @@ from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
     AbstractHold,
+    AbstractMean,
     AbstractSensor,
     AbstractSupply,
+    AbstractTerm,
     Expression,
     Signals,
     State,
@@ -250,18 +252,51 @@ class _Filter(AbstractSensor):
 
 
 @dataclass(frozen=True)
+class SpeedMean(AbstractMean):
+    """The logged speed is the mean over the sample interval: encoder counts, differenced.
+
+    Args:
+        law: The word for it in a result.
+    """
+
+    law: str = "mean over the sample interval"
+
+    name: ClassVar[str] = "speed_filter"
+    equation: ClassVar[str] = "sensor"
+    drivers: ClassVar[tuple[str, ...]] = ("speed",)
+    channel: ClassVar[str] = "speed"
+    source: ClassVar[str] = (
+        "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    @property
+    def variant(self) -> str:
+        """The law."""
+        return self.law
+
+
+@dataclass(frozen=True)
 class SpeedFilter(_Filter):
-    """The logged speed went through a low-pass of first or second order.
+    """The logged speed went through a low-pass of first or second order, or is a mean.
 
-    tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
+        tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
+        logged speed = (phi(t) - phi(t - h)) / h                            [rad/s]
 
-    Without q it is of first order.
+    Without q the first is of first order.  The second is the mean over the sample interval h that
+    ends with the sample, as of encoder counts that are differenced; it has no parameter.
     """
 
     name: ClassVar[str] = "speed_filter"
     drivers: ClassVar[tuple[str, ...]] = ("speed",)
     channel: ClassVar[str] = "speed"
     unit: ClassVar[str] = "rad/s"
+    laws: ClassVar[tuple[type[AbstractTerm], ...]] = (SpeedMean,)
+
+    @classmethod
+    def candidates(cls, survey: Survey) -> list[Candidate]:
+        """A low-pass of each order, its time constant scanned, and the mean."""
+        return [*super().candidates(survey), Candidate(SpeedMean(), columns(()))]
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from identification.model.term import (
     AbstractCoefficient,
     AbstractDelay,
     AbstractHold,
+    AbstractMean,
     AbstractSensor,
     AbstractSupply,
     AbstractTemperature,
@@ -32,9 +33,12 @@ from identification.model.term import (
 )
 from identification.model.unlogged import Unlogged
 
-__all__ = ["INPUTS", "Hold", "MotorModel"]
+__all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
 
 Hold = Literal["zoh", "foh"]
+
+CHANNELS: Final = ("current", "speed")
+"""Logged channels, in the order of the columns of `Record.measured`."""
 
 INPUTS: Final = (
     "interval",
@@ -91,6 +95,12 @@ class MotorModel:
         return tuple(term for term in self.terms if isinstance(term, AbstractDelay))
 
     @property
+    def averaged(self) -> tuple[int, ...]:
+        """The channels that log means over sample intervals: 0 for the current, 1 for the speed."""
+        means = [term.channel for term in self.terms if isinstance(term, AbstractMean)]
+        return tuple(k for k, channel in enumerate(CHANNELS) if channel in means)
+
+    @property
     def advance(self) -> int:
         """Samples by which the voltage runs ahead of the log."""
         return sum(int(term.depth) for term in self.delays if term.channel == "voltage")
@@ -99,14 +109,16 @@ class MotorModel:
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Samples at both ends of a record, for each channel, that hang on what is beyond it.
 
-        They are as many as a delay may be long.
+        They are as many as a delay may be long, and one more of a mean.
         """
-        first, last = {"current": 0, "speed": 0}, self.advance
+        first, last = [0, 0], self.advance
         for term in self.delays:
-            for channel in ("current", "speed"):
+            for k, channel in enumerate(CHANNELS):
                 if term.channel in (channel, "voltage"):
-                    first[channel] = max(first[channel], int(term.depth))
-        return (first["current"], last), (first["speed"], last)
+                    first[k] = max(first[k], int(term.depth))
+        for k in self.averaged:
+            first[k] += 1
+        return (first[0], last), (first[1], last)
 
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
         """Delay of the channels of `term` in sample intervals, from all parameters [-]."""

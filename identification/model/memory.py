@@ -1,8 +1,12 @@
-"""What a delayed channel remembers: the last few sample intervals as cubics.
+"""What delayed and averaged channels remember of the sample intervals before.
 
 Of every interval value and slope at both ends are kept, so that a delay by any fraction of an
 interval is exact to the fourth order although the slope jumps where the voltage does.  Where an
 interval is computed in parts, what it began with waits until its last part ends.
+
+Of a channel that logs means the integral over the parts of the interval so far is kept, and of the
+interval before it the mean and its slope: the mean over the last h seconds moves with
+(y(t) - y(t - h)) / h.
 """
 
 from __future__ import annotations
@@ -11,17 +15,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.term import AbstractDelay, Expression
 
 __all__ = ["memory_size", "memory_start", "remembered"]
 
-_CHANNELS = ("current", "speed")
+_MEAN: int = 4
+"""Numbers kept of a mean: value where the interval began, integral since, last mean, its slope."""
 
 
 def memory_size(model: MotorModel) -> int:
     """Numbers in the carry behind the state."""
-    return sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
+    delays = sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
+    return _MEAN * len(model.averaged) + delays
 
 
 def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -34,7 +40,8 @@ def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.f
     Returns:
         (n_memory,)
     """
-    parts = [
+    parts = [np.array([logged[channel], 0.0, logged[channel], 0.0]) for channel in model.averaged]
+    parts += [
         np.concatenate(
             [
                 [logged[channel], 0.0],
@@ -55,11 +62,12 @@ def remembered(
     parameter: Expression,
     logged: Expression,
 ) -> tuple[Expression, Expression]:
-    """Memory after this interval, and the delayed log at its beginning.
+    """Memory after this interval, and the log at its beginning, averaged and delayed.
 
     Args:
         model: The model.
-        states: (n_state,) at the beginning and at the end of the interval.
+        states: (n_state,) at the beginning and (n_state + n_averaged,) at the end of this part of
+            an interval, where integrals of the averaged channels over it follow the state.
         memory: (n_memory,) of the intervals before.
         inputs: Inputs at the beginning and at the end of the interval.
         parameter: (n_parameter,).
@@ -71,13 +79,27 @@ def remembered(
     part, count = (inputs[0][INPUTS.index(name)] for name in ("part", "parts"))
     begins, ends = part < 0.5, part > count - 1.5
     interval = inputs[0][0] * count
+    # The last interval of a record has no length.
+    inverse = ca.if_else(interval > 0, 1 / interval, 0)
     values, slopes = [], []
-    for x, u in zip(states, inputs, strict=True):
+    n = states[0].numel()
+    for x, u in zip((states[0], states[1][:n]), inputs, strict=True):
         value, slope = _value_and_slope(model, x, u, parameter)
-        values.append(value)
-        slopes.append(slope * interval)
+        values.append([value[0], value[1]])
+        slopes.append([slope[0] * interval, slope[1] * interval])
     kept, delayed = [], [logged[0], logged[1]]
     start = 0
+    for channel, integral in zip(model.averaged, ca.vertsplit(states[1][n:]), strict=True):
+        began, total, mean, slope = (memory[start + k] for k in range(_MEAN))
+        start += _MEAN
+        began = ca.if_else(begins, values[0][channel], began)
+        total = ca.if_else(begins, 0, total) + integral
+        moved = total * inverse, (values[1][channel] - began) * inverse
+        after = [ca.if_else(ends, new, old) for new, old in zip(moved, (mean, slope), strict=True)]
+        kept += [began, total, *after]
+        delayed[channel] = mean
+        values[0][channel], values[1][channel] = mean, after[0]
+        slopes[0][channel], slopes[1][channel] = slope * interval, after[1] * interval
     for term in model.delays:
         lag = model.lag(term, parameter)
         depth = int(term.depth)
@@ -85,22 +107,22 @@ def remembered(
             waiting = memory[start : start + 2]
             past = memory[start + 2 : start + 2 + 4 * depth]
             start += 2 + 4 * depth
-            began = [
+            first = [
                 ca.if_else(begins, now, before)
                 for now, before in (
                     (values[0][channel], waiting[0]),
                     (slopes[0][channel], waiting[1]),
                 )
             ]
-            whole = ca.vertcat(began[0], values[1][channel], began[1], slopes[1][channel])
+            whole = ca.vertcat(first[0], values[1][channel], first[1], slopes[1][channel])
             moved = ca.vertcat(whole, past[: 4 * (depth - 1)])
-            kept += [*began, ca.if_else(ends, moved, past)]
+            kept += [*first, ca.if_else(ends, moved, past)]
             delayed[channel] = _looked_up(past, depth, lag, delayed[channel])
     return ca.vertcat(*kept), ca.vertcat(*delayed)
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:
-    return (0, 1) if term.channel == "voltage" else (_CHANNELS.index(term.channel),)
+    return (0, 1) if term.channel == "voltage" else (CHANNELS.index(term.channel),)
 
 
 def _value_and_slope(

@@ -6,7 +6,7 @@ from typing import Final
 
 import casadi as ca
 
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import CHANNELS, INPUTS, MotorModel
 
 __all__ = ["printed_equations"]
 
@@ -70,6 +70,8 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
     for channel, symbol, text in zip(("current", "speed"), ("i", "w"), logged, strict=True):
         if text != symbol:
             equations[f"logged {channel}"] = text
+    for k in model.averaged:
+        equations[f"{CHANNELS[k]} channel"] = "mean over the sample interval that ends"
     for term in model.delays:
         equations[f"{term.channel} channel"] = f"logged {model_delay(term.name)} later"
     return equations

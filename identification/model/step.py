@@ -28,7 +28,7 @@ Rosenbrock methods, here the pair called exprb32); Al-Mohy and Higham, SIAM J. S
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -108,34 +108,58 @@ def _terms(z: float) -> int:
 def step_function(model: MotorModel, plan: Plan) -> ca.Function:
     """SX function (carry, inputs, parameter) -> (carry at the next sample, logged now).
 
-    The carry is the state, followed by what delayed channels remember (`memory.py`).
+    The carry is the state, followed by what delayed and averaged channels remember (`memory.py`).
     """
     n = len(model.state_names)
     carry = ca.SX.sym("x", n + memory_size(model))
     inputs = ca.SX.sym("u", len(INPUTS))
     parameter = ca.SX.sym("p", len(model.parameters))
     state = carry[:n]
-    advanced = advance(model, plan, state, inputs, parameter)
+    averaged = model.averaged
+    whole = advance(model, plan, state, inputs, parameter, averaged)
+    advanced = whole[:n]
     logged = model.logged(state, inputs, parameter)
-    if model.delays:
+    if model.delays or averaged:
         now, slopes = _inputs_within(model, inputs)
         end = now + inputs[0] * slopes
         memory, logged = remembered(
-            model, (state, advanced), carry[n:], (inputs, end), parameter, logged
+            model, (state, whole), carry[n:], (inputs, end), parameter, logged
         )
         advanced = ca.vertcat(advanced, memory)
     return ca.Function("step", [carry, inputs, parameter], [advanced, logged])
 
 
 def advance(
-    model: MotorModel, plan: Plan, state: Expression, inputs: Expression, parameter: Expression
+    model: MotorModel,
+    plan: Plan,
+    state: Expression,
+    inputs: Expression,
+    parameter: Expression,
+    integrated: Sequence[int] = (),
 ) -> Expression:
-    """State at the end of the sample interval, (n_state,) expression."""
+    """State at the end of the sample interval, and integrals over it.
+
+    Args:
+        model: The model.
+        plan: How the interval is computed.
+        state: (n_state,) at its beginning.
+        inputs: (n_input,).
+        parameter: (n_parameter,).
+        integrated: Logged channels of which the integral is computed, as further states.
+
+    Returns:
+        (n_state + n_integrated,) expression.
+    """
+    n = state.numel()
+    state = ca.vertcat(state, *[0] * len(integrated))
     x, u, p = (
         ca.SX.sym(name, symbol.numel())
         for name, symbol in (("x", state), ("u", inputs), ("p", parameter))
     )
-    rates = model.rates(x, u, p)
+    rates = model.rates(x[:n], u, p)
+    if integrated:
+        logged = model.logged(x[:n], u, p)
+        rates = ca.vertcat(rates, *[logged[channel] for channel in integrated])
     jacobian = ca.jacobian(rates, x)
     slope = ca.SX.sym("du", u.numel())
     linear = ca.Function("linear", [x, u, p, slope], [rates, jacobian, ca.jtimes(rates, u, slope)])

@@ -10,6 +10,7 @@ class for each place at which physics can enter, and each asks for one method:
     AbstractSupply        what the terminals see instead of the log      [V]
     AbstractSensor        what a sensor logs instead of the state        [A] or [rad/s]
     AbstractDelay         a channel that lags the others                 [s]
+    AbstractMean          a channel that logs means over sample intervals
     AbstractHold          the other behaviour of the voltage between samples
 
 Any of them may bring states of its own (`states` and `rates`).  `composite.py` adds terms to the
@@ -35,6 +36,7 @@ __all__ = [
     "AbstractCoefficient",
     "AbstractDelay",
     "AbstractHold",
+    "AbstractMean",
     "AbstractSensor",
     "AbstractSupply",
     "AbstractTemperature",
@@ -119,6 +121,7 @@ class AbstractTerm(ABC):
     states: ClassVar[tuple[State, ...]] = ()
     defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range makes the kind what it is
     moments: ClassVar[tuple[str, ...]] = ()  # times of events, which any sample may be
+    laws: ClassVar[tuple[type[AbstractTerm], ...]] = ()  # other classes of the same kind
 
     @property
     def variant(self) -> str:
@@ -233,6 +236,16 @@ class AbstractDelay(AbstractTerm):
         if self.channel == "voltage":
             return self.depth - values.delay / self.interval
         return values.delay / self.interval
+
+
+class AbstractMean(AbstractTerm):
+    """A channel whose logged value is its mean over the sample interval that ends there.
+
+    The integral over the interval is computed with the states, so that the mean is as accurate as
+    they are.  A delay of the same channel delays the mean.
+    """
+
+    channel: ClassVar[str]  # current or speed
 
 
 class AbstractHold(AbstractTerm):
