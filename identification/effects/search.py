@@ -307,7 +307,7 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
     Where something is left beside the effects that were found, or one of them is strained, they
     may all be stand-ins: a curve by itself is tried first.  One beside them is tried only where the
     catalogue is exhausted; after it they have to pass again, and so has the curve against the kinds
-    that were not taken.
+    that were not taken.  A model that began with a curve gets no second one.
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
@@ -317,7 +317,8 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
     if alone is not None and replaces(alone, listed):
         state.current = alone
         return
-    if left and is_exhausted:
+    has_curve = any(term.name == "unlisted" for term in listed.fit.simulator.model.terms)
+    if left and is_exhausted and not has_curve:
         round_ = 1 + max((s.round for s in state.searched), default=0)
         chosen = _taken(state, left[:_CURVES], round_)
         if chosen is not None:

@@ -13,12 +13,14 @@ from scipy.integrate import solve_ivp
 
 from bench import EffectRequest, make_campaign
 from identification.effects.angular import AngularFriction
+from identification.effects.catalogue import CATALOGUE
 from identification.effects.curve import MissingTorque
 from identification.effects.curves import curves
 from identification.effects.effect import survey_of
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart
 from identification.effects.outcome import Outcome
+from identification.effects.refit import refitted_with
 from identification.effects.ripple import ripples
 from identification.effects.search import search
 from identification.effects.tracing import missing_curves, traced
@@ -127,6 +129,20 @@ def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
 
     size = np.linalg.norm(columns, axis=0)[:, None] * np.linalg.norm(signals, axis=0)
     assert np.abs(columns.T @ signals / size).max() < 0.05
+
+
+def test_a_search_that_begins_with_a_curve_adds_no_second_one() -> None:
+    """Two torques are hidden that no curve holds both of; the name of a term is there once."""
+    hidden = [EffectRequest("time_ripple", 0.1), EffectRequest("rub_above_speed", 0.1)]
+    campaign = _campaign("servo_150w", list(hidden), seed=25)
+    declared = fit_declared(campaign.training, "zoh")
+    score = missing_curves(declared)[0]
+    begin = refitted_with(declared, score.candidate.final, list(score.starts))
+    assert missing_curves(begin)[0].gain > 100.0
+
+    outcome = search(declared, campaign, begin=begin, withheld=CATALOGUE)
+
+    assert [term.name for term in outcome.fit.simulator.model.terms] == ["unlisted"]
 
 
 def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
