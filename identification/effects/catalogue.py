@@ -20,17 +20,15 @@ from identification.effects.load import InertiaChange, LoadStep, LoadTorque, Sha
 from identification.effects.sensor import (
     ChannelDelay,
     CurrentFilter,
-    CurrentOffset,
     InputHold,
     SpeedFilter,
-    SpeedOffset,
-    VoltageOffset,
 )
 from identification.effects.thermal import (
     Demagnetization,
     ResistanceCurvature,
     SelfHeating,
 )
+from identification.effects.zero import CurrentOffset, SpeedOffset, VoltageOffset
 
 __all__ = ["CATALOGUE"]
 

@@ -1,4 +1,4 @@
-"""What the channels do to what they measure."""
+"""Delays, filters and means of the channels, and the voltage between samples."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import Candidate, Survey, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
     AbstractSensor,
-    AbstractSupply,
     AbstractTerm,
     Expression,
     Signals,
@@ -26,11 +25,8 @@ from identification.model.term import (
 __all__ = [
     "ChannelDelay",
     "CurrentFilter",
-    "CurrentOffset",
     "InputHold",
     "SpeedFilter",
-    "SpeedOffset",
-    "VoltageOffset",
 ]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
@@ -38,136 +34,8 @@ _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- 
 
 Array = NDArray[np.float64]
 
-_DRIFTING = "from run to run"
-_FEWEST_RUNS = 3
 _INDUCTANCES = (0.5, 0.2, 0.05)
 """Shares of a fitted inductance that may be left of it beside a filter of the current."""
-
-
-def _forms(survey: Survey) -> tuple[bool, ...]:
-    """Whether to look for constant zero errors, and for those that move."""
-    return (False, True) if len(survey.runs) >= _FEWEST_RUNS else (False,)
-
-
-def _zero_error(unit: str, size: float, drifts: bool) -> tuple[Parameter, ...]:
-    offset = amplitude("offset", unit, "zero error", size, signed=True)
-    drift = amplitude("drift", unit, "what it gains from run to run", 0.1 * size, signed=True)
-    return (offset, drift) if drifts else (offset,)
-
-
-def _error_in_run(signals: Signals, values: Values, drifts: bool) -> Expression:
-    return values.offset + values.drift * signals.run if drifts else values.offset
-
-
-def _zero_starts(size: float, drifts: bool) -> Array:
-    return columns((size, 0.0), (0.0, 0.1 * size)) if drifts else columns((size,))
-
-
-@dataclass(frozen=True)
-class _ZeroError(AbstractSensor):
-    """A zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
-
-    Args:
-        size: Natural size of the channel, in its unit.
-        drifts: Whether the error moves from run to run.
-    """
-
-    size: float
-    drifts: bool = False
-
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = _SOURCE
-    unit: ClassVar[str]
-    tried: ClassVar[float]  # prototype over the natural size
-
-    @property
-    def variant(self) -> str:
-        """Whether it moves."""
-        return _DRIFTING if self.drifts else ""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error, and how far it moves."""
-        return _zero_error(self.unit, self.size, self.drifts)
-
-    def logged(
-        self, before: Expression, signals: Signals, states: Values, values: Values
-    ) -> Expression:
-        """Logged value, in the unit of the channel."""
-        return before + _error_in_run(signals, values, self.drifts)
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """A constant one, and one that moves where there are runs enough to tell."""
-        size = float(getattr(survey, cls.channel))
-        return [
-            Candidate(cls(size, drifts), _zero_starts(cls.tried * size, drifts), joint=1 + drifts)
-            for drifts in _forms(survey)
-        ]
-
-
-@dataclass(frozen=True)
-class CurrentOffset(_ZeroError):
-    """A zero error of the current sensor: logged current = i + offset [A]."""
-
-    name: ClassVar[str] = "current_offset"
-    channel: ClassVar[str] = "current"
-    unit: ClassVar[str] = "A"
-    tried: ClassVar[float] = 0.05
-
-
-@dataclass(frozen=True)
-class SpeedOffset(_ZeroError):
-    """A zero error of the speed sensor: logged speed = w + offset [rad/s]."""
-
-    name: ClassVar[str] = "speed_offset"
-    channel: ClassVar[str] = "speed"
-    unit: ClassVar[str] = "rad/s"
-    tried: ClassVar[float] = 0.02
-
-
-@dataclass(frozen=True)
-class VoltageOffset(AbstractSupply):
-    """A zero error of the voltage sensor.
-
-        terminal voltage = logged voltage - offset - drift k   in the k-th run, from 0      [V]
-
-    Args:
-        size: Natural voltage [V].
-        drifts: Whether the error moves from run to run.
-    """
-
-    size: float
-    drifts: bool = False
-
-    name: ClassVar[str] = "voltage_offset"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = _SOURCE
-
-    @property
-    def variant(self) -> str:
-        """Whether it moves."""
-        return _DRIFTING if self.drifts else ""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error, and how far it moves."""
-        return _zero_error("V", self.size, self.drifts)
-
-    def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
-        """Terminal voltage [V]."""
-        return before - _error_in_run(signals, values, self.drifts)
-
-    @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
-        """A constant one, and one that moves where there are runs enough to tell."""
-        size = survey.voltage
-        return [
-            Candidate(cls(size, drifts), _zero_starts(0.03 * size, drifts), joint=1 + drifts)
-            for drifts in _forms(survey)
-        ]
 
 
 @dataclass(frozen=True)

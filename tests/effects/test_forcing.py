@@ -11,8 +11,8 @@ from identification.effects.forcing import responses
 from identification.effects.friction import CoulombFriction
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refined, refitted_with
-from identification.effects.sensor import VoltageOffset
 from identification.effects.start import Start
+from identification.effects.zero import VoltageOffset
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit

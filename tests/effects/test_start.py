@@ -15,9 +15,10 @@ from identification.effects.electrical import BrushDrop
 from identification.effects.load import LoadTorque
 from identification.effects.refit import refitted_with
 from identification.effects.screen import screened
-from identification.effects.sensor import ChannelDelay, CurrentFilter, VoltageOffset
+from identification.effects.sensor import ChannelDelay, CurrentFilter
 from identification.effects.start import Start, begun, has_odd_coefficients, traded
 from identification.effects.thermal import Demagnetization, SelfHeating
+from identification.effects.zero import VoltageOffset
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Patience, solve

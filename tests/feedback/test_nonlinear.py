@@ -18,9 +18,9 @@ from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
 from identification.effects.load import InertiaChange, LoadStep, LoadTorque
 from identification.effects.refit import refitted_with
-from identification.effects.sensor import CurrentOffset, VoltageOffset
 from identification.effects.start import Start
 from identification.effects.thermal import Demagnetization, SelfHeating
+from identification.effects.zero import CurrentOffset, VoltageOffset
 from identification.feedback import METRIC_UNITS, feedback_metrics
 from identification.feedback.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
 from identification.feedback.controller import parse_controller

@@ -12,8 +12,8 @@ from identification.diagnosis.localise import Deficiency, Localisation, Missing
 from identification.effects.electrical import BrushDrop, FluxSaturation
 from identification.effects.friction import CoulombFriction, ViscousTemperature
 from identification.effects.load import LoadStep
-from identification.effects.sensor import CurrentOffset
 from identification.effects.thermal import SelfHeating
+from identification.effects.zero import CurrentOffset
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.excitation import records_of

@@ -1,0 +1,67 @@
+"""Zero errors of the current sensor that differ from run to run by no rule."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.effects.entry import term_of
+from identification.effects.outcome import Outcome
+from identification.effects.search import search
+from identification.effects.zero import CurrentOffset
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from tests.motors import campaign, motor_named
+
+
+def with_zeros(name: str, shares: tuple[float, ...], seed: int = 5) -> Campaign:
+    """Three training runs and a validation run, with current zeros relative to the current."""
+    clean = campaign(motor_named(name), seed=seed, runs=4, rows=1500)
+    size = float(np.sqrt(np.mean(clean[0].current ** 2)))
+    runs = [
+        replace(run, current=run.current + share * size)
+        for run, share in zip(clean, shares, strict=True)
+    ]
+    return campaign_of(runs[:3], runs[3:])
+
+
+def outcome_of(found: Campaign) -> Outcome:
+    """What the search ends with."""
+    return search(fit_declared(found.training, "zoh"), found)
+
+
+@pytest.mark.parametrize("shares", [(0.03, -0.02, 0.05, -0.04), (0.02, 0.05, 0.06, 0.02)])
+def test_zeros_that_differ_by_no_rule_are_offsets_of_each_run(shares: tuple[float, ...]) -> None:
+    """The zeros that were added to the runs; a line through the second ones misses them."""
+    found = with_zeros("servo 100 W", shares)
+
+    outcome = outcome_of(found)
+
+    assert [effect.name for effect in outcome.effects] == ["current_offset"]
+    (term,) = outcome.fit.simulator.model.terms
+    assert isinstance(term, CurrentOffset)
+    assert term.variant == "of each run"
+    zeros = np.array([state[2] for state in outcome.fit.states])
+    size = zeros[0] / shares[0]
+    assert zeros == pytest.approx(size * np.array(shares[:3]), rel=0.05)
+
+
+def test_one_zero_of_all_runs_stays_one_number() -> None:
+    """The same zero everywhere asks for one number, which is the simpler law."""
+    outcome = outcome_of(with_zeros("servo 100 W", (0.04,) * 4))
+
+    assert [effect.name for effect in outcome.effects] == ["current_offset"]
+    (term,) = outcome.fit.simulator.model.terms
+    assert term.variant == ""
+
+
+def test_an_offset_of_each_run_comes_back_from_a_result() -> None:
+    """Settings that were written before the law existed still make the constant zero."""
+    assert term_of(
+        {"name": "current_offset", "settings": {"size": 2.0, "drifts": False, "own": True}}
+    ) == CurrentOffset(2.0, own=True)
+    assert term_of(
+        {"name": "current_offset", "settings": {"size": 2.0, "drifts": False}}
+    ) == CurrentOffset(2.0)
