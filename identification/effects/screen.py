@@ -162,6 +162,8 @@ def _scores(
 ) -> list[Score]:
     if candidate.by_run:
         return _scores_by_run(fit, candidate, deviations, residuals)
+    if candidate.by_record and candidate.lanes == 1:
+        return _score_of_each_record(fit, candidate, deviations, residuals)
     if candidate.by_record:
         return _scores_by_record(fit, candidate, deviations, residuals)
     return _scores_together(fit, candidate, deviations, residuals)
@@ -182,17 +184,9 @@ def _scores_by_run(
     """Scores of starts in single runs and, where the candidate recurs, in runs that agree."""
     stride, lanes = _stride(fit), candidate.lanes
     runs = list(dict.fromkeys(record.run for record in fit.simulator.records))
-
-    def apart(k: int) -> Array:
-        """The deviations of a record in the columns of its run, those of other runs empty."""
-        part = deviations[k][::stride]
-        first = lanes * runs.index(fit.simulator.records[k].run)
-        wide = np.zeros((*part.shape[:2], lanes * len(runs)))
-        wide[:, :, first : first + lanes] = part
-        return wide
-
+    places = [runs.index(record.run) for record in fit.simulator.records]
     projections, products, along = _normal(
-        fit, (apart(k) for k in range(len(deviations))), residuals, lanes * len(runs), stride
+        fit, _apart(deviations, places, stride), residuals, lanes * len(runs), stride
     )
     scores: list[Score] = []
     for number, run in enumerate(runs):
@@ -206,6 +200,31 @@ def _scores_by_run(
             candidate, lane, projections[own], products[own, own], along.of(own), runs
         )
     return scores
+
+
+def _apart(deviations: Sequence[Array], places: Sequence[int], stride: int) -> Iterator[Array]:
+    """The deviations of each record in the columns of its place, those of other places empty."""
+    for deviation, place in zip(deviations, places, strict=True):
+        part = deviation[::stride]
+        lanes = part.shape[2]
+        wide = np.zeros((*part.shape[:2], lanes * (max(places) + 1)))
+        wide[:, :, lanes * place : lanes * (place + 1)] = part
+        yield wide
+
+
+def _score_of_each_record(
+    fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
+) -> list[Score]:
+    """Score of one start whose amplitude is free in each record; what else may move moves along."""
+    stride, count = _stride(fit), len(candidate.final.parameters)
+    apart = _apart(deviations, range(len(deviations)), stride)
+    projections, products, along = _normal(fit, apart, residuals, len(deviations), stride)
+    gain, weights = _gain(products, projections)
+    if not np.isfinite(gain):
+        return []
+    start = candidate.starts[:, 0]
+    own = tuple(start[count:] * weight for weight in weights)
+    return [Score(candidate, start[:count].copy(), gain, None, own, along.by(weights))]
 
 
 def _scores_from(

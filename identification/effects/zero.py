@@ -144,11 +144,10 @@ class CurrentOffset(_ZeroError):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """Constant, moving evenly, and of each run where there are several."""
-        found = super().candidates(survey)
-        if len(survey.runs) > 1:
-            found.append(replace(found[0], fitted=cls(survey.current, own=True)))
-        return found
+        """Constant, and of each run where there are several: any movement is one of these."""
+        constant, *_ = super().candidates(survey)
+        own = replace(constant, fitted=cls(survey.current, own=True))
+        return [constant, own] if len(survey.runs) > 1 else [constant]
 
 
 @dataclass(frozen=True)
