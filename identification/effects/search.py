@@ -97,10 +97,7 @@ def search(
             is_exhausted = True
             break
         _enrich(state, round_)
-        # Curves that promise more than the kind did, or anything beside two, may replace them.
-        if alone is None and (
-            (round_ == 1 and _leaves_more(state)) or (round_ == 2 and _is_left(state))
-        ):
+        if alone is None and _asks_for_a_curve(state, round_):
             began = operations()
             alone = _curve_alone(state, first)
             # A curve is no kind of the catalogue, whose rounds keep what is theirs.
@@ -256,10 +253,19 @@ def _is_left(state: _State) -> list[Score]:
     return [s for s in state.trials.curves(state.current) if s.gain > needed]
 
 
-def _leaves_more(state: _State) -> bool:
-    """Whether curves promise more beside the kind that was taken than it promised itself."""
+def _asks_for_a_curve(state: _State, round_: int) -> bool:
+    """Whether a curve by itself may do better than the kinds that were taken in so many rounds.
+
+    After the first round curves have to promise more beside the kind than it promised itself, and
+    the catalogue less than most of that: else the next kind is refitted first, which is cheaper.
+    """
+    if round_ > 1:
+        return round_ == 2 and bool(_is_left(state))
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
-    return left > max(one.promised for one in state.searched if one.chosen)
+    if left <= max(one.promised for one in state.searched if one.chosen):
+        return False
+    listed = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
+    return listed < _MOST_OF_IT * left
 
 
 def _curve_alone(state: _State, declared: Judged) -> Judged | None:
