@@ -28,6 +28,7 @@ from identification.effects.score import Score, gathered
 from identification.effects.screen import screened
 from identification.effects.start import Start, traded
 from identification.effects.tracing import missing_curves
+from identification.effects.unlisted import LAWS
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
 from identification.fit.noise import effective_share
@@ -341,11 +342,11 @@ def _key(fit: Fit) -> Key:
 def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
     """Every structure of every kind that is not in the model yet."""
     survey = survey_of(fit)
-    present = {term.name for term in fit.simulator.model.terms}
+    absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
     return [
         candidate
-        for name, kind in CATALOGUE.items()
-        if name not in present and name not in withheld
+        for kind in (*CATALOGUE.values(), *LAWS)
+        if kind.name not in absent
         for candidate in kind.candidates(survey)
     ]
 

@@ -1,4 +1,4 @@
-"""What stands in where no effect of the catalogue explains it: a curve, a ripple, a lag, a turn."""
+"""What stands in where no effect of the catalogue explains it: curves, ripples and a few laws."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from identification.effects.curve import MissingTorque, MissingVoltage
 from identification.effects.hysteresis import LaggingFriction
 from identification.effects.loose import LoosePart
 from identification.effects.ripple import MissingTorqueRipple, MissingVoltageRipple
+from identification.effects.supply import SupplySag
 from identification.model.term import AbstractTerm
 
-__all__ = ["unlisted_form", "unlisted_term"]
+__all__ = ["LAWS", "unlisted_form", "unlisted_term"]
 
 _FORMS: Final[tuple[Any, ...]] = (
     MissingTorque,
@@ -23,7 +24,10 @@ _FORMS: Final[tuple[Any, ...]] = (
     AngularFriction,
     LaggingFriction,
     LoosePart,
+    SupplySag,
 )
+LAWS: Final[tuple[type[SupplySag], ...]] = (SupplySag,)
+"""Physical laws of no kind in the catalogue, which the rounds of a search try beside its kinds."""
 
 
 def unlisted_form(equation: object, settings: Mapping[str, Any]) -> Any:

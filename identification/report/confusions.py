@@ -37,7 +37,11 @@ CONFUSIONS: Final = (
         "brush drop and armature resistance",
         "Away from the knee a drop of constant size and a resistance differ only by where the "
         "line of voltage over current meets zero. Runs must take the current through the knee, in "
-        "both directions.",
+        "both directions. Where the voltage is logged as commanded, the dead time of the output "
+        "stage takes a voltage with the sign of the current, which is the law of a brush drop, and "
+        "leads and switches are in series with the armature: only a voltage measured at the "
+        "terminals parts these. A supply that sags behind a chopper goes with the square of the "
+        "voltage as well; it is told apart and called unlisted.",
     ),
     Confusion(
         ("coulomb_friction", "stribeck_friction", "quadratic_drag", "viscous_temperature"),

@@ -60,6 +60,8 @@ A [decision](adr/0008-three-gates-for-an-effect.md) says what an effect has to p
 it is named.
 What passes in none of the forms below is called `unlisted`: a smooth curve of \
 the missing voltage or torque over the signals that show it best stands in for it.
+One physical law is called so as well: the supply of a chopper that sags, where the voltage is \
+logged as it was commanded, v = -R_s (v / v_0)^2 i.
 
 Priors scale with the signals and the declared fit of the runs at hand.
 Those below are of an example: a servo motor with Ra25 {Ra25:g} ohm, Kt25 {Kt25:g} N m/A and \

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.evidence import Gates
 from identification.effects.outcome import Found, Outcome, Searched
+from identification.effects.unlisted import LAWS
 from identification.fit.solve import Fit
 from identification.model.term import AbstractTerm
 from identification.report.data import Candidate, MissingTerm, MissingTrace, Story
@@ -189,9 +190,11 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
     )
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
+        is_law = isinstance(term, LAWS)
+        form = f"the law of a {term.variant}" if is_law else f"a curve over {drivers}"
         text = (
-            f"Nothing in the catalogue explains what the {term.equation} equation lacks; a curve "
-            f"over {drivers} stands in for it: with it the simulation error "
+            f"Nothing in the catalogue explains what the {term.equation} equation lacks; "
+            f"{form} stands in for it: with it the simulation error "
             f"{_change(found.gates.training)} on the training runs{validation}."
         )
     else:
