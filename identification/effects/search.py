@@ -114,7 +114,7 @@ def search(
     _unlisted(state, first, alone, is_exhausted)
     complete = not (trials.over or is_cut_short)
     tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
-    effects = _explained(state)
+    effects = _settled(state)
     traces = traced(trials.curves(first)) if effects else ()
     last = state.current.fit if is_part else trials.final(state.current)
     fit = with_known_amplitudes(last)
@@ -333,10 +333,25 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
             _exchange(state)
 
 
-def _explained(state: _State) -> list[Found]:
-    """The effects of the final model, each with what could stand in its place."""
+def _settled(state: _State) -> list[Found]:
+    """The effects of the final model, after exchanges that need no further fit.
+
+    A search that was cut short, or that changed its model last, may end with an effect in whose
+    place another kind that was judged before does better.
+    """
+    effects, better = _explained(state)
+    for _ in range(_MOST_EFFECTS):
+        if better is None:
+            break
+        state.current = better
+        effects, better = _explained(state)
+    return effects
+
+
+def _explained(state: _State) -> tuple[list[Found], Judged | None]:
+    """The effects of a model, each with what could stand in its place, and a better model."""
     current, trials = state.current, state.trials
-    effects = []
+    effects, better = [], None
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
         gates = current.gates(simpler, trials.tried)
@@ -345,7 +360,10 @@ def _explained(state: _State) -> list[Found]:
             curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
             looked = [*_rivals(state, simpler, term.name), *curves]
         rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
-        odds = probabilities(scores_of([current, *rivals]))
+        models = [current, *rivals]
+        odds = probabilities(scores_of(models))
+        best = models[ranked(models)[0]]
+        better = best if best is not current else better
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):
             added = rival.fit.simulator.model.terms[-1].name
@@ -356,4 +374,4 @@ def _explained(state: _State) -> list[Found]:
             if probability > _KEPT
         )
         effects.append(Found(term.name, float(odds[0]), gates, alternatives))
-    return sorted(effects, key=lambda effect: -effect.gates.gain)
+    return sorted(effects, key=lambda effect: -effect.gates.gain), better

@@ -97,7 +97,8 @@ class CurrentOffset(_ZeroError):
     """A zero error of the current sensor: logged current = i + offset [A].
 
     The zero of a Hall sensor walks with its temperature and its magnetic history.  Where it moves
-    from run to run by no rule, the error is free in each record: a state that does not move.
+    from run to run by no rule, the error is free in each record: a state that does not move.  The
+    setting `size` of a result is then the root mean square of these errors [A].
 
     Args:
         own: Whether each record has an error of its own.

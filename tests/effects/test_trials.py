@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
+from identification.effects import search
 from identification.effects.evidence import Judged
 from identification.effects.trials import Trials, promising
 from identification.fit.declared import fit_declared
-from identification.work import metered, operations
+from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 
 
@@ -42,3 +43,26 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
     assert cost_of_capped < 0.7 * cost_of_free
     assert capped.fit.cost >= free.fit.cost
     assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
+
+
+def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() -> None:
+    """Dry friction is hidden and was judged; the model at hand has a drag in its place."""
+    measured = make_campaign(
+        "servo_150w", ["coulomb_friction"], seed=12, rows=800, training=2, validation=1
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    judged = {}
+    for name in ("coulomb_friction", "quadratic_drag"):
+        scores = [s for s in trials.scores(declared) if s.candidate.term.name == name]
+        (judged[name], *_) = trials.near(declared, trials.refits(declared, promising(scores, 1)))
+    state = search._State(trials, judged["quadratic_drag"])
+    trials.budget = Budget(0.0)
+
+    (found,) = search._settled(state)
+
+    assert trials.over
+    assert found.name == "coulomb_friction"
+    assert found.probability > 0.95
+    assert [term.name for term in state.current.fit.simulator.model.terms] == ["coulomb_friction"]
