@@ -19,6 +19,7 @@ from identification.checks.admission import admitted
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.confounded import confounded_terms
 from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.effects.long import search_long
 from identification.effects.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
@@ -153,6 +154,7 @@ def _identified(
     final = closed if opened is closed else with_noise_model(opened)
     omitted = unknown_gain(closed, [gain.ratio for gain in gains])
     omitted += outcome.omitted if outcome else ()
+    omitted += _confounded(declared, outcome)
     share = effective_share(closed)
     tell("posterior", 0.55)
     chain, draws = _drawn(
@@ -220,6 +222,17 @@ def _searched(
         withheld,
     )
     return found, outcome
+
+
+def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:
+    """Effects that the parameters of the model that was found may be taken for."""
+    if outcome is None:
+        return confounded_terms(declared)
+    return confounded_terms(
+        outcome.fit,
+        declared if outcome.effects else None,
+        is_structured=bool(outcome.omitted),
+    )
 
 
 def _check(training: Sequence[Run], validation: Sequence[Run]) -> None:

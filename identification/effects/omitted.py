@@ -45,12 +45,18 @@ class OmittedTerm:
         gain: Promised gain of the log likelihood, in effective samples; None where no data tell.
         chance: Gain that the best of all prototypes reaches by chance.
         steps: Change of each parameter that goes with its best amplitude, in search coordinates.
+        parameter: Parameter of the motor that may be taken for it; empty where there is none.
+            `chance` is then the loss of log likelihood that excludes it.
+        time: Time constant that it has at an optimum of its own [s], which draws lie on the way to;
+            None where the change is one of first order.
     """
 
     name: str
     gain: float | None
     chance: float | None
     steps: dict[str, float]
+    parameter: str = ""
+    time: float | None = None
 
 
 def omitted_terms(
@@ -127,6 +133,8 @@ def with_omitted_drawn(
     names = fit.coordinates.names
     shape = draws[names[0]].shape
     amplitudes = np.random.default_rng([seed, 2]).standard_normal((len(omitted), *shape))
+    has_own = np.array([term.time is not None for term in omitted])
+    amplitudes[has_own] = np.abs(amplitudes[has_own])
     position = fit.coordinates.of(np.stack([draws[name] for name in names]))
     position = position + np.tensordot(_steps(fit, omitted), amplitudes, axes=1)
     values = fit.coordinates.values(fit.coordinates.mirrored(position))

@@ -37,7 +37,12 @@ from identification.report.knowledge import (
     known_only_warnings,
     prior_entries,
 )
-from identification.report.omitted import omitted_entries, omitted_warnings
+from identification.report.omitted import (
+    confounded_entries,
+    confounded_warnings,
+    omitted_entries,
+    omitted_warnings,
+)
 from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 from identification.report.summary import NEAR_NOISE
@@ -80,6 +85,7 @@ def assemble(findings: Findings) -> dict[str, object]:
             ),
             "searched": searched_entries(findings.outcome),
             "omitted": omitted_entries(final, findings.omitted),
+            "confounded": confounded_entries(final, findings.omitted),
             "remaining": detection_entry(findings.after)
             | trace_entry(findings.left, None, declared.simulator.records),
             "shifts": shift_entries(after, before, findings.draws, findings.declared_draws)
@@ -317,6 +323,7 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
         *coarse_warnings(campaign.training_runs, findings.noise),
         *_worse(findings),
         *omitted_warnings(findings.final, findings.omitted),
+        *confounded_warnings(findings.final, findings.share, findings.omitted),
         *known_only_warnings(findings.final, findings.share),
         *_temperatures(findings),
         *campaign.warnings,

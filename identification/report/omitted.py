@@ -1,4 +1,4 @@
-"""Terms that the final model omits although they promise more than chance, in the result."""
+"""Terms that the final model omits and that could change its parameters, in the result."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from identification.effects.omitted import OmittedTerm, consider_variances
+from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["omitted_entries", "omitted_warnings"]
+__all__ = ["confounded_entries", "confounded_warnings", "omitted_entries", "omitted_warnings"]
 
 _NAMED = 4
 
@@ -23,21 +24,93 @@ def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str
         final: Fit of the final model.
         omitted: The terms.
     """
-    slopes = dict(
-        zip(final.coordinates.names, final.coordinates.slopes(final.position), strict=True)
-    )
     return [
         {
             "name": term.name,
             "promised_log_likelihood_gain": term.gain,
             "log_likelihood_gain_by_chance": term.chance,
-            "changes": {
-                name: float(term.steps.get(name, 0.0) * slopes[name])
-                for name in DECLARED_PARAMETERS
-            },
+            "changes": _changes(final, term),
         }
         for term in omitted
+        if not term.parameter
     ]
+
+
+def confounded_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
+    """One entry of each effect that a parameter may be taken for.
+
+    Args:
+        final: Fit of the final model.
+        omitted: What could change its parameters.
+    """
+    return [
+        {
+            "name": term.name,
+            "parameter": term.parameter,
+            "log_likelihood_gain": term.gain,
+            "log_likelihood_loss_limit": term.chance,
+            "time_constant_s": term.time,
+            "changes": _changes(final, term),
+        }
+        for term in omitted
+        if term.parameter
+    ]
+
+
+def _changes(final: Fit, term: OmittedTerm) -> dict[str, float]:
+    """Change of each declared parameter with a term [its unit]."""
+    slopes = dict(
+        zip(final.coordinates.names, final.coordinates.slopes(final.position), strict=True)
+    )
+    return {name: float(term.steps.get(name, 0.0) * slopes[name]) for name in DECLARED_PARAMETERS}
+
+
+def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]) -> list[str]:
+    """Parameters that the runs determine only if an effect beside the model is absent.
+
+    Args:
+        final: Fit of the final model.
+        share: Effective share of the samples.
+        omitted: What could change its parameters.
+    """
+    return [
+        _confounded(final, term)
+        for term in omitted
+        if term.parameter
+        and not identified(final, share, consider_variances(final, [term]))[term.parameter]
+    ]
+
+
+def _confounded(final: Fit, term: OmittedTerm) -> str:
+    """What the parameter may be instead, and what would tell."""
+    values = dict(zip(final.coordinates.names, final.values, strict=True))
+    name = term.parameter
+    there = dict(zip(final.coordinates.names, final.position, strict=True))
+    moved = np.array([there[key] + term.steps[key] for key in final.coordinates.names])
+    low = final.coordinates.values(np.clip(moved, final.coordinates.lower, np.inf))
+    less = float(low[final.coordinates.names.index(name)])
+    factor, unit = (1e3, "mH") if name == "L" else (1.0, DECLARED_PARAMETERS[name].unit)
+    says = f"{name} is {factor * values[name]:.3g} {unit} only if there is no"
+    found = f"the runs do not exclude {name} = {factor * less:.3g} {unit}"
+    if term.time is not None:
+        found += f" with a time constant of {1e3 * term.time:.3g} ms in the sensor"
+    if name == "L":
+        lag = 1e3 * values["L"] / values["Ra25"]
+        return (
+            f"{says} lag in the current sensor ({term.name}): the lag of {lag:.3g} ms in the "
+            f"current is that of L or of the sensor, and {found}; measure L, as with an LCR meter, "
+            "and give --known L=VALUE, or log the current without its filter and at a higher rate"
+        )
+    if name == "J":
+        return (
+            f"{says} lag in the speed sensor ({term.name}): {found}; give --known J=VALUE, or log "
+            "the speed without its filter"
+        )
+    return (
+        f"{says} dry friction or load torque: the motor turns in one direction only, where a "
+        f"constant torque and b w look alike, and {found}; record runs in both directions and at "
+        "several speeds, or give --known b=VALUE"
+    )
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
@@ -48,7 +121,7 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
         omitted: The terms.
     """
     # An unknown gain of a sensor is said where it is found.
-    omitted = [term for term in omitted if term.gain is not None]
+    omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
         return []
     spread = np.sqrt(consider_variances(final, omitted)) * final.coordinates.slopes(final.position)

@@ -1,0 +1,207 @@
+"""Lags of sensors and dry friction that the runs do not tell from L, J and b.
+
+A lag in the logged current is that of the winding, L / Ra, or that of the current sensor,
+
+    i(s) / v(s) = 1 / (Ra (1 + s L/Ra)) 1 / (1 + s tau)     at a speed that hardly changes,
+
+and the two factors may change places: only the speed, which follows the true current, tells them
+apart.  The same holds of the inertia and a filter of the speed, and, where the motor turns in one
+direction only, of viscous friction and a constant torque.  A search that found no such effect has
+not excluded it.
+
+*Near.*  A small lag, or a friction, of free size is fitted along to first order.  With its
+response d, d_perp what the parameters cannot imitate of it and m the step of the parameters that
+goes with it, the covariance grows by m m' / (d_perp' W d_perp + 1 / s^2) (Schur complement), where
+s is the size at which it has all of the lag or friction.
+
+*Swapped.*  The sensor gets nearly the whole lag, and all parameters are fitted from there.  Where
+the log likelihood falls by less than the limit, the runs do not exclude this optimum, and with a
+loss of d at a step m of the parameters the covariance grows by m m' / max(2 d, 1).
+
+Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
+Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
+Statistics 9 (1938), 60-62 (distribution of the loss).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from identification.effects.effect import Candidate, columns, survey_of
+from identification.effects.evidence import LEAST_SIZE
+from identification.effects.friction import CoulombFriction
+from identification.effects.omitted import OmittedTerm
+from identification.effects.refit import refitted_with
+from identification.effects.screen import screened
+from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
+from identification.effects.start import Along, Start
+from identification.fit.identifiability import identified
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit, Patience
+
+__all__ = ["LIMIT", "confounded_terms"]
+
+Array = NDArray[np.float64]
+
+LIMIT: Final = float(0.5 * chi2.isf(1e-3, 1))
+"""Loss of log likelihood that one right value in a thousand exceeds by chance: 5.4."""
+
+_LEFT: Final = 0.1
+"""Share of the parameter that is left of it where the sensor has the lag."""
+
+_SMALL: Final = 0.2
+"""Share of the lag that is small enough for a first order."""
+
+_REVERSES: Final = 0.1
+"""Least speed in one direction over the largest in the other of a motor that reverses."""
+
+_SEEN: Final = 0.46
+"""Change, over the standard deviation, that makes an interval wider by a tenth."""
+
+_STEPS: Final = 20
+
+
+@dataclass(frozen=True)
+class _Rival:
+    """An effect that a parameter may be taken for.
+
+    Args:
+        parameter: Name of the parameter.
+        near: The effect with one prototype of it.
+        whole: Size at which it has all that the parameter does, over that of the prototype [-].
+        swapped: Its size where it has nearly all, from which a fit starts; None for no fit.
+    """
+
+    parameter: str
+    near: Candidate
+    whole: float
+    swapped: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Kind of the effect."""
+        return self.near.term.name
+
+
+def confounded_terms(
+    final: Fit, nominal: Fit | None = None, *, is_structured: bool = False
+) -> tuple[OmittedTerm, ...]:
+    """Effects that parameters may be taken for, the one that changes most of each parameter.
+
+    Parameters that the user knows, or that the runs do not determine anyway, are left out, and so
+    are effects that the model has.
+
+    Args:
+        final: The model that was found, with white noise.
+        nominal: The model without effects, where it is another: what stands in for a lag in
+            `final` may keep the lag itself out.
+        is_structured: Whether the residual holds what no effect explains.  The model is then wrong
+            somewhere, and a loss decides only where it is as large as the search wants of a gain.
+    """
+    share = effective_share(final)
+    known = identified(final, share)
+    present = {term.name for term in final.simulator.model.terms}
+    origins = {p.name: p.origin for p in final.coordinates.parameters}
+    bases = [final] if nominal is None else [nominal, final]
+    size = LEAST_SIZE * float(final.weighting.counts.max()) * share
+    limit = max(LIMIT, size) if is_structured else LIMIT
+    deviations = np.sqrt(np.diag(final.equations.covariance()) / share)
+    least = dict(zip(final.coordinates.names, -_SEEN * deviations, strict=True))
+    found: dict[str, OmittedTerm] = {}
+    for rival in _rivals(final):
+        name = rival.parameter
+        if not known[name] or origins[name] or rival.name in present:
+            continue
+        for term in (*_near(final, rival, share), *_swapped(final, bases, rival, share, limit)):
+            if term.steps[name] < least[name]:
+                found[name], least[name] = term, term.steps[name]
+    return tuple(found.values())
+
+
+def _rivals(fit: Fit) -> Iterator[_Rival]:
+    """The effects in their textbook forms."""
+    survey = survey_of(fit)
+    at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
+    lag = at["L"] / at["Ra25"]
+    delays = [c for c in ChannelDelay.candidates(survey) if c.term.variant == "current"]
+    filters = CurrentFilter.candidates(survey)[0], SpeedFilter.candidates(survey)[0]
+    yield _lagging("L", filters[0], lag, swaps=True)
+    yield _lagging("L", delays[0], lag)
+    # A current follows the true speed, so that it tells the motor's lag from the sensor's.
+    unseen = not fit.weighting.counts[0] > 0
+    slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
+    yield _lagging("J", filters[1], slow, swaps=unseen)
+    speed = np.concatenate([record.measured[:, 1] for record in survey.records])
+    high, low = float(speed.max()), float(speed.min())
+    if min(high, -low) <= _REVERSES * max(high, -low):
+        friction = CoulombFriction.candidates(survey)[0]
+        first = friction.starts[:, :1]
+        whole = at["b"] * survey.speed / float(first[0, 0])
+        yield _Rival("b", Candidate(friction.term, first), whole)
+
+
+def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) -> _Rival:
+    """A sensor's lag, its time the first parameter, in the place of that of the motor [s]."""
+    own = lagging.term.parameters[0]
+    small, nearly = np.clip([_SMALL * lag, (1.0 - _LEFT) * lag], 1.01 * own.lower, 0.99 * own.upper)
+    small = max(float(small), 1e-3 * own.upper)
+    near = Candidate(lagging.term, columns((small,)))
+    return _Rival(name, near, max(lag / small, 1.0), float(nearly) if swaps else None)
+
+
+def _near(fit: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
+    """The change by an effect of small and free size, to first order."""
+    for score in screened(fit, [rival.near]):
+        if score.along is None or score.covariance is None:
+            continue
+        variance = float(score.covariance[0, 0])
+        weight = float(np.sqrt(2.0 * score.gain * variance))
+        if rival.near.term.parameters[0].vanishes:
+            # A size below zero has been replaced by that of the prototype.
+            weight = float(score.start[0] / rival.near.starts[0, 0])
+        if not weight > 0.0:
+            continue
+        size = 1.0 / np.sqrt(share / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
+        step = np.reshape(score.along.position, -1) / weight * size
+        if np.isfinite(step).all():
+            yield _term(fit, rival, step, share * score.gain, LIMIT)
+
+
+def _swapped(
+    final: Fit, bases: Sequence[Fit], rival: _Rival, share: float, limit: float
+) -> Iterator[OmittedTerm]:
+    """The changes to optima at which the sensor has most of the lag and that are not excluded."""
+    if rival.swapped is None:
+        return
+    here = dict(zip(final.coordinates.names, final.values, strict=True))
+    for base in bases:
+        values = base.values.copy()
+        values[base.coordinates.names.index(rival.parameter)] *= _LEFT
+        still = tuple(np.zeros_like(state) for state in base.states)
+        along = Along(base.coordinates.of(values) - base.position, still)
+        start = Start(np.array([rival.swapped]), along=along)
+        patience = Patience(_STEPS, final.cost + limit / share)
+        fit = refitted_with(base, rival.near.term, [start], patience)
+        loss = share * (fit.cost - final.cost)
+        if loss < limit:
+            there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
+            moved = final.coordinates.of(np.array([there[name] for name in here]))
+            step = (moved - final.position) / np.sqrt(max(2.0 * loss, 1.0))
+            time = there[f"{rival.name}.{rival.near.term.parameters[0].name}"]
+            yield _term(final, rival, step, -loss, limit, float(time))
+
+
+def _term(
+    fit: Fit, rival: _Rival, step: Array, gain: float, limit: float, time: float | None = None
+) -> OmittedTerm:
+    """The change, in the direction that takes from the parameter: no lag is negative."""
+    names = fit.coordinates.names
+    sign = -1.0 if step[names.index(rival.parameter)] > 0.0 else 1.0
+    steps = dict(zip(names, map(float, sign * step), strict=True))
+    return OmittedTerm(rival.name, float(gain), limit, steps, rival.parameter, time)

@@ -1,0 +1,138 @@
+"""A lag in the current is that of the winding or of the sensor, and the result says which it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench import EffectRequest, make_campaign
+from identification.effects.confounded import LIMIT, confounded_terms
+from identification.effects.omitted import consider_variances, with_omitted_drawn
+from identification.fit.declared import fit_declared
+from identification.fit.identifiability import identified
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit
+from identification.model.excitation import records_of
+from identification.model.parameter import Coordinates
+from identification.posterior.density import Posterior
+from identification.posterior.normal import normal_draws
+from identification.report.omitted import confounded_warnings
+from tests.effects.hidden import records_of_bench
+from tests.motors import Excitation, campaign, motor_named
+
+
+def interval(fit: Fit, name: str) -> tuple[float, float]:
+    """90 % interval of a parameter with what it may be taken for."""
+    posterior = Posterior(fit, effective_share(fit))
+    draws = with_omitted_drawn(normal_draws(posterior, 1), fit, confounded_terms(fit), 1)
+    low, high = np.quantile(draws[name], [0.05, 0.95])
+    return float(low), float(high)
+
+
+def is_identified(fit: Fit, name: str) -> bool:
+    """Whether a parameter is identified with what it may be taken for."""
+    variances = consider_variances(fit, confounded_terms(fit))
+    return identified(fit, effective_share(fit), variances)[name]
+
+
+@pytest.mark.parametrize(
+    ("motor", "size"),
+    [("coreless_10w", 0.4), ("ferrite_fan_30w", 0.3), ("wiper_60w", 0.3), ("servo_150w", 1.0)],
+)
+def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: float) -> None:
+    """A filter of 4, 1.5, 6 or 10 ms is in the log and not in the model, which blames the winding.
+
+    By noise alone the interval of L is narrow and wrong.
+    """
+    hidden = make_campaign(motor, [EffectRequest("current_filter", size=size)], seed=1, rows=1500)
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    truth = hidden.truth["parameters"]["L"]
+    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1)["L"]
+
+    low, high = interval(fit, "L")
+
+    assert not np.quantile(narrow, 0.05) <= truth <= np.quantile(narrow, 0.95)
+    assert low <= truth <= high
+
+
+@pytest.mark.parametrize("motor", ["coreless_10w", "wiper_60w"])
+def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str) -> None:
+    """Nine tenths of what looks like L / Ra are a filter's: L is open, and a warning says why."""
+    hidden = make_campaign(motor, [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500)
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    share, terms = effective_share(fit), confounded_terms(fit)
+    (message,) = [w for w in confounded_warnings(fit, share, terms) if w.startswith("L is")]
+
+    assert identified(fit, share)["L"]
+    assert not is_identified(fit, "L")
+    assert "only if there is no lag in the current sensor" in message
+    assert "--known L=VALUE" in message
+
+
+def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor() -> None:
+    """A filter of 4 ms before a winding of 0.109 ms: what is named instead are these two."""
+    hidden = make_campaign(
+        "coreless_10w", [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500
+    )
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    term = next(term for term in confounded_terms(fit) if term.parameter == "L")
+    row = fit.coordinates.names.index("L")
+
+    moved = fit.position + np.array([term.steps[name] for name in fit.coordinates.names])
+
+    assert term.name == "current_filter"
+    assert term.time == pytest.approx(4e-3, rel=0.02)
+    assert fit.coordinates.values(moved)[row] == pytest.approx(
+        hidden.truth["parameters"]["L"], rel=0.2
+    )
+
+
+@pytest.mark.parametrize("motor", ["coreless 10 W", "servo 100 W", "ferrite 50 W", "pump 2 kW"])
+def test_inductance_of_a_resolved_transient_stays_narrow(motor: str) -> None:
+    """Speed and current together tell a winding from a sensor: L is known to 5 % and is true."""
+    chosen = motor_named(motor)
+    fit = fit_declared(records_of(campaign(chosen, seed=4)), "zoh")
+    truth = dict(zip(fit.coordinates.names, chosen.values, strict=True))["L"]
+
+    low, high = interval(fit, "L")
+
+    assert is_identified(fit, "L")
+    assert (high - low) < 0.05 * truth
+    assert low <= truth <= high
+
+
+def test_known_inductance_is_taken_from_no_sensor() -> None:
+    """A user who has measured L has excluded that its lag is the sensor's."""
+    hidden = make_campaign(
+        "coreless_10w", [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500
+    )
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    parameters = [
+        replace(p, origin="--known") if p.name == "L" else p for p in fit.coordinates.parameters
+    ]
+    known = replace(fit, coordinates=Coordinates(parameters))
+
+    assert "L" in [term.parameter for term in confounded_terms(fit)]
+    assert "L" not in [term.parameter for term in confounded_terms(known)]
+
+
+@pytest.mark.parametrize(("kind", "is_open"), [("forward", True), ("steps", False)])
+def test_friction_of_one_direction_may_be_a_constant_torque(
+    kind: Excitation, *, is_open: bool
+) -> None:
+    """B w and a constant torque are collinear at one sign of speed, and not at two."""
+    chosen = motor_named("servo 100 W")
+    fit = fit_declared(records_of(campaign(chosen, seed=4, kind=kind)), "zoh")
+
+    named = [term.name for term in confounded_terms(fit) if term.parameter == "b"]
+    low, high = interval(fit, "b")
+
+    assert named == (["coulomb_friction"] if is_open else [])
+    assert low <= dict(zip(fit.coordinates.names, chosen.values, strict=True))["b"] <= high
+
+
+def test_limit_is_the_quantile_of_one_in_a_thousand() -> None:
+    """Half of chi-squared with one degree of freedom: 3.29 standard deviations, 3.29^2 / 2."""
+    assert pytest.approx(3.2905**2 / 2, rel=1e-3) == LIMIT
