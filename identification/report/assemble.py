@@ -15,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.admission import Admission
+from identification.checks.finding import Finding
+from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.odd_runs import odd_runs
 from identification.diagnosis.outliers import outlier_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.effects.gauge import lines_of
+from identification.effects.omitted import consider_variances
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated
@@ -66,6 +69,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     known = identified(declared, findings.share)
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
+    implausible = _implausible(findings)
     missed = _missed(findings)
     if missed:
         after = {name: entry | {"identified": False} for name, entry in after.items()}
@@ -74,7 +78,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "software": _software(),
         "options": _options(findings),
         "runs": _runs(findings.campaign),
-        **_checks(findings.admission),
+        **_checks(findings.admission, implausible),
         "declared": {"parameters": before},
         "parameters": after,
         "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
@@ -104,7 +108,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "feedback_before": findings.feedback_before,
         "feedback_nonlinear": nonlinear_entries(findings.loops),
         "sampler": None if sample is None else _sampler(sample),
-        "warnings": _warnings(findings, missed),
+        "warnings": _warnings(findings, [*missed, *map(str, implausible)]),
     }
 
 
@@ -122,6 +126,20 @@ def _sampler(sample: Sample) -> dict[str, object]:
         "draws": sample.source,
         "pareto_k": None if sample.shape is None else _number(sample.shape),
     }
+
+
+def _implausible(findings: Findings) -> list[Finding]:
+    """Time constants that motors do not have, of parameters that the user has not given.
+
+    What an inductance may be taken for is no reason not to say that it is odd.
+    """
+    final = findings.final
+    others = [term for term in findings.omitted if not term.parameter]
+    known = identified(final, findings.share, consider_variances(final, others))
+    given = {p.name for p in final.coordinates.parameters if p.origin} & {"J", "L"}
+    values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
+    trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
+    return time_constant_findings(values, trusted)
 
 
 def _missed(findings: Findings) -> list[str]:
@@ -221,12 +239,12 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
     ]
 
 
-def _checks(admission: Admission | None) -> dict[str, object]:
+def _checks(admission: Admission | None, found: Sequence[Finding]) -> dict[str, object]:
     """What the checks found, whether the fit was forced, and which runs were set aside."""
     if admission is None:
-        return {"checks": [], "forced": False, "set_aside": []}
+        return {"checks": [one.entry() for one in found], "forced": False, "set_aside": []}
     return {
-        "checks": [finding.entry() for finding in admission.findings],
+        "checks": [one.entry() for one in (*admission.findings, *found)],
         "forced": admission.forced,
         "set_aside": [
             {"file": run.name, "sha256": run.sha256, "role": role}

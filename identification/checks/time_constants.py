@@ -1,0 +1,99 @@
+"""Time constants of the identified motor beside those of motors in data sheets.
+
+    electrical   L / Ra            [s]
+    mechanical   J Ra / Kt^2       [s]
+
+Neither depends on the number of turns.  Data sheets of brushed motors up to the size of the
+Faulhaber 3863 CR (200 W, Kt / sqrt(Ra) = 0.05 N m/sqrt(W)) have
+
+    electrical   10 us (0816 SR), 25 us (1331 SR), 280 us (3863 CR), all coreless; 0.63 ms with an
+                 iron core (Pittman 9232S003: 4.64 mH, 7.38 ohm)
+    mechanical   6.1 to 6.5 ms, 6.3 to 7.1 ms, 4.8 ms and 14.4 ms
+
+and printed armatures of 0.1 to 4.5 kW below 0.15 ms and 2.9 to 20.5 ms.  Large servo motors have
+8 to 40 ms for the electrical one (Parker MGV420B to MGV950C, of three phases; an iron core of that
+size is taken to have the same with brushes).  The limits leave a factor to what is in the data
+sheets: eight for small motors, none for the longest of the large ones; a third of the least
+mechanical one, and ten times the longest, which is a load of nine times the rotor's inertia.
+
+Source: data sheets of Faulhaber 0816 SR, 1331 SR and 3863 CR (May 2012), Pittman 9232S003, printed
+armature motors B9M4 to BR27MACH, and the Parker MGV manual PVD3627 (August 2011), section 3.1.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from identification.checks.finding import Finding
+
+__all__ = ["time_constant_findings"]
+
+_SMALL: Final = 0.05
+"""Motor constant Kt / sqrt(Ra) up to which a motor is small [N m/sqrt(W)]."""
+_ELECTRICAL_S: Final = (5e-3, 40e-3)
+"""Longest electrical time constant of a small and of any motor [s]."""
+_MECHANICAL_S: Final = (1e-3, 0.2)
+"""Shortest and longest mechanical time constant [s]."""
+
+
+def time_constant_findings(
+    values: Mapping[str, float], trusted: Mapping[str, bool]
+) -> list[Finding]:
+    """Time constants that motors of this size do not have.
+
+    Args:
+        values: Identified parameters by name [their units].
+        trusted: Whether each is determined; J and L that the user has given are not judged.
+    """
+    resistance, constant = values["Ra25"], values["Kt25"]
+    if not (resistance > 0.0 and constant > 0.0 and trusted["Ra25"] and trusted["Kt25"]):
+        return []
+    found = []
+    is_small = constant <= _SMALL * resistance**0.5
+    longest = _ELECTRICAL_S[0 if is_small else 1]
+    if trusted["L"] and values["L"] / resistance > longest:
+        found.append(_electrical(values["L"] / resistance, longest))
+    mechanical = values["J"] * resistance / constant**2
+    if trusted["J"] and not _MECHANICAL_S[0] <= mechanical <= _MECHANICAL_S[1]:
+        found.append(_mechanical(mechanical))
+    return found
+
+
+def _electrical(time: float, longest: float) -> Finding:
+    return Finding(
+        "electrical_time_constant",
+        "suspect",
+        "",
+        "current_A",
+        f"L / Ra is {1e3 * time:.3g} ms, longer than motors of this size have: a filter or delay "
+        "of the current sensor, a choke in the leads or a wrong sample clock would explain it; "
+        "measure L with an LCR meter and give --known L=VALUE",
+        "electrical time constant [s]",
+        time,
+        longest,
+        separable=False,
+    )
+
+
+def _mechanical(time: float) -> Finding:
+    is_short = time < _MECHANICAL_S[0]
+    why = (
+        "shorter than bare rotors have: a wrong unit or sample clock, or a current in another "
+        "scale than A"
+        if is_short
+        else "longer than that of a rotor with nine times its own inertia: the inertia of a gear, "
+        "flywheel or load, or a wrong sample clock"
+    )
+    return Finding(
+        "mechanical_time_constant",
+        "suspect",
+        "",
+        "speed_rad_s",
+        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why} would explain it; compare J with the data "
+        "sheet and give --known J=VALUE",
+        "mechanical time constant [s]",
+        time,
+        _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],
+        separable=False,
+    )
