@@ -97,7 +97,9 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
         f"{one.sd:.2g}) by the runs, {apart}: the runs were followed and the value was "
         "not used; check it"
     )
-    return "; ".join([sentence, *_units(one, runs[0])])
+    lag = "a filter or delay of the current sensor in the runs looks like a larger L"
+    lags = [lag] if prior.name == "L" and one.estimate > prior.value else []
+    return "; ".join([sentence, *lags, *_units(one, runs[0])])
 
 
 def _units(one: Comparison, run: Run) -> list[str]:

@@ -91,7 +91,9 @@ def _confounded(final: Fit, term: OmittedTerm) -> str:
     less = float(low[final.coordinates.names.index(name)])
     factor, unit = (1e3, "mH") if name == "L" else (1.0, DECLARED_PARAMETERS[name].unit)
     says = f"{name} is {factor * values[name]:.3g} {unit} only if there is no"
-    found = f"the runs do not exclude {name} = {factor * less:.3g} {unit}"
+    is_better = term.time is not None and (term.gain or 0.0) > (term.chance or 0.0)
+    says_so = "the runs are explained better by" if is_better else "the runs do not exclude"
+    found = f"{says_so} {name} = {factor * less:.3g} {unit}"
     if term.time is not None:
         found += f" with a time constant of {1e3 * term.time:.3g} ms in the sensor"
     if name == "L":

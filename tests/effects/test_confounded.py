@@ -68,6 +68,7 @@ def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str
     assert identified(fit, share)["L"]
     assert not is_identified(fit, "L")
     assert "only if there is no lag in the current sensor" in message
+    assert "the runs are explained better by L = " in message
     assert "--known L=VALUE" in message
 
 
