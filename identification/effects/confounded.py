@@ -44,8 +44,9 @@ from identification.effects.start import Along, Start
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience
+from identification.model.excitation import Record
 
-__all__ = ["LIMIT", "confounded_terms"]
+__all__ = ["LIMIT", "confounded_terms", "turns_one_way"]
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,17 @@ def confounded_terms(
     return tuple(found.values())
 
 
+def turns_one_way(records: Sequence[Record]) -> bool:
+    """Whether the speed has one sign, but for less than a tenth of its size.
+
+    Args:
+        records: Records.
+    """
+    speed = np.concatenate([record.measured[:, 1] for record in records])
+    high, low = float(speed.max()), float(speed.min())
+    return min(high, -low) <= _REVERSES * max(high, -low)
+
+
 def _rivals(fit: Fit) -> Iterator[_Rival]:
     """The effects in their textbook forms."""
     survey = survey_of(fit)
@@ -137,9 +149,7 @@ def _rivals(fit: Fit) -> Iterator[_Rival]:
     unseen = not fit.weighting.counts[0] > 0
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
     yield _lagging("J", filters[1], slow, swaps=unseen)
-    speed = np.concatenate([record.measured[:, 1] for record in survey.records])
-    high, low = float(speed.max()), float(speed.min())
-    if min(high, -low) <= _REVERSES * max(high, -low):
+    if turns_one_way(survey.records):
         friction = CoulombFriction.candidates(survey)[0]
         first = friction.starts[:, :1]
         whole = at["b"] * survey.speed / float(first[0, 0])

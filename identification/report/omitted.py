@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.effects.confounded import turns_one_way
 from identification.effects.omitted import OmittedTerm, consider_variances
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
@@ -15,6 +16,7 @@ from identification.quantities import DECLARED_PARAMETERS
 __all__ = ["confounded_entries", "confounded_warnings", "omitted_entries", "omitted_warnings"]
 
 _NAMED = 4
+_ONE_TORQUE = ("coulomb_friction", "load_torque")
 
 
 def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
@@ -73,12 +75,20 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
         share: Effective share of the samples.
         omitted: What could change its parameters.
     """
-    return [
+    messages = [
         _confounded(final, term)
         for term in omitted
         if term.parameter
         and not identified(final, share, consider_variances(final, [term]))[term.parameter]
     ]
+    torques = [term.name for term in final.simulator.model.terms if term.name in _ONE_TORQUE]
+    if torques and turns_one_way(final.simulator.records):
+        messages.append(
+            f"the motor turns in one direction only, where dry friction and a load torque are one "
+            f"constant torque: {' and '.join(torques)} may be either, or both; record runs in both "
+            "directions to tell them apart"
+        )
+    return messages
 
 
 def _confounded(final: Fit, term: OmittedTerm) -> str:

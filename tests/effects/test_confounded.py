@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from bench import EffectRequest, make_campaign
 from identification.effects.confounded import LIMIT, confounded_terms
+from identification.effects.effect import survey_of
+from identification.effects.friction import CoulombFriction
 from identification.effects.omitted import consider_variances, with_omitted_drawn
+from identification.effects.refit import refitted_with
+from identification.effects.start import Start
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
@@ -132,6 +137,28 @@ def test_friction_of_one_direction_may_be_a_constant_torque(
 
     assert named == (["coulomb_friction"] if is_open else [])
     assert low <= dict(zip(fit.coordinates.names, chosen.values, strict=True))["b"] <= high
+
+
+@pytest.mark.parametrize("direction", ["forward", "both"])
+def test_constant_torque_of_one_direction_is_friction_or_load(
+    direction: Literal["forward", "both"],
+) -> None:
+    """Dry friction turns its sign with the speed; where the speed does not, nothing tells."""
+    hidden = make_campaign(
+        "wiper_60w",
+        [EffectRequest("coulomb_friction")],
+        seed=14,
+        rows=1500,
+        direction=direction,
+    )
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    (candidate,) = CoulombFriction.candidates(survey_of(fit))
+    start = Start(candidate.starts[:, 0])
+    fit = refitted_with(fit, candidate.term, [start])
+    found = confounded_warnings(fit, effective_share(fit), ())
+
+    assert bool(found) == (direction == "forward")
+    assert all("dry friction and a load torque" in message for message in found)
 
 
 def test_limit_is_the_quantile_of_one_in_a_thousand() -> None:
