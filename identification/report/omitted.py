@@ -96,7 +96,7 @@ def _confounded(final: Fit, term: OmittedTerm) -> str:
     values = dict(zip(final.coordinates.names, final.values, strict=True))
     name = term.parameter
     there = dict(zip(final.coordinates.names, final.position, strict=True))
-    moved = np.array([there[key] + term.steps[key] for key in final.coordinates.names])
+    moved = np.array([there[key] + term.steps.get(key, 0.0) for key in final.coordinates.names])
     low = final.coordinates.values(np.clip(moved, final.coordinates.lower, np.inf))
     less = float(low[final.coordinates.names.index(name)])
     factor, unit = (1e3, "mH") if name == "L" else (1.0, DECLARED_PARAMETERS[name].unit)

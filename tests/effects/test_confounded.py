@@ -12,7 +12,7 @@ from bench import EffectRequest, make_campaign
 from identification.effects.confounded import LIMIT, confounded_terms
 from identification.effects.effect import survey_of
 from identification.effects.friction import CoulombFriction
-from identification.effects.omitted import consider_variances, with_omitted_drawn
+from identification.effects.omitted import OmittedTerm, consider_variances, with_omitted_drawn
 from identification.effects.refit import refitted_with
 from identification.effects.start import Start
 from identification.fit.declared import fit_declared
@@ -107,6 +107,20 @@ def test_inductance_of_a_resolved_transient_stays_narrow(motor: str) -> None:
     assert is_identified(fit, "L")
     assert (high - low) < 0.05 * truth
     assert low <= truth <= high
+
+
+def test_warning_is_given_beside_parameters_that_were_not_considered() -> None:
+    """A curve may get a linear part after the search, of which no change is known: it stays.
+
+    A change of -1 in the logarithm of 2 mH leaves 2 / e.
+    """
+    fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+    term = OmittedTerm("current_filter", 10.0, LIMIT, {"L": -1.0}, "L", 4e-3)
+
+    (message,) = confounded_warnings(fit, effective_share(fit), [term])
+
+    less = float(message.partition("L = ")[2].split()[0])
+    assert less == pytest.approx(2.0 * np.exp(-1.0), rel=0.02)
 
 
 def test_known_inductance_is_taken_from_no_sensor() -> None:
