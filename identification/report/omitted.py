@@ -75,10 +75,12 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
         share: Effective share of the samples.
         omitted: What could change its parameters.
     """
+    known = identified(final, share)
     messages = [
         _confounded(final, term)
         for term in omitted
         if term.parameter
+        and known[term.parameter]
         and not identified(final, share, consider_variances(final, [term]))[term.parameter]
     ]
     torques = [term.name for term in final.simulator.model.terms if term.name in _ONE_TORQUE]
