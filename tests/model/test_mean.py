@@ -18,6 +18,7 @@ from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.printing import printed_equations
 from identification.model.simulate import Simulator
+from identification.model.tangent import tangent
 from identification.model.term import AbstractTerm
 from tests.effects.hidden import records_of_bench
 from tests.motors import driven, motor_named
@@ -84,7 +85,7 @@ def test_derivatives_of_a_mean_are_those_of_its_simulation() -> None:
     """Central differences of the simulated log itself."""
     step = 1e-5 * SERVO.vector
     directions = np.diag(SERVO.vector)[:, :3]
-    _, tangents = MEAN.tangent(SERVO.vector, [START], directions)
+    _, tangents = tangent(MEAN, SERVO.vector, [START], directions)
     for k in range(3):
         moved = [SERVO.vector.copy() for _ in range(2)]
         moved[0][k] += step[k]
