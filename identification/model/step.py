@@ -30,6 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 import casadi as ca
@@ -45,6 +46,8 @@ TOLERANCE: Final = 1e-8
 
 Sensors resolve 1e-2 to 1e-5 of the signal; this keeps the discretisation far below that even
 after it has added up over a time constant."""
+
+_STRUCTURES: Final = 128
 
 _LARGEST_ACTION: Final = 12.0
 """Largest h |A| for which the series acts on vectors."""
@@ -105,6 +108,7 @@ def _terms(z: float) -> int:
     return k + k % 2
 
 
+@lru_cache(_STRUCTURES)
 def step_function(model: MotorModel, plan: Plan) -> ca.Function:
     """SX function (carry, inputs, parameter) -> (carry at the next sample, logged now).
 
