@@ -186,18 +186,13 @@ def _optimised(
 ) -> _Point | None:
     """The best point at a given way along the ridge; None where there is none inside the bounds."""
     coordinates, free = fit.coordinates, direction.free
-    far = np.inf
     for _ in range(_STEPS):
-        inside = (position > coordinates.lower) & (position < coordinates.upper)
-        if not np.all(inside[free]):
+        if not _is_inside(fit, position, free):
             return None
         equations = normal_equations(fit.simulator, coordinates, position, states, fit.weighting)
         if not equations.is_finite:
             return None
         precision = _precision(equations, share)
-        if far < _FAR:
-            fall = _falls(fit, share, position[:, None], [x[:, None] for x in states])
-            return _Point(position, states, precision, float(fall[0]))
         short = way - float(direction.along @ (position - fit.position))
         step = np.zeros_like(position)
         step[free] = _step(equations, direction.along, short, free)
@@ -213,7 +208,16 @@ def _optimised(
                 strict=True,
             )
         )
+        if far < _FAR and _is_inside(fit, position, free):
+            # So short a step leaves the precision what it is.
+            fall = _falls(fit, share, position[:, None], [x[:, None] for x in states])
+            return _Point(position, states, precision, float(fall[0]))
     return None
+
+
+def _is_inside(fit: Fit, position: Array, free: NDArray[np.bool_]) -> bool:
+    lower, upper = fit.coordinates.lower, fit.coordinates.upper
+    return bool(np.all(((position > lower) & (position < upper))[free]))
 
 
 def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[np.bool_]) -> Array:
