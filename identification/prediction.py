@@ -3,7 +3,8 @@
     prediction = predict(json.loads(text), read_run("run.csv"))
 
 Only voltage, temperature and, where logged, angle of the run are used, and its first samples for
-the state in which it begins.  Where the temperature was not logged, it is one that fits the run.
+the state in which it begins.  Where the temperature was not logged, or by a thermometer that lags
+in coarse steps, it is one that fits the run.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
+import casadi as ca
 import numpy as np
 
 from identification.effects.effect import Candidate, Survey, columns, shape
@@ -16,6 +17,7 @@ from identification.model.term import (
     State,
     Values,
 )
+from identification.model.unlogged import WARMING
 
 __all__ = ["MagnetLag", "WindingLag"]
 
@@ -29,6 +31,7 @@ _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
 _BEHIND: Final = "the winding lags the log"
 _AHEAD: Final = "the log lags the winding"
 _BOTH_AHEAD: Final = "the log lags winding and magnet"
+_IN_STEPS: Final = ", which its steps tell only roughly"
 
 
 def _moves(survey: Survey) -> bool:
@@ -91,17 +94,31 @@ class WindingLag(_Lag):
 
         dT_w/dt = (T - T_w) / tau            the winding lags the log          [K/s]
         T_w = T + tau dT/dt                  the log lags the winding          [degC]
+        T_w = T + tau dT/dt + departure      and has coarse steps              [degC]
+
+        D d(departure)/dt = warming,   D d(warming)/dt = bend                  [K]
 
     The second is the inverse of the lag of a thermocouple on the case, exact for any movement, with
     the derivative of the smoothing spline of the log, which noise and resolution of the thermometer
     hardly reach.  Where the thermometer lags everything in the motor, the magnet is ahead of the
     log as the winding is.
 
+    A log in steps that no noise dithers tells no derivative within a step.  In a richer form the
+    winding's temperature departs from it by a parabola over time, another one in each record of
+    length D.  Departure, warming and bend are expected to be as large as what a run warms by whose
+    temperature nobody logged.
+
     Args:
         direction: Direction of the lag.
+        duration: Length D of the longest record [s].
+        step: Step of the log where no noise dithers it, else zero [K].
+        size: Expected size of the departure, zero where there is none [K].
     """
 
     direction: str = _BEHIND
+    duration: float = 1.0
+    step: float = 0.0
+    size: float = 0.0
 
     name: ClassVar[str] = "winding_lag"
 
@@ -112,13 +129,25 @@ class WindingLag(_Lag):
 
     @property
     def variant(self) -> str:
-        """Direction of the lag."""
-        return self.direction
+        """Direction of the lag, and whether the temperature departs from what the log tells."""
+        return self.direction + (_IN_STEPS if self.size else "")
+
+    @property
+    def richer(self) -> tuple[WindingLag, ...]:
+        """A departure in each record, where the log lags in steps."""
+        return () if self.size or not self.step else (self.expecting(WARMING),)
+
+    def expecting(self, size: float) -> WindingLag:
+        """The term with departures expected to be of this size [K]."""
+        return replace(self, size=size)
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Temperature of the winding where it lags; none where the log does."""
-        return super().states if self.direction == _BEHIND else ()
+        """Temperature of the winding where it lags; the departure of a record and its course."""
+        if self.direction == _BEHIND:
+            return super().states
+        course = ("departure", "warming", "bend") if self.size else ()
+        return tuple(State(name, "K", scale=self.size, is_own=True) for name in course)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -131,11 +160,16 @@ class WindingLag(_Lag):
         """Temperature of the body [degC]."""
         if self.direction == _BEHIND:
             return super().felt(before, signals, states, values)
-        return before + values.time_constant * signals.temperature_rate
+        ahead = before + values.time_constant * signals.temperature_rate
+        return ahead + states.departure if self.size else ahead
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the winding's temperature [K/s], where it is a state."""
-        return super().rates(signals, states, values) if self.direction == _BEHIND else []
+        """Rates of the winding's temperature, or of what departs from the log's [K/s]."""
+        if self.direction == _BEHIND:
+            return super().rates(signals, states, values)
+        if not self.size:
+            return []
+        return [states.warming / self.duration, states.bend / self.duration, ca.SX(0)]
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
@@ -145,7 +179,11 @@ class WindingLag(_Lag):
         shortest, longest = survey.duration / 200, survey.duration
         # No run shows the derivative of a temperature over more than itself.
         starts = columns(*[(f * survey.duration,) for f in _SCANNED[:-1]])
-        ahead = [Candidate(cls(shortest, longest, d), starts) for d in (_AHEAD, _BOTH_AHEAD)]
+        step = max(record.resolution for record in survey.records)
+        ahead = [
+            Candidate(cls(shortest, longest, d, survey.duration, step), starts)
+            for d in (_AHEAD, _BOTH_AHEAD)
+        ]
         return [*super().candidates(survey), *ahead]
 
 

@@ -156,9 +156,13 @@ class _Bench:
         voltage = np.abs(np.concatenate([r.column("voltage") for r in records]))
         self.range = np.array([*np.quantile(measured, _WITHIN, axis=0), np.quantile(voltage, 0.99)])
         known = dict(zip(fit.simulator.model.state_names, fit.states[0], strict=True))
-        self.own = np.array([known[name] for name in self.model.state_names[2:]])
-        if not any("position" in term.drivers for term in terms):
-            self.own = np.zeros(self.own.size)
+        self.own = np.array(
+            [
+                known[f"{term.name}.{state.name}"] if "position" in term.drivers else 0.0
+                for term in terms
+                for state in term.states
+            ]
+        )
 
     def responses(self, controller: Controller) -> list[SimulatedLoop]:
         """Simulated loops of one controller, by temperature; none where it is not stable.

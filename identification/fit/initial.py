@@ -3,6 +3,9 @@
 A prediction may use nothing of a run but its inputs; only the state at the first sample has to
 come from somewhere, and a single noisy sample of each sensor would start a transient that is not
 there.  So the state is fitted to a short head of the run with the parameters held.
+
+The course of a temperature that the log does not tell is fitted to the whole run, as the
+temperature of a run without a log is.
 """
 
 from __future__ import annotations
@@ -15,9 +18,11 @@ from numpy.typing import NDArray
 
 from identification.fit.normal_equations import products, state_precision
 from identification.linear import solution
+from identification.model.composite import MotorModel
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator, initial_states
 from identification.model.tangent import tangent_blocks
+from identification.model.term import AbstractTemperature
 from identification.model.weighting import Weighting
 
 __all__ = ["fitted_initial_states"]
@@ -50,9 +55,16 @@ def fitted_initial_states(
         For each record (n_state,).
     """
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
+    whole = whole or _has_own_temperature(simulator.model)
     for share in _GROWING if whole else _GROWING[:1]:
         states = _fitted_to_heads(simulator, values, deviation, share, states)
     return states
+
+
+def _has_own_temperature(model: MotorModel) -> bool:
+    """Whether records have a temperature of their own beside the log's."""
+    bodies = [term for term in model.terms if isinstance(term, AbstractTemperature)]
+    return any(state.is_own for term in bodies for state in term.states)
 
 
 def _fitted_to_heads(

@@ -50,6 +50,7 @@ class Record:
         angle_logged: Whether the angle is logged, and not the integral of the logged speed.
         expected: Temperature about which `RAMP` stands for it, where none was logged [degC].
         whole: (n_sample, 2) the weights with the edges of the record, where they were taken away.
+        resolution: Step of the logged temperature where no noise dithers it, else zero [K].
     """
 
     run: int
@@ -62,6 +63,7 @@ class Record:
     angle_logged: bool = False
     expected: float | None = None
     whole: Array | None = None
+    resolution: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -130,6 +132,7 @@ def records_of(
     records: list[Record] = []
     peak = hottest
     for k, run in enumerate(runs):
+        coarse = _coarse_step(run)
         if run.temperature is None:
             temperature = expected + RAMP * _passed(run)
             highest = np.full(run.time.size, peak if np.isfinite(peak) else expected)
@@ -141,7 +144,7 @@ def records_of(
             if stop - start >= 2:
                 made = _record(run, first + k, start, stop, temperature, highest)
                 unknown = expected if run.temperature is None else None
-                records.append(replace(made, expected=unknown))
+                records.append(replace(made, expected=unknown, resolution=coarse))
     return records
 
 
@@ -216,13 +219,27 @@ def smooth_temperature(run: Run) -> Array:
     """
     if run.temperature is None:
         return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)
-    steps = np.diff(np.unique(run.temperature))
-    quantum = float(steps.min()) if steps.size else 0.0
+    quantum = _quantum(run.temperature)
     smooth = [
         _smooth_stretch(run.time[start:stop], run.temperature[start:stop], quantum)
         for start, stop in _stretches(run.temperature, run.segments, quantum)
     ]
     return np.concatenate(smooth)
+
+
+def _quantum(logged: Array) -> float:
+    """Smallest step between values that were logged, zero where they are all alike [K]."""
+    steps = np.diff(np.unique(logged))
+    return float(steps.min()) if steps.size else 0.0
+
+
+def _coarse_step(run: Run) -> float:
+    """Step of the logged temperature where no noise dithers it, else zero [K]."""
+    if run.temperature is None:
+        return 0.0
+    quantum = _quantum(run.temperature)
+    _, _, within = _spans(run.temperature)
+    return quantum if _is_hidden(within, quantum) else 0.0
 
 
 def _stretches(
@@ -257,20 +274,32 @@ def _smooth_stretch(clock: Array, logged: Array, quantum: float) -> Array:
         logged: (n_sample,) [degC].
         quantum: Resolution of the logger [K].
     """
-    edges = np.unique(np.linspace(0, clock.size, min(_KNOTS, clock.size) + 1).astype(int))
-    count = np.diff(edges)
-    time = np.add.reduceat(clock, edges[:-1]) / count
-    mean = np.add.reduceat(logged, edges[:-1]) / count
+    edges, mean, within = _spans(logged)
+    time = np.add.reduceat(clock, edges[:-1]) / np.diff(edges)
     if time.size < 8 or np.ptp(mean) == 0.0:
         return np.interp(clock, time, mean)
-    squares = np.add.reduceat(logged**2, edges[:-1]) / count
-    within = float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
-    # Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
-    # cross-validation would take the steps for signal.
-    hidden = quantum / np.sqrt(12.0) if within < 0.1 * quantum else 0.0
+    hidden = quantum / np.sqrt(12.0) if _is_hidden(within, quantum) else 0.0
     # Natural ends: half a span beyond the first and the last mean the curve goes on straight.
     spline = CubicSpline(time, _smoothed(mean, hidden), bc_type="natural")
     return np.asarray(spline(clock), dtype=np.float64)
+
+
+def _spans(logged: Array) -> tuple[NDArray[np.int64], Array, float]:
+    """Edges of short spans, the mean of each, and the median standard deviation within one."""
+    edges = np.unique(np.linspace(0, logged.size, min(_KNOTS, logged.size) + 1).astype(np.int64))
+    count = np.diff(edges)
+    mean = np.add.reduceat(logged, edges[:-1]) / count
+    squares = np.add.reduceat(logged**2, edges[:-1]) / count
+    return edges, mean, float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
+
+
+def _is_hidden(within: float, quantum: float) -> bool:
+    """Whether the quantum hides what is between its steps.
+
+    Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
+    cross-validation would take the steps for signal.
+    """
+    return within < 0.1 * quantum
 
 
 def _smoothed(series: Array, hidden: float) -> Array:

@@ -66,7 +66,8 @@ class State:
         follows: What it equals in steady state at the start of a run (``temperature``,
             ``current``, ``speed``) or ``zero``; the start of the free initial value.
         scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
-        is_own: Whether it is an amplitude that each record has for itself and that does not move.
+        is_own: Whether it is an amplitude that each record has for itself: it does not move, or is
+            the beginning of a course that no input drives.
         fades: Whether its value at the start is forgotten long before the record ends, as a
             filter's is; samples after that tell nothing of it.
     """

@@ -27,7 +27,7 @@ from identification.model.parameter import Parameter
 from identification.model.term import Expression
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["COLDEST", "HOTTEST", "RAMP", "Unlogged"]
+__all__ = ["COLDEST", "HOTTEST", "RAMP", "WARMING", "Unlogged"]
 
 RAMP: Final = 0.5
 """Rise over a run that stands for an unknown temperature, small against any that is known [K]."""
@@ -41,7 +41,7 @@ HOTTEST: Final = 155.0
 _SPREAD: Final = 30.0
 """Standard deviation of a temperature that nobody logged [K]."""
 
-_WARMING: Final = 10.0
+WARMING: Final = 10.0
 """Standard deviation of what a run warms by [K]."""
 
 _HELD: Final = 1e-2
@@ -99,7 +99,7 @@ class Unlogged:
             f"what run {run + 1} warmed by, which was not logged",
             lower=-100.0,
             upper=200.0,
-            scale=_WARMING,
+            scale=WARMING,
             prior_sd=1.0,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.signal import lfilter
 from identification.effects.search import search
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import simulate_unseen
 from identification.ingest.run import Run
 from tests.motors import drive, motor_named, simulated
 
@@ -23,9 +25,9 @@ LAG = 1.5
 """Time constant of the lag [s], in runs of 8 s."""
 
 
-def _lagging(temperature: Array) -> Array:
+def _lagging(temperature: Array, lag: float = LAG) -> Array:
     """Response of a first-order lag to a temperature, from equilibrium [degC]."""
-    kept = np.exp(-MOTOR.interval / LAG)
+    kept = np.exp(-MOTOR.interval / lag)
     return np.asarray(lfilter([1 - kept], [1.0, -kept], temperature, zi=[kept * temperature[0]])[0])
 
 
@@ -73,3 +75,59 @@ def test_a_lag_is_found_in_its_direction(direction: str) -> None:
     (term,) = outcome.fit.simulator.model.terms
     assert term.variant == direction
     np.testing.assert_allclose(outcome.fit.values[:2], MOTOR.vector[:2], rtol=0.03)
+
+
+def _in_steps(lag: float, step: float, noise: float, drifts: Sequence[float]) -> Campaign:
+    """Runs that warm or cool while a lagging thermometer logs steps.
+
+    Args:
+        lag: Time constant of the thermometer [s].
+        step: Step of its log [K].
+        noise: Standard deviation of what it logs, before the steps [K].
+        drifts: What each run warms by [K].
+    """
+    rng = np.random.default_rng(6)
+    time = MOTOR.interval * np.arange(ROWS, dtype=np.float64)
+    runs = []
+    for k, drift in enumerate(drifts):
+        voltage = drive(MOTOR, "steps", ROWS, rng)
+        body = 30.0 + 20.0 * k + drift * -np.expm1(-2.0 * time / time[-1])
+        exact = simulated(MOTOR.vector, MOTOR.interval, voltage, body, np.zeros(2), magnet=body)
+        noisy = exact + 0.005 * exact.std(axis=0) * rng.standard_normal(exact.shape)
+        seen = _lagging(body, lag) + noise * rng.standard_normal(ROWS)
+        shown = step * np.round(seen / step)
+        current, speed = noisy.T
+        runs.append(Run(f"{k}.csv", f"{k:064d}", time, voltage, current, speed, shown))
+    return campaign_of(runs[:3], runs[3:])
+
+
+@pytest.mark.parametrize(
+    ("lag", "drifts"), [(12.0, (-2.0, 9.0, -8.0, 5.0)), (8.0, (8.0, 2.0, -9.0, -6.0))]
+)
+def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
+    lag: float, drifts: tuple[float, ...]
+) -> None:
+    """The motor lacks nothing and its thermometer lags by more than a run, in steps of 1 K.
+
+    The closed form of the motor at the true temperatures has no other effect; its parameters and
+    noise are what has to come out.  A log that moves by two or three steps tells no derivative.
+    """
+    campaign = _in_steps(lag, 1.0, 0.0, drifts)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["winding_lag"]
+    np.testing.assert_allclose(outcome.fit.values[:4:2], MOTOR.vector[:4:2], rtol=0.02)
+    for unseen in simulate_unseen(outcome.fit, campaign.validation):
+        noise = 0.005 * unseen.record.measured.std(axis=0)
+        assert np.all(unseen.residual.std(axis=0) < 1.1 * noise)
+
+
+@pytest.mark.parametrize(
+    ("step", "noise", "coarse"), [(1.0, 0.0, 1.0), (0.1, 0.0, 0.1), (0.1, 0.1, 0.0)]
+)
+def test_a_log_leaves_open_what_no_noise_dithers(step: float, noise: float, coarse: float) -> None:
+    """Means over noise as large as a step find what is between steps; without, nothing does."""
+    records = _in_steps(3.0, step, noise, (8.0, -8.0, 4.0, -4.0)).training
+
+    assert {round(record.resolution, 6) for record in records} == {coarse}
