@@ -82,6 +82,27 @@ class NormalEquations:
         """Predicted decrease of the cost by a full step; compares with 1, the size of chance."""
         return float(0.5 * self.gradient @ _solved(self.matrix, self.gradient))
 
+    def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
+        """Predicted decrease of the cost by a full step of the parameters that are free to move.
+
+        A parameter at a bound that its step would cross stays there, so that what the gradient
+        promises beyond the bound is out of reach.
+
+        Args:
+            position: (n_parameter,) where the step starts.
+            coordinates: Bounds.
+
+        Returns:
+            The decrease; infinity where no step can be computed.
+
+        Source:
+            Projected Newton method by Bertsekas, SIAM J. Control Optim. 20 (1982), 221-246.
+        """
+        if not self.is_finite:
+            return np.inf
+        step = self._free_step(0.0, position, coordinates, self.gradient)
+        return float(0.5 * self.gradient @ step)
+
     def step(
         self, damping: float, position: Array, coordinates: Coordinates
     ) -> tuple[Array, list[Array]]:
@@ -177,6 +198,20 @@ class NormalEquations:
         gradient: Array,
         state_gradients: Sequence[Array],
     ) -> tuple[Array, list[Array]]:
+        step = self._free_step(damping, position, coordinates, gradient)
+        step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
+        moved: list[Array] = [
+            solution(matrix, right - coupling @ step)
+            for matrix, coupling, right in zip(
+                self.state_matrices, self.couplings, state_gradients, strict=True
+            )
+        ]
+        return np.asarray(step), moved
+
+    def _free_step(
+        self, damping: float, position: Array, coordinates: Coordinates, gradient: Array
+    ) -> Array:
+        """(n_parameter,) step, zero where a bound at which a parameter is would be crossed."""
         damped = self.matrix + damping * np.diag(np.diag(self.matrix))
         free = np.ones(position.size, dtype=bool)
         step = np.zeros(position.size)
@@ -190,14 +225,7 @@ class NormalEquations:
             if not beyond.any():
                 break
             free &= ~beyond
-        step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
-        moved: list[Array] = [
-            solution(matrix, right - coupling @ step)
-            for matrix, coupling, right in zip(
-                self.state_matrices, self.couplings, state_gradients, strict=True
-            )
-        ]
-        return np.asarray(step), moved
+        return step
 
     def covariance(self, share: float = 1.0) -> Array:
         """Covariance of the search coordinates, prior included.

@@ -168,14 +168,15 @@ def solve(
     for number in range(patience.steps):
         if patience.over or not equations.is_finite:
             break
-        if equations.decrement < patience.enough(cost):
+        decrement = equations.decrement_within(at, coordinates)
+        if decrement < patience.enough(cost):
             break
-        if number >= _TRIED and cost - _OPTIMISM * equations.decrement > patience.hopeless:
+        if number >= _TRIED and cost - _OPTIMISM * decrement > patience.hopeless:
             break
         trial = _ladder(equations, coordinates, at, x0, ladder)
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))
-        if cost - costs[best] < _STRAIGHT * equations.decrement - _ENOUGH:
+        if cost - costs[best] < _STRAIGHT * decrement - _ENOUGH:
             bent = _bent(
                 simulator, equations, coordinates, (at, x0), trial, weighting, ladder=ladder
             )
@@ -185,7 +186,7 @@ def solve(
                 best = int(np.argmin(costs))
         if not costs[best] < cost:
             # No damping in the ladder helps: at the optimum, up to rounding of the cost.
-            converged = equations.decrement < 1.0
+            converged = decrement < 1.0
             break
         moved, moved_x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
         following = normal_equations(simulator, coordinates, moved, moved_x0, sized)
@@ -194,7 +195,7 @@ def solve(
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
-    converged |= equations.is_finite and equations.decrement < patience.enough(cost)
+    converged |= equations.decrement_within(at, coordinates) < patience.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 
 

@@ -1,0 +1,56 @@
+"""Fits of motors with a parameter at the bound of its range."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench import make_campaign
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit
+from identification.model.parameter import Coordinates
+from tests.effects.hidden import records_of_bench
+
+
+@pytest.fixture(scope="module")
+def servo() -> Fit:
+    """A servo that lacks nothing, all parameters inside their ranges."""
+    measured = make_campaign("servo_150w", [], seed=3, rows=400, training=1, validation=1)
+    return fit_declared(records_of_bench(measured).training, "zoh")
+
+
+def bounded(fit: Fit, name: str) -> Coordinates:
+    """The coordinates with the lower bound of one parameter where its fit ended."""
+    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    return Coordinates(
+        [
+            replace(p, lower=float(values[name])) if p.name == name else p
+            for p in fit.coordinates.parameters
+        ]
+    )
+
+
+@pytest.mark.parametrize("name", ["Ra25", "J", "b"])
+def test_what_lies_beyond_a_bound_is_not_promised(servo: Fit, name: str) -> None:
+    """Holding one coordinate of a Newton step d costs d^2 / (2 (H^-1)_kk), by Schur complement."""
+    coordinates = bounded(servo, name)
+    k, matrix = coordinates.names.index(name), servo.equations.matrix
+    step = np.zeros(servo.position.size)
+    step[k] = -1.0 / np.sqrt(matrix[k, k])
+    step[k - 1] = 2.0 / np.sqrt(matrix[k - 1, k - 1])
+    equations = replace(servo.equations, gradient=matrix @ step)
+    promised = float(0.5 * step @ matrix @ step)
+    held = step[k] ** 2 / (2.0 * np.linalg.inv(matrix)[k, k])
+
+    within = equations.decrement_within(np.maximum(servo.position, coordinates.lower), coordinates)
+
+    assert equations.decrement == pytest.approx(promised, rel=1e-6)
+    assert within == pytest.approx(promised - held, abs=1e-4 * promised)
+
+
+def test_inside_the_ranges_all_that_a_step_promises_is_in_reach(servo: Fit) -> None:
+    """No parameter of a motor that lacks nothing is at its bound; the two predictions agree."""
+    within = servo.equations.decrement_within(servo.position, servo.coordinates)
+    assert within == pytest.approx(servo.equations.decrement)
