@@ -87,7 +87,7 @@ def search(
     first = trials.judge(declared)
     state = _State(trials, first if begin is None else trials.judge(begin))
     alone: Judged | None = None
-    is_exhausted = is_cut_short = False
+    is_exhausted = is_cut_short = is_postponed = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
         if listed.spent:
@@ -104,8 +104,11 @@ def search(
             listed = listed.longer(operations() - began)
         if alone is not None and _ends(state, round_, alone, first):
             break
-        if round_ == 1:
-            continue
+        is_postponed = round_ > 1 and _lacks_more(state)
+        if round_ > 1 and not is_postponed:
+            _backward(state)
+            _exchange(state)
+    if is_exhausted and is_postponed:
         _backward(state)
         _exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
@@ -148,16 +151,23 @@ def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
     return max(trials.worth_a_refit(current), _FAR_LESS * most)
 
 
-def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None:
-    """The best of the refits of prototypes that passes the gates."""
+def _taken(
+    state: _State, wanted: Sequence[Score], round_: int, hopeless: float = np.inf
+) -> Judged | None:
+    """The best of the refits of prototypes that passes the gates and reaches a cost."""
     trials, current = state.trials, state.current
-    fits = trials.refits(current, wanted)
+    fits = trials.refits(current, wanted, hopeless)
     near = trials.near(current, fits)
-    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
     order = ranked(near)
     passing = [k for k in order if near[k].gates(current, trials.tried).passed]
     # Ranked anew: those that are alike are alike among what passes.
     chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
+    left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
+    if chosen is None and left_out:
+        # The best has failed; only then is it worth to refit those that promise far less.
+        fits += trials.refits(current, left_out, hopeless)
+        left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
+    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
     if chosen is None and far:
         # Those in reach of the best have failed; only then is it worth to judge the others.
         far = [trials.judge(one.fit, current.share) for one in far]
@@ -170,7 +180,16 @@ def _taken(state: _State, wanted: Sequence[Score], round_: int) -> Judged | None
         state.searched.append(
             Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
         )
+    for score in left_out:
+        term = score.candidate.final
+        state.searched.append(Searched(term.name, round_, score.gain, None, False, term.variant))
     return None if chosen is None else judgements[chosen]
+
+
+def _lacks_more(state: _State) -> bool:
+    """Whether more is promised than was of the effect taken last, which is then judged later."""
+    taken = [one.promised for one in state.searched if one.chosen]
+    return any(score.gain > taken[-1] for score in state.trials.scores(state.current))
 
 
 def _enrich(state: _State, round_: int) -> None:
@@ -218,11 +237,15 @@ def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
     """Models in which another kind stands in the place of an effect and comes near it."""
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
-    hopeless = current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
+    hopeless = _hopeless(current, simpler)
     least = max(_least(trials, simpler, scores), (simpler.fit.cost - hopeless) / UNDERSTATED)
     wanted = promising(scores, _RIVALS, least)
-    fits = trials.refits(simpler, wanted, hopeless)
-    return trials.near(simpler, [(s, f) for s, f in fits if f.cost <= hopeless])
+    return trials.near(simpler, trials.refits(simpler, wanted, hopeless))
+
+
+def _hopeless(current: Judged, simpler: Judged) -> float:
+    """Cost above which what is added to a simpler model is no rival of the current one."""
+    return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
 
 
 def _second_thoughts(state: _State) -> None:
@@ -276,8 +299,8 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
     """
     if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
         return None
-    beside = _State(state.trials, declared)
-    return _taken(beside, state.trials.curves(declared)[:_CURVES], 1)
+    curves, hopeless = state.trials.curves(declared)[:_CURVES], _hopeless(state.current, declared)
+    return _taken(_State(state.trials, declared), curves, 1, hopeless)
 
 
 def _ends(state: _State, round_: int, alone: Judged, declared: Judged) -> bool:

@@ -198,6 +198,9 @@ class Trials:
     ) -> list[tuple[Score, Fit]]:
         """Refits of prototypes, best first; those far behind the best are cut short.
 
+        A prototype is left out where even several times its promise would not come in reach of
+        what the best of them gained, or of the cost that has to be reached.
+
         Args:
             current: The model that is added to.
             scores: Prototypes.
@@ -208,6 +211,10 @@ class Trials:
         for score in scores:
             key = _key(current.fit) | {_name(score.candidate.final)}
             fit = self._fits.get(key)
+            needed = current.fit.cost - min(hopeless, current.fit.cost)
+            needed = max(needed, (1.0 - _REACH) * (current.fit.cost - best))
+            if fit is None and UNDERSTATED * score.gain < needed:
+                continue
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
                 patience = self.patience(min(best + slack, hopeless), self.longest)
@@ -218,7 +225,8 @@ class Trials:
                 fit = refitted_with(current.fit, score.candidate.final, starts, patience)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
-            found.append((score, fit))
+            if fit.cost <= hopeless:
+                found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
 
     def runners(self) -> list[Judged]:

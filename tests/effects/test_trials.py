@@ -45,6 +45,43 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
     assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
 
 
+def test_a_kind_far_behind_the_best_is_refitted_only_by_itself() -> None:
+    """Five times a promise of a tenth of what the drop gained is not 85 % of it."""
+    measured = make_campaign(
+        "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    scores = trials.scores(declared)
+    drop = next(s for s in scores if s.candidate.term.name == "brush_drop")
+    ((_, fit),) = trials.refits(declared, [drop])
+    gained = declared.fit.cost - fit.cost
+    other = next(s for s in scores if s.candidate.term.name == "coulomb_friction")
+    weak = replace(other, gain=0.1 * gained)
+
+    both = trials.refits(declared, [drop, weak])
+    alone = trials.refits(declared, [weak])
+
+    assert [score.candidate.term.name for score, _ in both] == ["brush_drop"]
+    assert [score.candidate.term.name for score, _ in alone] == ["coulomb_friction"]
+
+
+def test_nothing_is_refitted_that_cannot_come_near_a_rival() -> None:
+    """A rival that gains six times what a kind promises is beyond five times the promise."""
+    measured = make_campaign(
+        "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    best = trials.scores(declared)[0]
+    began = operations()
+
+    assert trials.refits(declared, [best], declared.fit.cost - 6.0 * best.gain) == []
+    assert operations() == began
+
+
 def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() -> None:
     """Dry friction is hidden and was judged; the model at hand has a drag in its place."""
     measured = make_campaign(
