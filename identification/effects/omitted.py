@@ -135,7 +135,11 @@ def with_omitted_drawn(
     amplitudes = np.random.default_rng([seed, 2]).standard_normal((len(omitted), *shape))
     has_own = np.array([term.time is not None for term in omitted])
     amplitudes[has_own] = np.abs(amplitudes[has_own])
-    position = fit.coordinates.of(np.stack([draws[name] for name in names]))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        position = fit.coordinates.of(np.stack([draws[name] for name in names]))
+    # A draw at a bound of 0 is a last digit below it now and then, and has no logarithm.
+    lowest = fit.coordinates.lower.reshape(-1, *[1] * len(shape))
+    position = np.where(np.isnan(position) | np.isneginf(position), lowest, position)
     position = position + np.tensordot(_steps(fit, omitted), amplitudes, axes=1)
     values = fit.coordinates.values(fit.coordinates.mirrored(position))
     return draws | dict(zip(names, values, strict=True))

@@ -98,7 +98,8 @@ def test_a_result_with_effects_is_plain_numbers() -> None:
 def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
     """A zero error of the current in one run: the noise stays that of the sensors.
 
-    Something that happened in this run alone takes the error up, and the others keep theirs.
+    The error is a zero of the current sensor that each run has for itself: of four runs one is off
+    by ten times the noise, so that their root mean square is five times the noise.
     """
     runs = campaign(motor_named("servo 100 W"), seed=6, noise=0.005, runs=5, rows=800)
     clean: Any = identify(runs[:4], runs[4:], FAST).result
@@ -108,7 +109,9 @@ def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
     result: Any = identify(runs[:4], runs[4:], FAST).result
 
     assert result["noise"]["current_A"] == pytest.approx(noise, rel=0.2)
-    assert 2 in [effect["settings"].get("run") for effect in result["effects"]]
+    (found,) = result["effects"]
+    assert (found["name"], found["variant"]) == ("current_offset", "of each run")
+    assert found["settings"]["size"] == pytest.approx(5 * noise, rel=0.1)
     after = result["errors"]["after"]
     for role in ("training", "validation"):
         assert after[role]["current"]["noise_ratio"] == pytest.approx(1.0, abs=0.1)
