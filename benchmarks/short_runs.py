@@ -1,4 +1,4 @@
-"""What fits of short records cost: a fleet of motors, one after another, each in its own process.
+"""Time and memory of fits of short records: many motors, each fitted in its own process.
 
     python -m benchmarks.short_runs [--motors 38] [--rows 370]
 

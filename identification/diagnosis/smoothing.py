@@ -146,7 +146,7 @@ def _passes(
 
 
 def _rows(piece: Piece, first: int, known: Likelihood) -> Array:
-    """What the passes read of some samples, at the most likely parameters."""
+    """Input rows of both passes for a block of samples, at the most likely parameters."""
     part = piece.part(first, first + _AT_ONCE)
     targets = part.targets.copy()
     targets[:, :, 0] -= targets[:, :, 1:] @ known.shift[0]
