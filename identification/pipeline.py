@@ -54,8 +54,6 @@ Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of the whole job that is done."""
 
 _LEAST_ROWS = 50
-_MOST_CONFOUNDED = 100_000
-"""Samples up to which lags that a parameter may be taken for are looked for; see docs/adr/0023."""
 _LARGEST = 1e15
 """Largest value of a channel; beyond, the squares of a long record exhaust the precision."""
 
@@ -227,12 +225,7 @@ def _searched(
 
 
 def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:
-    """Effects that the parameters of the model that was found may be taken for.
-
-    Refits of more samples would take longer than all else, and are not made.
-    """
-    if sum(record.rows for record in declared.simulator.records) > _MOST_CONFOUNDED:
-        return ()
+    """Effects that the parameters of the model that was found may be taken for."""
     if outcome is None:
         return confounded_terms(declared)
     return confounded_terms(

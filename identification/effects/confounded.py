@@ -12,11 +12,13 @@ not excluded it.
 *Near.*  A small lag, or a friction, of free size is fitted along to first order.  With its
 response d, d_perp what the parameters cannot imitate of it and m the step of the parameters that
 goes with it, the covariance grows by m m' / (d_perp' W d_perp + 1 / s^2) (Schur complement), where
-s is the size at which it has all of the lag or friction.
+s is the size at which it has all of the lag or friction.  On a part of long records the information
+of the data counts as often as the part goes into all samples.
 
 *Swapped.*  The sensor gets nearly the whole lag, and all parameters are fitted from there.  Where
 the log likelihood falls by less than the limit, the runs do not exclude this optimum, and with a
-loss of d at a step m of the parameters the covariance grows by m m' / max(2 d, 1).
+loss of d at a step m of the parameters the covariance grows by m m' / max(2 d, 1).  An optimum that
+a part of long records excludes, all of them exclude; any other is fitted to all samples.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
 Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
@@ -37,6 +39,7 @@ from identification.effects.effect import Candidate, columns, survey_of
 from identification.effects.evidence import LEAST_SIZE
 from identification.effects.friction import CoulombFriction
 from identification.effects.omitted import OmittedTerm
+from identification.effects.part import fitted_to, part_of_fit
 from identification.effects.refit import refitted_with
 from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
@@ -66,6 +69,9 @@ _SEEN: Final = 0.46
 """Change, over the standard deviation, that makes an interval wider by a tenth."""
 
 _STEPS: Final = 20
+
+_MOST: Final = 100_000
+"""Samples up to which an optimum that a part does not exclude is fitted to all."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +116,7 @@ def confounded_terms(
     present = {term.name for term in final.simulator.model.terms}
     origins = {p.name: p.origin for p in final.coordinates.parameters}
     bases = [final] if nominal is None else [nominal, final]
-    size = LEAST_SIZE * float(final.weighting.counts.max()) * share
-    limit = max(LIMIT, size) if is_structured else LIMIT
+    parts = [part_of_fit(base) for base in bases]
     deviations = np.sqrt(np.diag(final.equations.covariance()) / share)
     least = dict(zip(final.coordinates.names, -_SEEN * deviations, strict=True))
     found: dict[str, OmittedTerm] = {}
@@ -119,7 +124,8 @@ def confounded_terms(
         name = rival.parameter
         if not known[name] or origins[name] or rival.name in present:
             continue
-        for term in (*_near(final, rival, share), *_swapped(final, bases, rival, share, limit)):
+        swapped = _swapped(final, parts, rival, share, is_structured=is_structured)
+        for term in (*_near(final, parts[-1], rival, share), *swapped):
             if term.steps[name] < least[name]:
                 found[name], least[name] = term, term.steps[name]
     return tuple(found.values())
@@ -165,9 +171,10 @@ def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) 
     return _Rival(name, near, max(lag / small, 1.0), float(nearly) if swaps else None)
 
 
-def _near(fit: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
+def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
     """The change by an effect of small and free size, to first order."""
-    for score in screened(fit, [rival.near]):
+    share *= _rows(final) / _rows(part)
+    for score in screened(part, [rival.near]):
         if score.along is None or score.covariance is None:
             continue
         variance = float(score.covariance[0, 0])
@@ -180,31 +187,54 @@ def _near(fit: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
         size = 1.0 / np.sqrt(share / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
         step = np.reshape(score.along.position, -1) / weight * size
         if np.isfinite(step).all():
-            yield _term(fit, rival, step, share * score.gain, LIMIT)
+            yield _term(final, rival, step, share * score.gain, LIMIT)
 
 
 def _swapped(
-    final: Fit, bases: Sequence[Fit], rival: _Rival, share: float, limit: float
+    final: Fit, parts: Sequence[Fit], rival: _Rival, share: float, *, is_structured: bool
 ) -> Iterator[OmittedTerm]:
     """The changes to optima at which the sensor has most of the lag and that are not excluded."""
     if rival.swapped is None:
         return
-    here = dict(zip(final.coordinates.names, final.values, strict=True))
-    for base in bases:
+    names, part = final.coordinates.names, parts[-1]
+    here = dict(zip(names, final.values, strict=True))
+    for base in parts:
         values = base.values.copy()
         values[base.coordinates.names.index(rival.parameter)] *= _LEFT
         still = tuple(np.zeros_like(state) for state in base.states)
         along = Along(base.coordinates.of(values) - base.position, still)
         start = Start(np.array([rival.swapped]), along=along)
-        patience = Patience(_STEPS, final.cost + limit / share)
-        fit = refitted_with(base, rival.near.term, [start], patience)
-        loss = share * (fit.cost - final.cost)
+        limit = _limit(part, share, is_structured=is_structured)
+        if part is not final:
+            # Each parameter of the part may follow its noise, by a half on average.
+            limit += part.position.size
+        fit = refitted_with(
+            base, rival.near.term, [start], Patience(_STEPS, part.cost + limit / share)
+        )
+        loss = share * (fit.cost - part.cost)
+        if not loss < limit:
+            continue
+        limit = _limit(final, share, is_structured=is_structured)
+        if part is not final and _rows(final) <= _MOST:
+            patience = Patience(_STEPS, final.cost + limit / share)
+            fit = fitted_to(final.simulator.records, fit, patience)
+            loss = share * (fit.cost - final.cost)
         if loss < limit:
             there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
-            moved = final.coordinates.of(np.array([there[name] for name in here]))
+            moved = final.coordinates.of(np.array([there[name] for name in names]))
             step = (moved - final.position) / np.sqrt(max(2.0 * loss, 1.0))
             time = there[f"{rival.name}.{rival.near.term.parameters[0].name}"]
             yield _term(final, rival, step, -loss, limit, float(time))
+
+
+def _limit(fit: Fit, share: float, *, is_structured: bool) -> float:
+    """Loss of log likelihood on the records of a fit that excludes an optimum."""
+    size = LEAST_SIZE * float(fit.weighting.counts.max()) * share
+    return max(LIMIT, size) if is_structured else LIMIT
+
+
+def _rows(fit: Fit) -> int:
+    return sum(record.rows for record in fit.simulator.records)
 
 
 def _term(

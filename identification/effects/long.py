@@ -20,16 +20,11 @@ import numpy as np
 
 from identification.effects.evidence import LEAST_SIZE
 from identification.effects.outcome import Found, Outcome
-from identification.effects.part import part_of
+from identification.effects.part import fitted_to, part_of
 from identification.effects.search import search
 from identification.effects.trials import Trials
-from identification.fit.accuracy import accurate
 from identification.fit.campaign import Campaign
-from identification.fit.declared import replanned
-from identification.fit.initial import fitted_initial_states
-from identification.fit.solve import Fit, Patience, solve
-from identification.model.simulate import Simulator
-from identification.model.weighting import Weighting
+from identification.fit.solve import Fit
 from identification.work import Budget
 
 __all__ = ["search_long"]
@@ -95,7 +90,7 @@ def _confirmed(
         return declared, ()
     trials = Trials(campaign, budget, tried=max(len(found.searched), 1))
     trials.judge(declared)
-    current = trials.judge(_on(declared, found.fit, trials.patience()))
+    current = trials.judge(fitted_to(declared.simulator.records, found.fit, trials.patience()))
     kept: list[Found] = []
     for effect in found.effects:
         term = next(t for t in current.fit.simulator.model.terms if t.name == effect.name)
@@ -106,15 +101,3 @@ def _confirmed(
         else:
             current = simpler
     return current.fit, tuple(sorted(kept, key=lambda effect: -effect.gates.gain))
-
-
-def _on(declared: Fit, part: Fit, patience: Patience) -> Fit:
-    """The model that was fitted to the part, fitted to all samples from there."""
-    model, values = part.simulator.model, part.values
-    own = any(state.is_own for term in model.terms for state in term.states)
-    simulator = Simulator.fitting(model, declared.simulator.records, values)
-    states = fitted_initial_states(simulator, values, part.weighting.deviation, whole=own)
-    simulator = accurate(simulator, values, states, part.weighting.deviation)
-    weighting = replace(Weighting.white(simulator.records), deviation=part.weighting.deviation)
-    fit = solve(simulator, part.coordinates, part.position, states, weighting, patience)
-    return replanned(fit, patience)

@@ -24,14 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effort import PART_ROWS
+from identification.fit.accuracy import accurate
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
 from identification.fit.evaluate import simulate_unseen
-from identification.fit.solve import Fit, solve
+from identification.fit.initial import fitted_initial_states
+from identification.fit.solve import Fit, Patience, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
+from identification.model.weighting import Weighting
 
-__all__ = ["part_of"]
+__all__ = ["fitted_to", "part_of", "part_of_fit"]
 
 Array = NDArray[np.float64]
 
@@ -65,6 +68,37 @@ def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
     simulator = Simulator.fitting(own.model, training, declared.values)
     fit = replanned(solve(simulator, declared.coordinates, declared.position))
     return replace(campaign, training=tuple(training), validation=tuple(validation)), fit
+
+
+def part_of_fit(fit: Fit) -> Fit:
+    """A model on stretches of its records; the fit itself where the records are short.
+
+    Args:
+        fit: Fit of the model to all training records.
+    """
+    records = fit.simulator.records
+    if sum(record.rows for record in records) <= _LONGER * PART_ROWS:
+        return fit
+    return fitted_to(_stretches(records, fit.residuals(), PART_ROWS), fit)
+
+
+def fitted_to(records: Sequence[Record], fit: Fit, patience: Patience | None = None) -> Fit:
+    """A model that was fitted to other records, fitted to these from there.
+
+    Args:
+        records: Records.
+        fit: The fit.
+        patience: When to give up.
+    """
+    model, values = fit.simulator.model, fit.values
+    own = any(state.is_own for term in model.terms for state in term.states)
+    simulator = Simulator.fitting(model, records, values)
+    deviation = fit.weighting.deviation
+    states = fitted_initial_states(simulator, values, deviation, whole=own)
+    simulator = accurate(simulator, values, states, deviation)
+    weighting = replace(Weighting.white(simulator.records), deviation=deviation)
+    found = solve(simulator, fit.coordinates, fit.position, states, weighting, patience)
+    return replanned(found, patience)
 
 
 def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:

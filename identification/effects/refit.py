@@ -142,11 +142,13 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
     """
     patience = patience or Patience(_STEPS)
     for _ in range(_ATTEMPTS):
+        if patience.over:
+            return fit
         deviation = fit.weighting.deviation
         states = fit.states
         simulator = accurate(fit.simulator, fit.values, states, deviation, fit.simulator.divisions)
         change = change_between(fit.simulator, simulator, fit.values, states)
-        if patience.over or np.all(change < TOLERATED * deviation):
+        if np.all(change < TOLERATED * deviation):
             return fit
         before = fit
         fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, patience)

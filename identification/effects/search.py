@@ -15,48 +15,46 @@ taken in its place have to pass again beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
 from typing import Final
 
 import numpy as np
 
-from identification.effects.evidence import UNCOMPUTED, Judged, probabilities, scores_of
-from identification.effects.outcome import Alternative, Found, Outcome, Searched
+from identification.effects.evidence import Judged, probabilities, scores_of
+from identification.effects.outcome import Alternative, Found, Outcome
 from identification.effects.ranking import is_better, is_strained, ranked, replaces
 from identification.effects.refit import with_known_amplitudes
+from identification.effects.rounds import (
+    State,
+    backward,
+    enrich,
+    exchange,
+    forward,
+    hopeless_for,
+    is_promised,
+    lacks_more,
+    rivals_of,
+    taken,
+)
 from identification.effects.score import Score
 from identification.effects.tracing import traced
-from identification.effects.trials import UNDERSTATED, Trials, promising
+from identification.effects.trials import Trials
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.work import Budget, operations
 
 __all__ = ["search"]
 
-_REFITTED: Final = 7
-_RIVALS: Final = 4
 _CURVES: Final = 4
 _RUNNERS: Final = 2
 _CURVE_UNDERSTATED: Final = 2.0
 _FAR_MORE: Final = 3.0
 _MOST_OF_IT: Final = 0.5
-_FAR_LESS: Final = 0.1
-"""Share of the best promise below which nothing is refitted."""
 _LISTED_SHARE: Final = 0.75
 _REFIT_SHARE: Final = 0.06
 """Shares of the budget for the catalogue and for one refit."""
 _MOST_EFFECTS: Final = 6
 _KEPT: Final = 0.005
-_NEAR: Final = 0.02
-_SLACK: Final = 30.0
-
-
-@dataclass
-class _State:
-    trials: Trials
-    current: Judged
-    searched: list[Searched] = field(default_factory=list)
 
 
 def search(
@@ -85,18 +83,19 @@ def search(
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
     listed = Budget(_LISTED_SHARE * work)
     first = trials.judge(declared)
-    state = _State(trials, first if begin is None else trials.judge(begin))
+    state = State(trials, first if begin is None else trials.judge(begin))
     alone: Judged | None = None
     is_exhausted = is_cut_short = is_postponed = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
         if listed.spent:
-            is_cut_short = True
+            is_cut_short = is_promised(state)
+            is_exhausted = not is_cut_short
             break
-        if not _forward(state, round_):
+        if not forward(state, round_):
             is_exhausted = True
             break
-        _enrich(state, round_)
+        enrich(state, round_)
         if alone is None and _asks_for_a_curve(state, round_):
             began = operations()
             alone = _curve_alone(state, first)
@@ -104,13 +103,13 @@ def search(
             listed = listed.longer(operations() - began)
         if alone is not None and _ends(state, round_, alone, first):
             break
-        is_postponed = round_ > 1 and _lacks_more(state)
+        is_postponed = round_ > 1 and lacks_more(state)
         if round_ > 1 and not is_postponed:
-            _backward(state)
-            _exchange(state)
+            backward(state)
+            exchange(state)
     if is_exhausted and is_postponed:
-        _backward(state)
-        _exchange(state)
+        backward(state)
+        exchange(state)
     tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
     if is_exhausted and not listed.spent:
         _second_thoughts(state)
@@ -126,129 +125,7 @@ def search(
     )
 
 
-def _forward(state: _State, round_: int) -> bool:
-    """Add the best effect that passes; False where none does."""
-    trials, current = state.trials, state.current
-    scores = trials.scores(current)
-    wanted = promising(scores, _REFITTED, _least(trials, current, scores))
-    chosen = _taken(state, wanted, round_)
-    looked = {(s.candidate.term.name, s.candidate.final.variant) for s in wanted}
-    for score in promising(scores, len(scores)):
-        key = (score.candidate.term.name, score.candidate.final.variant)
-        if key not in looked:
-            state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
-    for name in trials.uncomputed(current):
-        state.searched.append(Searched(name, round_, np.nan, None, False, flaw=UNCOMPUTED))
-    if chosen is None:
-        return False
-    state.current = chosen
-    return True
-
-
-def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
-    """Promised gain below which no prototype is refitted."""
-    most = max((score.gain for score in scores), default=0.0)
-    return max(trials.worth_a_refit(current), _FAR_LESS * most)
-
-
-def _taken(
-    state: _State, wanted: Sequence[Score], round_: int, hopeless: float = np.inf
-) -> Judged | None:
-    """The best of the refits of prototypes that passes the gates and reaches a cost."""
-    trials, current = state.trials, state.current
-    fits = trials.refits(current, wanted, hopeless)
-    near = trials.near(current, fits)
-    order = ranked(near)
-    passing = [k for k in order if near[k].gates(current, trials.tried).passed]
-    # Ranked anew: those that are alike are alike among what passes.
-    chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
-    left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
-    if chosen is None and left_out:
-        # The best has failed; only then is it worth to refit those that promise far less.
-        fits += trials.refits(current, left_out, hopeless)
-        left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
-    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
-    if chosen is None and far:
-        # Those in reach of the best have failed; only then is it worth to judge the others.
-        far = [trials.judge(one.fit, current.share) for one in far]
-        passed = [one.gates(current, trials.tried).passed for one in far]
-        chosen = len(near) + passed.index(True) if any(passed) else None
-    judgements = [*near, *far]
-    for k in [*order, *range(len(near), len(fits))]:
-        score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
-        term = score.candidate.final
-        state.searched.append(
-            Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
-        )
-    for score in left_out:
-        term = score.candidate.final
-        state.searched.append(Searched(term.name, round_, score.gain, None, False, term.variant))
-    return None if chosen is None else judgements[chosen]
-
-
-def _lacks_more(state: _State) -> bool:
-    """Whether more is promised than was of the effect taken last, which is then judged later."""
-    taken = [one.promised for one in state.searched if one.chosen]
-    return any(score.gain > taken[-1] for score in state.trials.scores(state.current))
-
-
-def _enrich(state: _State, round_: int) -> None:
-    """Give effects the richer forms of their laws, as long as these pass."""
-    for found in state.current.fit.simulator.model.terms:
-        left = list(found.richer)
-        while left and not state.trials.over:
-            term = left.pop(0)
-            richer = state.trials.enriched(state.current, term)
-            gates = richer.gates(state.current, state.trials.tried)
-            state.searched.append(
-                Searched(term.name, round_, gates.gain, gates, gates.refines, term.variant)
-            )
-            if gates.refines:
-                state.current, left = richer, list(term.richer)
-
-
-def _backward(state: _State) -> None:
-    """Take effects away that do not pass any more beside the others."""
-    for term in state.current.fit.simulator.model.terms:
-        if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
-            return
-        simpler = state.trials.without(state.current, term)
-        if not state.current.gates(simpler, state.trials.tried).passed:
-            state.current = simpler
-
-
-def _exchange(state: _State) -> None:
-    """Replace effects for which another kind serves better beside the others."""
-    for term in state.current.fit.simulator.model.terms:
-        if state.trials.over:
-            return
-        simpler = state.trials.without(state.current, term)
-        rivals = [
-            rival
-            for rival in _rivals(state, simpler, term.name)
-            if rival.gates(simpler, state.trials.tried).passed
-        ]
-        if rivals:
-            models = [state.current, *rivals]
-            state.current = models[ranked(models)[0]]
-
-
-def _rivals(state: _State, simpler: Judged, name: str) -> list[Judged]:
-    """Models in which another kind stands in the place of an effect and comes near it."""
-    trials, current = state.trials, state.current
-    scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
-    hopeless = _hopeless(current, simpler)
-    least = max(_least(trials, simpler, scores), (simpler.fit.cost - hopeless) / UNDERSTATED)
-    wanted = promising(scores, _RIVALS, least)
-    return trials.near(simpler, trials.refits(simpler, wanted, hopeless))
-
-
-def _hopeless(current: Judged, simpler: Judged) -> float:
-    """Cost above which what is added to a simpler model is no rival of the current one."""
-    return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
-
-
-def _second_thoughts(state: _State) -> None:
+def _second_thoughts(state: State) -> None:
     """Go on from kinds that came next in the first round, where the best leaves something.
 
     One kind may bend its shape so far that it stands for two: beside a Stribeck friction that does
@@ -261,37 +138,49 @@ def _second_thoughts(state: _State) -> None:
     for runner in state.trials.runners()[:_RUNNERS]:
         if state.trials.over:
             return
-        other = _State(state.trials, runner, state.searched)
+        other = State(state.trials, runner, state.searched)
         round_ = 1 + max(one.round for one in state.searched)
-        if _forward(other, round_):
-            _enrich(other, round_)
+        if forward(other, round_):
+            enrich(other, round_)
             if is_better(other.current, state.current):
                 state.current = other.current
-                _backward(state)
+                backward(state)
 
 
-def _is_left(state: _State) -> list[Score]:
+def _is_left(state: State) -> list[Score]:
     """Curves that promise something beside what the model has; they have no shape to find."""
-    needed = state.trials.worth_a_refit(state.current, _CURVE_UNDERSTATED)
-    return [s for s in state.trials.curves(state.current) if s.gain > needed]
+    trials, current = state.trials, state.current
+    return [
+        score
+        for score in trials.curves(current)
+        if score.gain
+        > trials.worth_a_refit(current, _CURVE_UNDERSTATED, _amplitudes(current, score))
+    ]
 
 
-def _asks_for_a_curve(state: _State, round_: int) -> bool:
+def _amplitudes(current: Judged, score: Score) -> int:
+    """Numbers that a curve has, those that each record has for itself counted for each."""
+    records = len(current.fit.states) if score.candidate.by_record else 1
+    return score.candidate.joint * records
+
+
+def _asks_for_a_curve(state: State, round_: int) -> bool:
     """Whether a curve by itself may do better than the kinds that were taken in so many rounds.
 
-    After the first round curves have to promise more beside the kind than it promised itself, and
-    the catalogue less than most of that: else the next kind is refitted first, which is cheaper.
+    Where the catalogue promises most of what curves do, the next kind is refitted first, which is
+    cheaper.  After the first round curves have to promise more beside the kind than it promised
+    itself.
     """
-    if round_ > 1:
-        return round_ == 2 and bool(_is_left(state))
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
-    if left <= max(one.promised for one in state.searched if one.chosen):
-        return False
     listed = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    return listed < _MOST_OF_IT * left
+    if listed >= _MOST_OF_IT * left:
+        return False
+    if round_ > 1:
+        return bool(_is_left(state))
+    return left > max(one.promised for one in state.searched if one.chosen)
 
 
-def _curve_alone(state: _State, declared: Judged) -> Judged | None:
+def _curve_alone(state: State, declared: Judged) -> Judged | None:
     """The best curve beside the declared model alone, where the effects found leave something.
 
     Stand-ins pile up where nothing in the catalogue is what is missing; one curve that does better
@@ -299,11 +188,12 @@ def _curve_alone(state: _State, declared: Judged) -> Judged | None:
     """
     if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
         return None
-    curves, hopeless = state.trials.curves(declared)[:_CURVES], _hopeless(state.current, declared)
-    return _taken(_State(state.trials, declared), curves, 1, hopeless)
+    curves = state.trials.curves(declared)[:_CURVES]
+    needed = hopeless_for(state.current, declared)
+    return taken(State(state.trials, declared), curves, 1, needed)
 
 
-def _ends(state: _State, round_: int, alone: Judged, declared: Judged) -> bool:
+def _ends(state: State, round_: int, alone: Judged, declared: Judged) -> bool:
     """Whether a curve does so much better than what was found that more kinds would not help."""
     if round_ > 1:
         return replaces(alone, state.current)
@@ -320,7 +210,7 @@ def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
     return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
 
 
-def _closes_the_gap(state: _State, alone: Judged) -> bool:
+def _closes_the_gap(state: State, alone: Judged) -> bool:
     """Whether another kind beside the one found promises most of what a curve does better.
 
     Two effects that are both in the catalogue may be imitated by one curve in two signals.
@@ -330,7 +220,7 @@ def _closes_the_gap(state: _State, alone: Judged) -> bool:
     return promised > _MOST_OF_IT * gap
 
 
-def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
+def _unlisted(state: State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
     """Put a curve in the place of the effects of the catalogue, or beside them, where one passes.
 
     Where something is left beside the effects that were found, or one of them is strained, they
@@ -349,14 +239,14 @@ def _unlisted(state: _State, declared: Judged, alone: Judged | None, is_exhauste
     has_curve = any(term.name == "unlisted" for term in listed.fit.simulator.model.terms)
     if left and is_exhausted and not has_curve:
         round_ = 1 + max((s.round for s in state.searched), default=0)
-        chosen = _taken(state, left[:_CURVES], round_)
+        chosen = taken(state, left[:_CURVES], round_)
         if chosen is not None:
             state.current = chosen
-            _backward(state)
-            _exchange(state)
+            backward(state)
+            exchange(state)
 
 
-def _settled(state: _State) -> list[Found]:
+def _settled(state: State) -> list[Found]:
     """The effects of the final model, after exchanges that need no further fit.
 
     A search that was cut short, or that changed its model last, may end with an effect in whose
@@ -371,7 +261,7 @@ def _settled(state: _State) -> list[Found]:
     return effects
 
 
-def _explained(state: _State) -> tuple[list[Found], Judged | None]:
+def _explained(state: State) -> tuple[list[Found], Judged | None]:
     """The effects of a model, each with what could stand in its place, and a better model."""
     current, trials = state.current, state.trials
     effects, better = [], None
@@ -381,7 +271,7 @@ def _explained(state: _State) -> tuple[list[Found], Judged | None]:
         looked = trials.known_beside(simpler, term)
         if not trials.over and term.name != "unlisted":
             curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
-            looked = [*_rivals(state, simpler, term.name), *curves]
+            looked = [*rivals_of(state, simpler, term.name), *curves]
         rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
         models = [current, *rivals]
         odds = probabilities(scores_of(models))

@@ -141,7 +141,7 @@ class Trials:
             fit, hopeless = current.fit, current.fit.cost + _SLACK
             (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
             for form in (*term.leads(before), term):
-                led = refitted_as(fit, form, self.patience(hopeless))
+                led = refitted_as(fit, form, self.patience(hopeless, self.longest))
                 if led.cost > fit.cost and fit is not current.fit:
                     break
                 fit = led
@@ -250,10 +250,14 @@ class Trials:
             key = _key(current.fit) | {_name(score.candidate.final)}
             best = min((one.fit.cost for one in finer), default=np.inf)
             began = operations()
-            self._fits[key] = self._finished(fit, best, self.longest_finish).light()
-            if operations() - began > self.longest_finish:
+            share = min((one.share for one in finer), default=1.0)
+            patience = self.patience(best + _SLACK / share, self.longest_finish, best)
+            finished = self._finished(fit, patience)
+            if finished.is_behind(patience) or operations() - began > self.longest_finish:
                 self._unfinished.add(key)
-            finer.append(self.judge(self._fits[key]))
+            # Judged while its derivatives are in memory.
+            finer.append(self.judge(finished))
+            self._fits[key] = finished.light()
         return finer
 
     @property
@@ -270,23 +274,22 @@ class Trials:
             else fit
         )
 
-    def _finished(self, fit: Fit, reference: float = np.inf, longest: float = np.inf) -> Fit:
+    def _finished(self, fit: Fit, patience: Patience | None = None) -> Fit:
         """The fit at its optimum, on intervals as fine as it needs.
 
         A base that has not converged would make everything that is added to it look good.
 
         Args:
             fit: The fit.
-            reference: Cost of a better model that it is compared with.
-            longest: Operations after which it is left as it is.
+            patience: When it is left as it is.
         """
-        patience = self.patience(longest=longest, reference=reference)
+        patience = patience or self.patience()
         return self._converged(refined(self._converged(fit, patience), patience), patience)
 
     def _converged(self, fit: Fit, patience: Patience) -> Fit:
         """The fit taken on until it converges, or hardly gets better."""
         for _ in range(_LEGS):
-            if fit.converged or self.over:
+            if fit.converged or patience.over or fit.is_behind(patience):
                 break
             before = fit.cost
             fit = replanned(
@@ -304,7 +307,9 @@ class Trials:
                 break
         return fit
 
-    def worth_a_refit(self, current: Judged, understated: float = UNDERSTATED) -> float:
+    def worth_a_refit(
+        self, current: Judged, understated: float = UNDERSTATED, amplitudes: int = 1
+    ) -> float:
         """Promised gain below which an effect would fail even if it were several times larger.
 
         Screening is exact for small effects and understates large ones, whose prototypes have
@@ -314,9 +319,11 @@ class Trials:
         Args:
             current: The model that is added to.
             understated: How many times larger the gain may be than what is promised.
+            amplitudes: Numbers that are fitted.
         """
         counts = current.fit.weighting.counts
-        chance = np.log(max(self.tried, 1)) + 0.5 * np.log(max(counts.sum() * current.share, 2.0))
+        each = 0.5 * np.log(max(counts.sum() * current.share, 2.0))
+        chance = np.log(max(self.tried, 1)) + amplitudes * each
         size = LEAST_SIZE * float(counts.max()) * current.share
         return float(max(chance / 2, size / understated)) / current.share
 

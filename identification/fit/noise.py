@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from identification.fit.solve import Fit, solve
+from identification.fit.solve import Fit, Patience, solve
 from identification.linear import eigh, root, solution
-from identification.model.tangent import tangent_blocks
 from identification.model.weighting import Weighting
 
 __all__ = [
@@ -42,6 +41,9 @@ Array = NDArray[np.float64]
 
 _LARGEST_ORDER: Final = 12
 _LARGEST_RISE: Final = 0.1
+_LEG: Final = 4
+"""Steps after which the simulation error is looked at."""
+_LEGS: Final = 4
 _DEGREES: Final = (3.0, 4.0, 6.0, 10.0)
 
 
@@ -56,21 +58,17 @@ def with_noise_model(fit: Fit) -> Fit:
         and whitening, unless that made the simulation worse.
     """
     changed = _refitted(fit, fit)
-    if changed is fit:
-        return fit
-    if changed.weighting.robust is not None:
+    if changed is not fit and changed.weighting.robust is not None:
         # The first weights are those of the ordinary fit and carry a third of its error on.
         changed = _refitted(fit, changed)
-    plain = replace(fit.weighting, robust=changed.weighting.robust)
-    before = plain.sums_of_squares(fit.residuals())
-    after = plain.sums_of_squares(changed.residuals())
-    # A fit that ended where nothing improves it, at a bound or a corner, is as good as it was.
-    has_ended = changed.converged or not fit.converged
-    return changed if np.all(after <= _tolerated_rise(fit) * before) and has_ended else fit
+    return changed
 
 
 def _refitted(fit: Fit, latest: Fit) -> Fit:
-    """The fit under the noise model of the latest residuals; itself where they are plain noise."""
+    """The fit under the noise model of the latest residuals.
+
+    Itself where they are plain noise, and where that model makes the simulation worse.
+    """
     residuals = latest.residuals()
     robust = _student_weights(fit.weighting, residuals)
     weighting = replace(
@@ -78,7 +76,33 @@ def _refitted(fit: Fit, latest: Fit) -> Fit:
     )
     if robust is None and all(taps.size == 1 for taps in weighting.whitening):
         return fit
-    return solve(fit.simulator, fit.coordinates, latest.position, latest.states, weighting)
+    return _whitened(fit, latest, weighting)
+
+
+def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
+    """The fit under a noise model, from the latest; itself where the simulation gets worse.
+
+    A model that lacks something goes its way to the one-step error for many steps, so that it is
+    given up on the way.  A fit that ended where nothing improves it, at a bound or a corner, is as
+    good as it was.
+    """
+    plain = replace(fit.weighting, robust=weighting.robust)
+    most = _tolerated_rise(fit) * plain.sums_of_squares(fit.residuals())
+    changed = replace(latest, weighting=weighting)
+    for _ in range(_LEGS):
+        changed = solve(
+            fit.simulator,
+            fit.coordinates,
+            changed.position,
+            changed.states,
+            changed.weighting,
+            Patience(_LEG),
+        )
+        if not np.all(plain.sums_of_squares(changed.residuals()) <= most):
+            return fit
+        if changed.converged:
+            return changed
+    return fit if fit.converged else changed
 
 
 def _tolerated_rise(fit: Fit) -> float:
@@ -230,11 +254,8 @@ def effective_share(fit: Fit) -> float:
     memories = _memories(fit, weights)
     slopes = [_mean_slope([each[:, channel] for each in weights]) for channel in range(2)]
     plain, curvature, gradient = (np.zeros((n, n)) for _ in range(3))
-    directions = np.diag(fit.coordinates.slopes(fit.position))
     ends: dict[tuple[int, int], Array] = {}
-    for block in tangent_blocks(
-        fit.simulator, fit.values, fit.states, directions, weighting.memory
-    ):
+    for block in fit.equations.derivatives.blocks(weighting.memory):
         for channel, (taps, power) in enumerate(memories):
             weight = weights[block.record][block.samples, channel][block.lead :, None]
             deviation = float(weighting.deviation[channel])

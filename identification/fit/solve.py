@@ -46,6 +46,7 @@ _DECISIVE: Final = 0.002
 _STRAIGHT: Final = 0.3
 _TRIED: Final = 3
 _OPTIMISM: Final = 5.0
+"""Gain until the optimum, at most, over what one step promises."""
 _PROBE: Final = 0.1
 
 
@@ -104,6 +105,11 @@ class Fit:
     def values(self) -> Array:
         """(n_parameter,) physical values."""
         return self.coordinates.values(self.position)
+
+    def is_behind(self, patience: Patience) -> bool:
+        """Whether it is not going to come near the cost of a rival."""
+        promised = self.equations.decrement_within(self.position, self.coordinates)
+        return self.cost - _OPTIMISM * promised > patience.hopeless
 
     def light(self) -> Fit:
         """The fit without what is computed again where it is asked for, most of its memory."""

@@ -57,15 +57,21 @@ def test_a_withheld_kind_is_no_candidate() -> None:
 def test_a_search_that_stops_before_a_round_is_not_complete(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The share of the rounds is spent before the first; of the whole budget little is."""
+    """The share of the rounds is spent before the first; of the whole budget little is.
+
+    Where no kind promises anything there is no round to come, and the search is complete.
+    """
     monkeypatch.setattr("identification.effects.search._LISTED_SHARE", 1e-12)
-    measured = make_campaign("servo_150w", seed=11, rows=500, training=3, validation=1)
-    campaign = records_of_bench(measured)
+    hidden = [EffectRequest("brush_drop")]
+    complete = []
+    for requests in (hidden, []):
+        measured = make_campaign("servo_150w", requests, 11, rows=500, training=3, validation=1)
+        campaign = records_of_bench(measured)
+        outcome = search(fit_declared(campaign.training, "zoh"), campaign, work=1e13)
+        assert not outcome.searched
+        complete.append(outcome.complete)
 
-    outcome = search(fit_declared(campaign.training, "zoh"), campaign, work=1e13)
-
-    assert not outcome.searched
-    assert not outcome.complete
+    assert complete == [False, True]
 
 
 def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:

@@ -10,6 +10,7 @@ import pytest
 from bench import make_campaign
 from identification.effects import search
 from identification.effects.evidence import Judged
+from identification.effects.rounds import State
 from identification.effects.trials import Trials, promising
 from identification.fit.declared import fit_declared
 from identification.work import Budget, metered, operations
@@ -94,7 +95,7 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
     for name in ("coulomb_friction", "quadratic_drag"):
         scores = [s for s in trials.scores(declared) if s.candidate.term.name == name]
         (judged[name], *_) = trials.near(declared, trials.refits(declared, promising(scores, 1)))
-    state = search._State(trials, judged["quadratic_drag"])
+    state = State(trials, judged["quadratic_drag"])
     trials.budget = Budget(0.0)
 
     (found,) = search._settled(state)

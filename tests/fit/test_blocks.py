@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from identification.fit import derivatives, noise, normal_equations
+from identification.fit import derivatives, normal_equations
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, solve
@@ -84,9 +84,9 @@ def test_the_share_of_independent_samples_is_that_of_whole_records(
     adding = np.array([1.0, 0.8])
     fit = replace(fit, weighting=replace(fit.weighting, whitening=(adding, adding)))
     expected = effective_share(fit)
-    monkeypatch.setattr(noise, "tangent_blocks", partial(tangent_blocks, rows=600))
+    in_blocks(monkeypatch, 600)
 
-    assert effective_share(fit) == pytest.approx(expected, rel=1e-9)
+    assert effective_share(fit.light()) == pytest.approx(expected, rel=1e-9)
     assert expected < 0.9
 
 

@@ -1,0 +1,184 @@
+"""One round of a search: what is added, enriched, taken away again and exchanged.
+
+forward    screen every prototype, refit the most promising kinds, take the best that passes
+enrich     give effects the richer forms of their laws
+backward   try to take each effect away again
+exchange   take each effect away and look whether another kind serves as well or better
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from identification.effects.evidence import UNCOMPUTED, Judged
+from identification.effects.outcome import Searched
+from identification.effects.ranking import ranked
+from identification.effects.score import Score
+from identification.effects.trials import UNDERSTATED, Trials, promising
+
+__all__ = [
+    "State",
+    "backward",
+    "enrich",
+    "exchange",
+    "forward",
+    "hopeless_for",
+    "is_promised",
+    "lacks_more",
+    "rivals_of",
+    "taken",
+]
+
+_REFITTED: Final = 7
+_RIVALS: Final = 4
+_NEAR: Final = 0.02
+_SLACK: Final = 30.0
+_FAR_LESS: Final = 0.1
+"""Share of the best promise below which nothing is refitted."""
+
+
+@dataclass
+class State:
+    """Where a search is.
+
+    Args:
+        trials: Everything fitted and screened so far.
+        current: The model that is added to.
+        searched: What was looked at, in order.
+    """
+
+    trials: Trials
+    current: Judged
+    searched: list[Searched] = field(default_factory=list)
+
+
+def forward(state: State, round_: int) -> bool:
+    """Add the best effect that passes; False where none does."""
+    trials, current = state.trials, state.current
+    scores = trials.scores(current)
+    wanted = promising(scores, _REFITTED, _least(trials, current, scores))
+    chosen = taken(state, wanted, round_)
+    looked = {(s.candidate.term.name, s.candidate.final.variant) for s in wanted}
+    for score in promising(scores, len(scores)):
+        key = (score.candidate.term.name, score.candidate.final.variant)
+        if key not in looked:
+            state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
+    for name in trials.uncomputed(current):
+        state.searched.append(Searched(name, round_, np.nan, None, False, flaw=UNCOMPUTED))
+    if chosen is None:
+        return False
+    state.current = chosen
+    return True
+
+
+def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
+    """Promised gain below which no prototype is refitted."""
+    most = max((score.gain for score in scores), default=0.0)
+    return max(trials.worth_a_refit(current), _FAR_LESS * most)
+
+
+def is_promised(state: State) -> bool:
+    """Whether a kind promises enough beside what was found for a refit."""
+    scores = state.trials.scores(state.current)
+    return bool(promising(scores, 1, _least(state.trials, state.current, scores)))
+
+
+def taken(
+    state: State, wanted: Sequence[Score], round_: int, hopeless: float = np.inf
+) -> Judged | None:
+    """The best of the refits of prototypes that passes the gates and reaches a cost."""
+    trials, current = state.trials, state.current
+    fits = trials.refits(current, wanted, hopeless)
+    near = trials.near(current, fits)
+    order = ranked(near)
+    passing = [k for k in order if near[k].gates(current, trials.tried).passed]
+    # Ranked anew: those that are alike are alike among what passes.
+    chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
+    left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
+    if chosen is None and left_out:
+        # The best has failed; only then is it worth to refit those that promise far less.
+        fits += trials.refits(current, left_out, hopeless)
+        left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
+    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
+    if chosen is None and far:
+        # Those in reach of the best have failed; only then is it worth to judge the others.
+        far = [trials.judge(one.fit, current.share) for one in far]
+        passed = [one.gates(current, trials.tried).passed for one in far]
+        chosen = len(near) + passed.index(True) if any(passed) else None
+    judgements = [*near, *far]
+    for k in [*order, *range(len(near), len(fits))]:
+        score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
+        term = score.candidate.final
+        state.searched.append(
+            Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
+        )
+    for score in left_out:
+        term = score.candidate.final
+        state.searched.append(Searched(term.name, round_, score.gain, None, False, term.variant))
+    return None if chosen is None else judgements[chosen]
+
+
+def lacks_more(state: State) -> bool:
+    """Whether more is promised than was of the effect taken last, which is then judged later."""
+    promised = [one.promised for one in state.searched if one.chosen]
+    return any(score.gain > promised[-1] for score in state.trials.scores(state.current))
+
+
+def enrich(state: State, round_: int) -> None:
+    """Give effects the richer forms of their laws, as long as these pass."""
+    for found in state.current.fit.simulator.model.terms:
+        left = list(found.richer)
+        while left and not state.trials.over:
+            term = left.pop(0)
+            richer = state.trials.enriched(state.current, term)
+            gates = richer.gates(state.current, state.trials.tried)
+            state.searched.append(
+                Searched(term.name, round_, gates.gain, gates, gates.refines, term.variant)
+            )
+            if gates.refines:
+                state.current, left = richer, list(term.richer)
+
+
+def backward(state: State) -> None:
+    """Take effects away that do not pass any more beside the others."""
+    for term in state.current.fit.simulator.model.terms:
+        if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
+            return
+        simpler = state.trials.without(state.current, term)
+        if not state.current.gates(simpler, state.trials.tried).passed:
+            state.current = simpler
+
+
+def exchange(state: State) -> None:
+    """Replace effects for which another kind serves better beside the others."""
+    for term in state.current.fit.simulator.model.terms:
+        if state.trials.over:
+            return
+        simpler = state.trials.without(state.current, term)
+        rivals = [
+            rival
+            for rival in rivals_of(state, simpler, term.name)
+            if rival.gates(simpler, state.trials.tried).passed
+        ]
+        if rivals:
+            models = [state.current, *rivals]
+            state.current = models[ranked(models)[0]]
+
+
+def rivals_of(state: State, simpler: Judged, name: str) -> list[Judged]:
+    """Models in which another kind stands in the place of an effect and comes near it."""
+    trials, current = state.trials, state.current
+    scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
+    hopeless = hopeless_for(current, simpler)
+    least = max(_least(trials, simpler, scores), (simpler.fit.cost - hopeless) / UNDERSTATED)
+    wanted = promising(scores, _RIVALS, least)
+    return trials.near(simpler, trials.refits(simpler, wanted, hopeless))
+
+
+def hopeless_for(current: Judged, simpler: Judged) -> float:
+    """Cost above which what is added to a simpler model is no rival of the current one."""
+    return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
