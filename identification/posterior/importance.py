@@ -25,6 +25,8 @@ __all__ = ["Weighted", "largest_shape", "smoothed", "weighted_draws"]
 Array = NDArray[np.float64]
 
 _DRAWS: Final = 4096
+_LEAST_DRAWS: Final = 1000
+"""Draws that are weighted at most, and at least."""
 _FREEDOM: Final = 5.0
 _INFLATION: Final = 1.1
 _BATCH: Final = 512
@@ -39,16 +41,18 @@ class Weighted:
         points: (n_draw, n_dim) in the coordinates that are sampled, equally likely.
         log_density: (n_draw,) their log posterior density.
         shape: Pareto shape k of the largest weights [-].
+        draws: Number of draws that were weighted.
     """
 
     points: Array
     log_density: Array
     shape: float
+    draws: int
 
     @property
     def is_reliable(self) -> bool:
         """Whether the points stand for the posterior."""
-        return self.shape <= largest_shape(_DRAWS)
+        return self.shape <= largest_shape(self.draws)
 
 
 def largest_shape(draws: int) -> float:
@@ -56,27 +60,29 @@ def largest_shape(draws: int) -> float:
     return float(min(1.0 - 1.0 / np.log10(draws), 0.7))
 
 
-def weighted_draws(posterior: Posterior, seed: int, count: int) -> Weighted:
+def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np.inf) -> Weighted:
     """Draws of the posterior by importance sampling.
 
     Args:
         posterior: The density.
         seed: Seed of the draws.
         count: Number of points to return.
+        work: Operations that they may take; a thousand draws are made in any case.
     """
+    draws = int(np.clip(_BATCH * work / posterior.work(_BATCH), _LEAST_DRAWS, _DRAWS))
     proposal = Independent(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
     random = np.random.RandomState(seed)  # noqa: NPY002
-    centres = np.repeat(posterior.centre[None, :], _DRAWS, axis=0)
+    centres = np.repeat(posterior.centre[None, :], draws, axis=0)
     points, ratios = proposal(centres, random)
     density = np.concatenate(
-        [posterior(points[first : first + _BATCH]) for first in range(0, _DRAWS, _BATCH)]
+        [posterior(points[first : first + _BATCH]) for first in range(0, draws, _BATCH)]
     )
     weights, shape = smoothed(density + ratios)
     # Systematic: every point as often as its weight asks, give or take one.
     places = (np.arange(count) + random.random_sample()) / count
-    chosen = np.searchsorted(np.cumsum(weights), places).clip(max=_DRAWS - 1)
+    chosen = np.searchsorted(np.cumsum(weights), places).clip(max=draws - 1)
     chosen = random.permutation(chosen)
-    return Weighted(points[chosen], density[chosen], shape)
+    return Weighted(points[chosen], density[chosen], shape, draws)
 
 
 def smoothed(log_weights: Array) -> tuple[Array, float]:

@@ -44,6 +44,8 @@ _WIDE: Final = (5.0, 1.1)
 """Degrees of freedom of proposals, and their covariance over that of the normal approximation."""
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
+_GLIMPSE: Final = 20
+"""Steps of a chain that cannot be long enough."""
 _LENGTHS: Final = 50.0
 _STAND_IN: Final = 2000
 """Draws that stand in for a chain."""
@@ -120,7 +122,10 @@ def sample(
         random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
     )
     done, tau = sampler.iteration, np.inf
-    affordable = max(work / posterior.work(walkers), _LEAST_STEPS)
+    affordable = work / posterior.work(walkers)
+    if affordable < _LEAST_STEPS:
+        # Too few for any chain to be long enough: its draws are only compared with the others.
+        affordable = _GLIMPSE
     if done:
         state = sampler.get_last_sample()
     while done < min(most_steps, affordable):
@@ -150,13 +155,14 @@ def sample(
     )
     if found.convergence.reached or was_interrupted():
         return found
-    return _standing_in(found, posterior, seed, walkers)
+    return _standing_in(found, posterior, seed, work)
 
 
-def _standing_in(found: Sample, posterior: Posterior, seed: int, walkers: int) -> Sample:
+def _standing_in(found: Sample, posterior: Posterior, seed: int, work: float) -> Sample:
     """The sample with draws that do not come from its chain, which has not converged."""
+    walkers = found.convergence.walkers
     count = walkers * max(_STAND_IN // walkers, 1)
-    weighted = weighted_draws(posterior, seed, count)
+    weighted = weighted_draws(posterior, seed, count, work)
     points, density = weighted.points, weighted.log_density
     if not weighted.is_reliable:
         points = normal_points(posterior, seed, count)

@@ -10,6 +10,7 @@ from scipy import stats
 from identification.posterior.density import Posterior
 from identification.posterior.importance import largest_shape, smoothed, weighted_draws
 from identification.posterior.sample import _CHUNK, sample
+from identification.work import metered, operations
 from tests.posterior.test_sample import WHITE, servo_fit
 
 Array = NDArray[np.float64]
@@ -73,6 +74,21 @@ def test_weighted_draws_of_a_motor_are_those_of_its_covariance() -> None:
     off = (found.points.mean(axis=0) - posterior.centre) / spread
     assert np.abs(off).max() < 0.15
     np.testing.assert_allclose(found.points.std(axis=0), spread, rtol=0.15)
+
+
+def test_a_posterior_too_dear_for_any_chain_is_sampled_by_weighted_draws() -> None:
+    """Work for 79 steps of 32 walkers affords no chain of 80, but 2,500 weighted draws."""
+    posterior = Posterior(servo_fit(), WHITE)
+    work = 79.5 * posterior.work(32)
+
+    with metered():
+        found = sample(posterior, seed=2, work=work)
+        spent = operations()
+
+    assert found.source == "importance"
+    assert found.convergence.steps <= 20
+    assert not found.convergence.reached
+    assert spent < 1.5 * work
 
 
 def test_a_chain_that_ends_too_early_is_replaced_and_says_so() -> None:
