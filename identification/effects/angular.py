@@ -1,8 +1,8 @@
-"""What is missing as a friction that differs round the turn.
+"""Dry friction that is periodic in the shaft angle, as a Fourier series per record.
 
-A bent shaft touches in one part of the turn.  Where the angle is counted from wherever a run
-began, or is the integral of the speed, nothing says where that part is, so that the amplitudes are
-free in each record.
+A bent shaft rubs in one part of the revolution.  The angle may be counted from wherever a run
+began, or be integrated from the speed.  The phase is then unknown, so the amplitudes are free in
+each record.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ Array = NDArray[np.float64]
 _HARMONICS: Final = 4
 _LEAST_TURNS: Final = 1.0
 _STEEP: Final = 3e-3
-"""Share of the natural speed below which a direction is rounded off."""
+"""Width of the smoothed sign of the speed, over the speed scale."""
 
 
 @dataclass(frozen=True)
 class AngularFriction(AbstractForced, AbstractTorque):
-    """A friction with a level that is periodic in the angle of the shaft.
+    """Dry friction whose level is periodic in the shaft angle phi.
 
         tau = -sign(w) (a_0 + sum_k a_k sin(k phi) + b_k cos(k phi))         [N m]
 
     Args:
-        torque_size: Natural torque [N m].
-        turning: Natural speed [rad/s].
-        free: Whether the amplitudes are those of each record; otherwise parameters, which is how
-            they are scored.
+        torque_size: Torque scale [N m].
+        turning: Speed scale [rad/s].
+        free: Whether the amplitudes are per-record states; if not, they are parameters, as the
+            score test requires.
     """
 
     torque_size: float
@@ -53,12 +53,12 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     @property
     def variant(self) -> str:
-        """Its signals."""
+        """The law in words."""
         return "angle of each run carried by direction in the mechanical equation"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The amplitudes, where they are scored."""
+        """The amplitudes, unless they are per-record states."""
         if self.free:
             return ()
         return tuple(
@@ -67,12 +67,12 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Amplitudes that each record has for itself."""
+        """The amplitudes, if they are free in each record."""
         names = _names() if self.free else []
         return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
 
     def expecting(self, size: float) -> AngularFriction:
-        """The term with amplitudes of records expected to be of this size [N m]."""
+        """The term with this prior standard deviation of the per-record amplitudes [N m]."""
         return replace(self, torque_size=size)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -85,7 +85,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
         return -level * signals.speed / ca.sqrt(signals.speed**2 + (_STEEP * self.turning) ** 2)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """What each start gives along a trajectory, (n_sample, n_start) [N m]."""
+        """Torque of each start along a trajectory, (n_sample, n_start) [N m]."""
         angle = record.column("angle")
         waves = [np.ones(record.rows)]
         for k in range(1, _HARMONICS + 1):
@@ -95,7 +95,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its amplitudes scored together, where the shaft turns round."""
+        """One candidate, its amplitudes scored together, if the shaft makes a full revolution."""
         turned = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
         if turned < _LEAST_TURNS:
             return []

@@ -1,6 +1,6 @@
-"""All effects that are known, on one screen.
+"""Catalogue of the effects: classes by name.
 
-Adding one is a class in one of the files beside this and a line here.
+A new effect needs a class in one of the modules of this package and a line in `CATALOGUE`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""What is missing as a smooth curve in one signal.
+"""Missing torque or voltage as a cubic B-spline in one signal.
 
-A *curve* is a cubic spline with free heights that enters one of the two balances, alone or carried
-by a second signal: a friction that grows with the load is a curve in the size of the current
-carried by the direction of the motion.
+A *curve* is a cubic spline with free coefficients in the electrical or mechanical equation; over
+the shaft angle it is a Fourier series.  It may be multiplied by a second signal, the carrier:
+friction that grows with the load is a curve in the magnitude of the current, carried by the
+direction of the motion.
 
-Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (splines on even knots).
+Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (B-splines on equidistant knots).
 """
 
 from __future__ import annotations
@@ -37,34 +38,36 @@ _STEEP: Final = 3e-3
 _FINE: Final = 2000
 
 STRAIGHT: Final = ("temperature", "time", "time in the run", "position")
-"""Signals that are not drawn together far from zero."""
+"""Signals that are not compressed by asinh."""
 REGRESSORS: Final = ("current", "speed", "voltage")
-"""What the linear parts are in proportion to."""
+"""Signals of the linear parts."""
 
 
 @dataclass(frozen=True)
 class _Curve(AbstractForced):
-    """A spline along one signal, times a carrier.
+    """Cubic B-spline in one signal, times a carrier.
 
         term = -sum_k h_k (B_k(z) c - a_k . r) - l . r
 
-    with z the signal (drawn together with a logarithm far from zero where it changes sign), c the
-    carrier, and r what declared parameters multiply: current, speed and, in l alone, voltage.
+    Here z is the signal x, compressed as asinh(x / zero) unless it is in `STRAIGHT`, c the carrier,
+    h_k the spline coefficients, r the regressors of the nominal parameters (current, speed and, for
+    l only, voltage, each over its scale), and a_k the part of a basis function that is collinear
+    with r.
 
     Args:
-        along: The signal.
+        along: Name of the signal.
         carrier: Empty, ``direction`` of the motion, ``speed`` or ``current``.
-        size: Natural size of the term [N m] or [V].
-        lower: Least value of the signal, after drawing together.
-        upper: Largest.
-        zero: Width of what counts as near zero, in the unit of the signal.
-        speed: Natural speed [rad/s].
-        current: Natural current [A].
-        starts: Time at which each run began, in order, counted over all runs, and at which the
-            last one ended [s].  A curve that is local is zero in runs beyond.
-        imitated: For each basis function its share of current and of speed, over their sizes.
-        linear: Standard deviations that l has before the data, for current, speed and voltage over
-            their sizes; none where it is zero or the tuple is empty [N m] or [V].
+        size: Scale of the term [N m] or [V].
+        lower: Lower end of the knots in z.
+        upper: Upper end of the knots in z.
+        zero: Width of the linear range of the compression, in the unit of the signal.
+        speed: Speed scale [rad/s].
+        current: Current scale [A].
+        starts: Start time of each run and end time of the last run, on a clock that adds up the
+            durations of the runs [s].  A local curve is zero in later runs.
+        imitated: For each basis function the coefficients a_k of current and speed [-].
+        linear: Prior standard deviations of l for current, speed and voltage; a part is absent if
+            its entry is zero or the tuple is empty [N m] or [V].
     """
 
     along: str
@@ -85,28 +88,28 @@ class _Curve(AbstractForced):
 
     @property
     def variant(self) -> str:
-        """Its signals and its equation."""
+        """The signals and the equation."""
         form = " carried by ".join(filter(None, (self.along, self.carrier)))
         return f"{form} in the {self.equation} equation"
 
     @property
     def is_local(self) -> bool:
-        """Whether it is a torque or voltage against time, which other runs do not have.
+        """Whether the curve is a torque or voltage over time, which does not recur in other runs.
 
-        A coefficient that drifts over all runs stays where it ended, and one that drifts anew in
-        each run does so in others: validation runs have to confirm that.
+        With a carrier, the curve is a coefficient that drifts.  After a drift over all runs it
+        keeps its last value, and a drift within each run recurs, so validation runs can test both.
         """
         return self.along.startswith("time") and not self.carrier
 
     def _here(self, signals: Signals) -> Expression:
-        """One in runs that have the curve, zero elsewhere."""
+        """Factor that is one in runs that have the curve, zero elsewhere [-]."""
         if not (self.is_local and self.starts):
             return ca.SX(1)
         return (signals.run > -0.5) * (signals.run < len(self.starts) - 1.5)
 
     @property
     def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The signals, the one it runs along first, but what is multiplied with before that."""
+        """Signals of the curve and then of the carrier; a current as the carrier comes first."""
         along = self.along.removeprefix("size of ").removesuffix(" in the run")
         carried = {"": (), "direction": ("speed",), "speed": ("speed",), "current": ("current",)}
         others = carried[self.carrier]
@@ -115,7 +118,7 @@ class _Curve(AbstractForced):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Heights of the curve, and its linear parts where these are free."""
+        """Spline coefficients, and the linear parts that are free."""
         heights = [
             amplitude(f"height_{k}", self.unit, f"height {k} of the curve", self.size, signed=True)
             for k in range(1, HEIGHTS + 1)
@@ -131,7 +134,7 @@ class _Curve(AbstractForced):
         )
 
     def _free(self) -> list[tuple[str, float]]:
-        """Signals of the linear parts that are free, and their widths."""
+        """Signals of the free linear parts, with their prior standard deviations."""
         return [pair for pair in zip(REGRESSORS, self.linear, strict=False) if pair[1] > 0.0]
 
     def _missing(self, signals: Signals, values: Values) -> Expression:
@@ -148,11 +151,11 @@ class _Curve(AbstractForced):
         return -total * self._here(signals)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """What each start gives along a trajectory, (n_sample, n_start) [N m] or [V]."""
+        """Torque or voltage of each start along a trajectory, (n_sample, n_start) [N m] or [V]."""
         return -self.columns(record, current, speed) @ starts
 
     def columns(self, record: Record, current: Array, speed: Array) -> Array:
-        """Basis functions along a trajectory, (n_sample, n_height) [-]."""
+        """Basis functions times carrier, without collinear part, (n_sample, n_coefficient) [-]."""
         along, carrier = _functions(self)
         rows = np.array(
             [
@@ -173,14 +176,14 @@ class _Curve(AbstractForced):
         return np.asarray(hats * carried[:, None] - imitated.T)
 
     def grid(self, points: int) -> Array:
-        """(n_point,) values of the signal, in its unit, dense where the knots are."""
+        """(n_point,) values of the signal in its unit, evenly spaced after compression."""
         drawn = np.linspace(self.lower, self.upper, points)
         if self.along in STRAIGHT:
             return drawn
         return np.asarray(self.zero * np.sinh(drawn))
 
     def shapes(self, grid: Array) -> Array:
-        """(n_point, n_height) basis functions over the signal, without a carrier."""
+        """Basis functions over the signal, without collinear part, (n_point, n_coefficient) [-]."""
         x = ca.SX.sym("x")
         drawn = x
         if self.along not in STRAIGHT:
@@ -195,7 +198,7 @@ class _Curve(AbstractForced):
         return np.asarray(function(grid[None, :])).T
 
     def along_of(self, signals: Signals) -> Expression:
-        """The signal, drawn together where it changes sign."""
+        """The signal, compressed by asinh unless it is in `STRAIGHT`."""
         if self.along == "time":
             before = ca.SX(0)
             for run, start in enumerate(self.starts):
@@ -215,7 +218,7 @@ class _Curve(AbstractForced):
         return value
 
     def carrier_of(self, signals: Signals) -> Expression:
-        """What the curve is multiplied with [-]."""
+        """Factor on the curve [-]."""
         if self.carrier == "direction":
             return signals.speed / ca.sqrt(signals.speed**2 + (_STEEP * self.speed) ** 2)
         if self.carrier == "speed":
@@ -225,7 +228,7 @@ class _Curve(AbstractForced):
         return ca.SX(1)
 
     def basis_of(self, along: Expression) -> list[Expression]:
-        """Cubic splines on even knots; around the circle for the angle."""
+        """Cubic B-splines on equidistant knots; a Fourier basis for the angle."""
         if self.along == "position":
             found = []
             for order in range(1, HEIGHTS // 2 + 1):
@@ -238,13 +241,13 @@ class _Curve(AbstractForced):
             off = ca.fabs((inside - self.lower) / width - (k - 1))
             found.append((ca.fmax(2 - off, 0) ** 3 - 4 * ca.fmax(1 - off, 0) ** 3) / 6)
         if self.along not in STRAIGHT:
-            # Beyond what was seen it goes on with its last slope.
+            # Linear extrapolation beyond the observed range.
             for k, slope in self._ends(along):
                 found[k] = found[k] + slope
         return found
 
     def _ends(self, along: Any) -> list[tuple[int, Any]]:
-        """What the slopes at both ends add to basis functions beyond them."""
+        """Linear extrapolation beyond both ends: index and increment of each basis function."""
         twice = 2 * (self.upper - self.lower) / (HEIGHTS - 3)
         is_array = isinstance(along, np.ndarray)
         least, most = (np.minimum, np.maximum) if is_array else (ca.fmin, ca.fmax)
@@ -254,7 +257,7 @@ class _Curve(AbstractForced):
 
 @dataclass(frozen=True)
 class MissingTorque(_Curve, AbstractTorque):
-    """A torque that no effect of the catalogue explains, as a curve."""
+    """Torque that no effect of the catalogue explains, as a curve."""
 
     equation: ClassVar[str] = "mechanical"
     unit: ClassVar[str] = "N m"
@@ -266,7 +269,7 @@ class MissingTorque(_Curve, AbstractTorque):
 
 @dataclass(frozen=True)
 class MissingVoltage(_Curve, AbstractVoltage):
-    """A voltage that no effect of the catalogue explains, as a curve."""
+    """Voltage that no effect of the catalogue explains, as a curve."""
 
     equation: ClassVar[str] = "electrical"
     unit: ClassVar[str] = "V"
@@ -278,7 +281,7 @@ class MissingVoltage(_Curve, AbstractVoltage):
 
 @lru_cache(64)
 def _functions(term: _Curve) -> tuple[ca.Function, ca.Function]:
-    """The signal and the carrier, from what moves in a run."""
+    """Signal and carrier as functions of the signals that change in a run."""
     names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
     symbols = {name: ca.SX.sym(name) for name in names}
     signals = Signals(**symbols, peak_temperature=ca.SX(0))
@@ -290,22 +293,22 @@ def _functions(term: _Curve) -> tuple[ca.Function, ca.Function]:
 
 
 def _basis(term: _Curve) -> ca.Function:
-    """The basis over the signal."""
+    """Basis as a function of the compressed signal."""
     x = ca.SX.sym("x")
     return ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))])
 
 
 @lru_cache(64)
 def _table(term: _Curve) -> tuple[Array, Array]:
-    """(n_point,) places along the signal, and (n_height, n_point) the basis there."""
+    """(n_point,) values of the compressed signal, and (n_coefficient, n_point) the basis there."""
     grid = np.linspace(term.lower, term.upper, _FINE)
     return grid, _evaluated(_basis(term), grid[None, :])
 
 
 def _evaluated(function: ca.Function, points: Array) -> Array:
-    """A function at every point, (n_out, n_point), from (n_in, n_point).
+    """Values of a function at every point, (n_out, n_point), from (n_in, n_point).
 
-    Through buffers: to make a CasADi matrix of an array takes longer than all else here.
+    Uses buffers, since the conversion of an array to a CasADi matrix would dominate the run time.
     """
     given: Any = np.ascontiguousarray(points.T)
     found: Any = np.empty((points.shape[1], function.size1_out(0)))

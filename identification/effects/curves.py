@@ -1,8 +1,8 @@
-"""Curves in every signal that moves, for the campaign at hand.
+"""Candidate spline curves in every signal that varies in a campaign.
 
-Of each basis function the part that the declared parameters imitate is taken away (a straight line
-in speed is viscous friction), so that those parameters keep their meaning while a search goes on.
-Which part of what is missing is theirs no data tell; `gauge` has the final model say so.
+The part of each basis function that is collinear with a nominal parameter is removed (a straight
+line in speed is viscous friction), so the nominal parameters keep their meaning during the search.
+The data cannot attribute that part; `gauge` adds it to the final model as non-identifiable.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ _CURVES: Final = {
         ("position", ""),
     ),
 }
-"""By equation: along which signal the curve runs, and what carries it."""
+"""Signal and carrier of each curve, by equation."""
 
 _KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
 
 
 def curves(survey: Survey) -> list[Candidate]:
-    """Every curve in every signal that moves, its heights scored together."""
+    """Every curve in a signal that varies, its spline coefficients scored together."""
     found = []
     for equation, pairs in _CURVES.items():
         size = survey.torque if equation == "mechanical" else survey.voltage
@@ -74,7 +74,7 @@ def curves(survey: Survey) -> list[Candidate]:
 def _curve(
     survey: Survey, equation: str, along: str, carrier: str, size: float
 ) -> MissingTorque | MissingVoltage | None:
-    """The term along a signal, or None where the signal hardly moves."""
+    """The curve along a signal, or None if the signal is not logged or hardly varies."""
     if along == "position" and not survey.angle_logged:
         return None
     if along == "temperature" and survey.heated < 5.0:
@@ -103,7 +103,7 @@ def _curve(
 
 
 def _lengths(records: tuple[Record, ...]) -> Array:
-    """Duration of each run up to the last, zero for numbers that are not there [s]."""
+    """Duration of each run up to the last, zero for run numbers that are absent [s]."""
     last = max(record.run for record in records)
     lengths = np.zeros(last + 1)
     for record in records:
@@ -118,9 +118,9 @@ def _logged(record: Record, signal: str) -> Array:
 
 
 def _without_imitated(term: Any, survey: Survey) -> Any:
-    """The term with what declared parameters imitate taken away from each basis function.
+    """The curve without the part of each basis function that is collinear with current or speed.
 
-    A voltage is nearly what resistance and back-EMF make of current and speed.
+    A curve in voltage may be collinear with both, since v is nearly Ra i + Kt w.
     """
     names = ("current", "speed")
     places = [k for k, name in enumerate(names) if {name, "voltage"} & set(term.drivers)]
@@ -133,14 +133,15 @@ def _without_imitated(term: Any, survey: Survey) -> Any:
 
 
 def sampled(term: MissingTorque | MissingVoltage, records: Sequence[Record]) -> tuple[Array, Array]:
-    """A curve along some of the samples.
+    """Basis and regressors of a curve on a subset of the samples.
 
     Args:
         term: The curve.
         records: The records.
 
     Returns:
-        (n_sample, n_height) its basis, (n_sample, 3) current, speed and voltage over their sizes.
+        (n_sample, n_coefficient) basis functions, and (n_sample, 3) current, speed and voltage,
+        each over its scale [-].
     """
     columns, regressors = [], []
     for record in records:
@@ -153,7 +154,7 @@ def sampled(term: MissingTorque | MissingVoltage, records: Sequence[Record]) -> 
 
 
 def _every(record: Record, step: int) -> Record:
-    """Every so many samples of a record, to look at and not to simulate."""
+    """Every `step`-th sample of a record; its intervals are not valid for simulation."""
     return replace(
         record,
         time=record.time[::step],

@@ -1,9 +1,9 @@
-"""What the search needs to know of an effect besides its physics.
+"""Candidate terms of the search, with their starting values and the scales of a campaign.
 
-An effect is a term (`model.term`) that also says where to look for itself: `candidates` returns
-finite-size prototypes for the motor at hand.  A prototype of finite size is used and not the
-derivative at zero, since the derivative of a filter or lag vanishes there and that of friction
-near standstill is not the effect's shape.
+An effect is a term (`model.term`) with one more method: `candidates` returns prototypes of the
+term for the motor at hand.  A prototype is the term at starting values of finite size.  The score
+test uses prototypes instead of the derivative at zero, because the derivative of a filter or lag
+vanishes there and the derivative of friction near standstill does not have the effect's shape.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Survey:
-    """Natural sizes of one campaign, from its signals and its declared fit.
+    """Scales of one campaign, from its signals and a fit.
 
     Args:
         records: Training records.
-        current: Size of the current [A].
-        speed: Size of the speed [rad/s].
-        voltage: Size of the voltage [V].
-        torque: Kt25 times the size of the current [N m].
+        current: Root mean square of the current [A].
+        speed: Root mean square of the speed [rad/s].
+        voltage: Root mean square of the voltage [V].
+        torque: Kt25 times `current` [N m].
         interval: Median sample interval [s].
-        duration: Longest record [s].
-        speed_noise: Residual deviation of the speed [rad/s].
-        current_noise: Residual deviation of the current [A].
-        values: (7,) declared parameters, physical.
-        angle_logged: Whether the shaft angle is logged, and not integrated from the speed.
-        orders: Periods a revolution that stand out of the residual [-].
+        duration: Duration of the longest record [s].
+        speed_noise: Standard deviation of the speed residual [rad/s].
+        current_noise: Standard deviation of the current residual [A].
+        values: (7,) physical values of the nominal parameters in the fit.
+        angle_logged: Whether the shaft angle is logged; if not, it is integrated from the speed.
+        orders: Prominent orders of the residual, in periods per revolution [-].
     """
 
     records: tuple[Record, ...]
@@ -70,7 +70,7 @@ class Survey:
 
     @property
     def runs(self) -> tuple[int, ...]:
-        """Numbers of the training runs, in order."""
+        """Numbers of the training runs, ascending."""
         return tuple(sorted({record.run for record in self.records}))
 
     @property
@@ -87,22 +87,22 @@ class Survey:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One model structure to try, with places to start from.
+    """A term to try, with the values from which its score and its refit start.
 
     Args:
-        term: The term, its fields set for this motor.
+        term: The term that is scored, its fields set for this motor.
         starts: (n_parameter, n_start) physical values, each of finite size.
-        joint: Neighbouring starts that add up linearly and are scored together.
-        fitted: The term that is fitted, where it differs from the one that is scanned: its
-            parameters are the first of the scanned term's, and its states hold the rest, free in
-            each record.  Such starts are scored record by record.
-        by_run: Whether the term concerns one run, its field `run`.  It is scanned in all runs at
-            once, with `run` None, and scored for each.
-        recurs: Whether such a term may also concern several runs alike, its field `others`.
-        tried: (n_parameter, n_place) further places that a refit simulates, where no score tells
-            how good one is.
-        traded: Further places of the same kind, each with the factors by which parameters that are
-            in the model already change there: what had taken the effect's part gives it back.
+        joint: Number of consecutive starts that are linear amplitudes and are scored together.
+        fitted: The term that is refitted, if it differs from `term`: its parameters are the first
+            ones of `term`, and the others become states, free in each record.  Such starts are
+            scored with per-record amplitudes.
+        by_run: Whether the term acts in one run only, given by its field `run`.  It is simulated
+            in all runs at once, with `run` None, and scored for each run.
+        recurs: Whether such a term may act alike in several runs, given by its field `others`.
+        tried: (n_parameter, n_point) additional starting points of the refit, for terms whose
+            score does not show how good a starting point is.
+        traded: Additional starting points of the refit, each with factors on parameters that are
+            already in the model: these parameters give back the effect that they had absorbed.
     """
 
     term: AbstractTerm
@@ -116,24 +116,24 @@ class Candidate:
 
     @property
     def lanes(self) -> int:
-        """Number of starts; one where there is nothing to start from."""
+        """Number of simulations side by side: the number of starts, at least one."""
         return max(int(self.starts.shape[1]), 1)
 
     @property
     def prototypes(self) -> int:
-        """Number of prototypes that are scored by themselves, in one run where runs differ."""
+        """Number of separately scored prototypes; one scored in several runs counts once."""
         return max(self.lanes // self.joint, 1)
 
     @property
     def can_rest(self) -> bool:
-        """Whether the term can be in a model without doing anything there."""
+        """Whether the term has neutral values, at which it leaves the model unchanged."""
         if self.term.states or isinstance(self.term, AbstractDelay | AbstractHold | AbstractMean):
             return False
         return any(parameter.vanishes for parameter in self.term.parameters)
 
     @property
     def resting(self) -> Array:
-        """(n_parameter,) values at which the term does nothing, where it can rest."""
+        """(n_parameter,) neutral values, if the term has any."""
         first = self.starts.reshape(-1, self.lanes)[:, 0].copy()
         for row, parameter in enumerate(self.term.parameters):
             if parameter.vanishes:
@@ -141,7 +141,7 @@ class Candidate:
         return first
 
     def in_runs(self, run: int, *others: int) -> Candidate:
-        """The candidate of one run, or of several where it recurs."""
+        """The candidate restricted to one run, or to `run` and `others` if it recurs."""
         term: Any = self.term
         own = {"run": run} | ({"others": others} if others else {})
         return replace(self, term=replace(term, **own), by_run=False, recurs=False)
@@ -153,12 +153,12 @@ class Candidate:
 
     @property
     def by_record(self) -> bool:
-        """Whether amplitudes are free in each record."""
+        """Whether the amplitudes are free in each record."""
         return bool(self.final.states) and self.final is not self.term
 
 
 class AbstractForced(AbstractTerm):
-    """A term that is a force over time, in proportion to what is scored, and nothing else."""
+    """A term that only adds a torque or voltage, linear in the amplitudes that are scored."""
 
     @abstractmethod
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
@@ -176,7 +176,7 @@ class AbstractForced(AbstractTerm):
 
 
 def survey_of(fit: Fit) -> Survey:
-    """Natural sizes of the campaign that `fit` was made on."""
+    """Scales of the campaign to which `fit` was fitted."""
     records = fit.simulator.records
     measured = np.concatenate([record.measured for record in records])
     voltage = np.concatenate([record.column("voltage") for record in records])
@@ -202,13 +202,14 @@ def survey_of(fit: Fit) -> Survey:
 def amplitude(
     name: str, unit: str, meaning: str, size: float, *, signed: bool = False
 ) -> Parameter:
-    """A parameter that the effect is proportional to.
+    """Parameter to which the effect is proportional.
 
     Args:
         name: Name in the result.
         unit: Unit.
         meaning: One phrase.
-        size: Natural size of what it is compared with [unit].
+        size: Scale of the quantity that the effect changes; the prior's standard deviation is
+            three times as large [unit].
         signed: Whether it may be negative.
     """
     return Parameter(
@@ -217,7 +218,7 @@ def amplitude(
 
 
 def asymmetry() -> Parameter:
-    """How far two directions differ, as contacts and preloaded bearings do."""
+    """Parameter for the difference between two directions, as in contacts or preloaded bearings."""
     return Parameter(
         "asymmetry",
         "-",
@@ -230,14 +231,17 @@ def asymmetry() -> Parameter:
 
 
 def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:
-    """A positive parameter that gives the effect its form, flat in its logarithm.
+    """Positive shape parameter, searched in its logarithm.
+
+    The prior is normal in the logarithm and broad: its standard deviation is twice that of a
+    uniform distribution between the bounds.
 
     Args:
         name: Name in the result.
         unit: Unit.
         meaning: One phrase.
-        lower: Smallest value that differs from a limit case [unit].
-        upper: Largest [unit].
+        lower: Smallest value that is distinguishable from a limit case [unit].
+        upper: Largest such value [unit].
     """
     middle = float(np.sqrt(lower * upper))
     width = float(np.log(upper / lower) / np.sqrt(12.0))
@@ -254,5 +258,5 @@ def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Par
 
 
 def columns(*starts: Sequence[float]) -> Array:
-    """(n_parameter, n_start) from starting vectors."""
+    """(n_parameter, n_start) matrix of starting vectors."""
     return np.array(starts, dtype=np.float64).T

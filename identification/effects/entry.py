@@ -1,7 +1,7 @@
-"""The term that an entry of a result describes.
+"""Reconstruction of a term from an entry of `effects` in result.json.
 
-A result may have been edited or come from elsewhere, so that whatever it lacks is told in its own
-words and not in those of the program.
+A result may have been edited or written elsewhere.  Each error therefore names the missing or
+wrong setting of the entry.
 """
 
 from __future__ import annotations
@@ -27,17 +27,18 @@ _KINDS: Final[dict[str, tuple[tuple[type, ...], str]]] = {
     "str": ((str,), "a word"),
     "Literal": ((str,), "a word"),
 }
-"""What JSON has for the fields of terms, by the first word of their type."""
+"""JSON types of a field and their name in messages, by the first word of the annotation."""
 
 
 def term_of(entry: object) -> AbstractTerm:
     """The term that an entry of `effects` describes.
 
     Args:
-        entry: The entry, with `name`, `settings` and, where it is not listed, `equation`.
+        entry: The entry, with `name`, `settings` and, for the effect `unlisted`, `equation`.
 
     Raises:
-        InputError: The effect is not known, or a setting is missing, unknown or of another kind.
+        InputError: The entry has no name, the effect is unknown, or a setting is missing, unknown
+            or of the wrong type.
     """
     if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str):
         raise InputError(f"an effect of the result has no name; {_REMEDY}", value=entry)
@@ -86,7 +87,7 @@ def _check_settings(name: str, kind: Any, settings: Mapping[str, Any]) -> None:
                 f"{', '.join(fields) or 'none'}",
                 value=key,
             )
-        # As written in the source, since annotations are not evaluated.
+        # The annotation is a string, since `from __future__ import annotations` is in effect.
         word = str(fields[key].type).split("[")[0].split(" ")[0]
         types, expected = _KINDS[word]
         if not isinstance(value, types) or (isinstance(value, bool) and word != "bool"):

@@ -1,12 +1,12 @@
-"""How a small torque or voltage, given over time, moves what the sensors log.
+"""Linearised response of the logged channels to small additive torques and voltages.
 
-Along the fitted trajectory the motor is linear, so the response to any number of forces costs one
-pass through transitions that are computed once,
+The model is linearised along the fitted trajectory, so the responses to any number of forces cost
+one pass through transition matrices that are computed once:
 
-    dx(k+1) = F_k dx(k) + G_k f(k),      dy(k) = C_k dx(k),
+    dx(k+1) = F_k dx(k) + G_k f(k),      dy(k) = C_k dx(k)
 
-with F, G and C the derivatives of the very step that is simulated.  Forces are constant within a
-sample interval.
+F, G and C are the derivatives of the integration step that the simulator uses.  The forces f are
+constant within a sample interval.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ __all__ = ["responses"]
 Array = NDArray[np.float64]
 
 _PASSES = 4.0
-"""How often a response reads or writes each force."""
+"""Reads and writes of each force value in a response, for the count of operations."""
 
 
 @dataclass(frozen=True)
 class _Push(AbstractTorque, AbstractVoltage):
-    """A voltage and a torque that stay what they are: states, so that derivatives by them exist."""
+    """Constant voltage and torque, as states, to differentiate the step with respect to them."""
 
     name: ClassVar[str] = "push"
     equation: ClassVar[str] = "mechanical"
@@ -66,15 +66,16 @@ class _Push(AbstractTorque, AbstractVoltage):
 
 
 def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iterator[Array]:
-    """What forces change in the logged channels, to first order, one record after the other.
+    """First-order changes of the logged channels by forces, record by record.
 
     Args:
         fit: A model at its optimum.
-        forces: From the number of a record to (n_sample, 2, n_lane) voltage [V] and torque [N m].
-        stride: Samples from one response that is put out to the next.
+        forces: Function from the index of a record to the forces, (n_sample, 2, n_lane) voltage [V]
+            and torque [N m].
+        stride: Samples per output sample.
 
     Yields:
-        For each record (n_kept, 2, n_lane) [A, rad/s].
+        For each record (n_kept, 2, n_lane) changes of current and speed [A, rad/s].
     """
     simulator = Simulator.fitting(
         fit.simulator.model.adding(_Push()),
@@ -92,13 +93,13 @@ def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iter
 
 
 def _response(output: Array, n: int, force: Array, counts: Counts | None, stride: int) -> Array:
-    """The response in one record from its transitions, at every so many samples."""
+    """Response in one record from its transition matrices, at every `stride`-th sample."""
     charge(_PASSES * TOUCH * (output.size + force.size))
     transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
     logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
     first = np.arange(force.shape[0]) if counts is None else begins(counts)
     kept = np.arange(0, force.shape[0], stride)
-    # Rows between two samples that are kept make one transition; all such spans go side by side.
+    # Rows between two kept samples are composed to one transition, for all such spans at once.
     starts = first[kept]
     stops = np.append(starts[1:], output.shape[0])
     samples = np.repeat(np.arange(force.shape[0]), np.diff(np.append(first, output.shape[0])))
@@ -120,7 +121,7 @@ def _response(output: Array, n: int, force: Array, counts: Counts | None, stride
 
 @lru_cache(32)
 def _transitions(model: MotorModel, plan: Plan) -> Scan:
-    """The loop that puts out the derivatives of each step along the trajectory."""
+    """Compiled loop that outputs the Jacobians of each step along the trajectory."""
     x = ca.SX.sym("x", len(model.state_names))
     u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
     n = x.numel() - 2

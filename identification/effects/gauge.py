@@ -1,16 +1,23 @@
-"""What of a curve the declared parameters may be, which no data tell.
+"""Non-identifiable directions between a spline curve and the nominal parameters.
 
-A curve in the speed, in the mechanical balance, may have any straight line added to it as long as
-the viscous friction is changed by as much; one in the current, in the electrical balance, trades
-with the resistance, and one in the current in the mechanical balance with the scale of torque,
-inertia and friction.  The search takes the line out of the curve, and a posterior is sampled
-without it.  What is said in the end has it: its size is drawn, and the declared parameters follow
-so that the motor stays the same.  Their intervals are as wide as they have to be, and they are not
-called determined.
+A line may be added to a curve without any change of the logged signals, if the nominal parameters
+compensate for it:
 
-How large the line may be is taken from the curve itself: several times what remains beside it, as
-of powers of a signal (i |i| has a line four times as large as the rest, |i|^1.5 seven times, a step
-nearly twice).
+    line in     equation      compensated by
+    speed       mechanical    b
+    current     mechanical    a common factor on J, b and the spline coefficients
+    current     electrical    Ra25, with Ra25 alpha_Ra unchanged
+    speed       electrical    a common factor on Kt25, J and b, with Kt25 alpha_Kt unchanged
+    voltage     electrical    a common factor on Ra25, Kt25, L, J, b and the spline coefficients
+
+The search and the sampler work with curves from which the line is removed.  The reported draws
+include it: the slope is drawn from a prior, and the nominal parameters are changed so that the
+simulated motor stays the same.  Their intervals then have the width that this direction requires,
+and the parameters are not reported as identified.
+
+The prior standard deviation of the line is four times the root mean square of the curve without
+the line.  The factor is typical of powers of a signal: the line in i |i| is four times as large as
+the rest, the line in i |i|^0.5 seven times, and the line in a step nearly twice.
 """
 
 from __future__ import annotations
@@ -38,23 +45,23 @@ __all__ = ["Line", "lines_of", "with_linear_parts", "with_lines_drawn"]
 Array = NDArray[np.float64]
 
 _LARGER: Final = 4.0
-"""Size of a line over the size of what remains beside it."""
+"""Prior standard deviation of a line over the root mean square of the rest of the curve."""
 _MOST: Final = 0.5
-"""Share of what a declared parameter does that a line may take: one standard deviation."""
+"""Upper limit of that standard deviation, over the contribution of the nominal parameter."""
 _ALL: Final = 0.95
-"""Share of it that no draw passes."""
+"""Upper limit of the line in any draw, over the contribution of the nominal parameter."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line that a curve may have or a declared parameter.
+    """Linear part that belongs either to a curve or to a nominal parameter.
 
     Args:
         equation: ``electrical`` or ``mechanical``.
-        signal: What it is in proportion to.
-        size: Size of the signal, in its unit.
-        width: Standard deviation of the line at that size [V] or [N m].
-        unit: Its unit.
+        signal: Signal to which it is proportional.
+        size: Scale of the signal, in its unit.
+        width: Prior standard deviation of the linear part at that scale [V] or [N m].
+        unit: Unit of the linear part.
     """
 
     equation: str
@@ -69,15 +76,15 @@ class Line:
         return f"unlisted.linear_{self.signal}"
 
     def drawn(self, draws: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-        """Draws with a line in the curve and the declared parameters changed by as much.
+        """Draws with a random line in the curve and the nominal parameters that compensate it.
 
         Args:
-            draws: Draws without the line by name, of one shape each.
-            rng: Where the line is drawn from.
+            draws: Draws without the line: arrays of one shape, by parameter name.
+            rng: Random generator of the line.
         """
         size = self.width * rng.standard_normal(draws["J"].shape) / self.size
         if (self.equation, self.signal) == ("mechanical", "speed"):
-            # Mirrored where less than no friction would be left.
+            # Reflected where the viscous friction would become negative.
             size = np.where(size > draws["b"], 2 * draws["b"] - size, size)
             return draws | {"b": draws["b"] - size, self.name: size * self.size}
         if self.equation == "mechanical" or self.signal == "speed":
@@ -88,11 +95,11 @@ class Line:
         return draws | self._compensated(draws, 1.0 - size / own) | {self.name: size * self.size}
 
     def _compensated(self, draws: dict[str, Array], left: Array) -> dict[str, Array]:
-        """Declared parameters and heights that leave the motor as it is.
+        """Nominal parameters and spline coefficients that keep the response of the motor.
 
         Args:
             draws: Draws without the line.
-            left: Share that is left of what the line is taken from [-].
+            left: Fraction that remains of the parameter from which the line is taken [-].
         """
         if (self.equation, self.signal) == ("electrical", "current"):
             return {"Ra25": draws["Ra25"] * left, "alpha_Ra": draws["alpha_Ra"] / left}
@@ -106,7 +113,7 @@ class Line:
 
 
 def lines_of(fit: Fit) -> tuple[Line, ...]:
-    """The lines that curves of a fit have free; see `with_linear_parts`."""
+    """Free linear parts of the curves of a fit; see `with_linear_parts`."""
     found = []
     for term in fit.simulator.model.terms:
         if isinstance(term, MissingTorque | MissingVoltage) and term.linear:
@@ -120,12 +127,12 @@ def lines_of(fit: Fit) -> tuple[Line, ...]:
 
 
 def with_lines_drawn(draws: dict[str, Array], lines: Sequence[Line], seed: int) -> dict[str, Array]:
-    """Draws of a posterior with lines that the data leave open.
+    """Posterior draws with non-identifiable lines added.
 
     Args:
-        draws: Draws by name, of one shape each, from a model that has no lines.
+        draws: Draws from a model without lines: arrays of one shape, by parameter name.
         lines: The lines.
-        seed: Seed of the lines.
+        seed: Seed of the random lines.
     """
     rng = np.random.default_rng([seed, len(lines)])
     for line in lines:
@@ -134,11 +141,11 @@ def with_lines_drawn(draws: dict[str, Array], lines: Sequence[Line], seed: int) 
 
 
 def with_linear_parts(fit: Fit, patience: Patience | None = None) -> Fit:
-    """The fit with the linear parts of its curves free; its optimum is where it was.
+    """The fit with the linear parts of its curves free; the optimum stays where it was.
 
     Args:
         fit: Fit of a model, with or without curves.
-        patience: When to give up.
+        patience: Termination limits.
     """
     for term in fit.simulator.model.terms:
         if isinstance(term, MissingTorque | MissingVoltage) and not term.linear:
@@ -149,7 +156,7 @@ def with_linear_parts(fit: Fit, patience: Patience | None = None) -> Fit:
 
 
 def _widths(term: MissingTorque | MissingVoltage, fit: Fit) -> tuple[float, ...]:
-    """Standard deviation of each linear part [N m] or [V]."""
+    """Prior standard deviation of each linear part, zero if identifiable [N m] or [V]."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     heights = np.array([values[f"unlisted.height_{k}"] for k in range(1, HEIGHTS + 1)])
     columns, regressors = sampled(term, fit.simulator.records)

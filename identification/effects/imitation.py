@@ -1,8 +1,7 @@
-"""Which parts of a basis are what other signals do in proportion.
+"""Collinearity between a basis and other signals, by canonical correlations.
 
-Of the space that a basis spans and that of a few signals, the directions that are the same in both
-are found by their canonical correlations; a basis that merely resembles a signal keeps all of it,
-since data tell the two apart.
+The principal angles between the span of the basis and the span of the signals give the directions
+that both contain.  A direction that is only similar does not count, since the data can separate it.
 
 Source: Bjorck and Golub, Mathematics of Computation 27 (1973), 579-594 (angles between subspaces).
 """
@@ -19,16 +18,16 @@ __all__ = ["imitated", "is_formed"]
 Array = NDArray[np.float64]
 
 _SAME: Final = 0.98
-"""Squared cosine above which two directions are told apart by no more than a fiftieth."""
+"""Squared cosine above which directions count as collinear: at most 2 % of their power differs."""
 _SEEN: Final = 1e-8
 
 
 def imitated(basis: Array, signals: Array) -> Array:
-    """How much of each signal is in each function of a basis, along shared directions.
+    """Coefficients of the signals in the part of each basis function along shared directions.
 
     Args:
-        basis: (n_sample, n_function).
-        signals: (n_sample, n_signal), no two of them alike.
+        basis: (n_sample, n_function) basis functions.
+        signals: (n_sample, n_signal) linearly independent signals.
 
     Returns:
         (n_function, n_signal) coefficients.
@@ -42,17 +41,17 @@ def imitated(basis: Array, signals: Array) -> Array:
 
 
 def is_formed(basis: Array, signal: Array) -> bool:
-    """Whether functions of a basis add up to a signal.
+    """Whether a signal lies in the span of a basis, by the same criterion.
 
     Args:
-        basis: (n_sample, n_function).
-        signal: (n_sample,).
+        basis: (n_sample, n_function) basis functions.
+        signal: (n_sample,) the signal.
     """
     inside = _orthonormal(basis).T @ signal
     return bool(inside @ inside > _SAME * (signal @ signal))
 
 
 def _orthonormal(basis: Array) -> Array:
-    """(n_sample, n_direction) of the space that the columns span."""
+    """(n_sample, n_direction) orthonormal basis of the column space."""
     left, sizes, _ = np.linalg.svd(basis, full_matrices=False)
     return np.asarray(left[:, sizes > _SEEN * max(float(sizes[0]), 1e-300)])

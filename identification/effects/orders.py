@@ -1,12 +1,12 @@
-"""Orders in which the residual repeats with the shaft angle.
+"""Order tracking: orders of the shaft rotation at which the residual is periodic.
 
-The spectrum of the residual over the angle in place of time,
+The spectrum of the residual over the shaft angle phi instead of time,
 
     S(n) = sum_t  r(t) exp(-i n phi(t)),
 
-is summed over samples, so that speed and direction may change as they like.  An angle that is
-integrated from the logged speed turns a little faster or slower than the shaft; a motor with
-fourteen pulses a revolution then shows an order of 13.96, which no list of whole numbers has.
+is a sum over samples, so speed and direction may change freely.  The orders n are not restricted
+to integers: an angle integrated from the logged speed turns slightly faster or slower than the
+shaft, and a motor with fourteen pulses per revolution then has an order of 13.96, for example.
 
 Source: Fyfe and Munck, Mechanical Systems and Signal Processing 11 (1997), 187-205 (order
 tracking).
@@ -28,24 +28,28 @@ __all__ = ["HIGHEST_ORDER", "orders_of"]
 Array = NDArray[np.float64]
 
 HIGHEST_ORDER: Final = 36
-"""Most periods a revolution that are looked for."""
+"""Highest order that is searched, in periods per revolution."""
 
 _KEPT: Final = 6
 _BINS: Final = 4.0
 _MOST_BINS: Final = 2**22
 _STANDS_OUT: Final = 16.0
-"""Power of a peak over the median around it; noise alone exceeds it in exp(-16 log 2) of places."""
+"""Least power of a peak over the local median; white noise exceeds it with probability
+exp(-16 log 2) = 1.5e-5 per bin."""
 
 
 def orders_of(
     records: Sequence[Record], residuals: Sequence[Array], highest: float
 ) -> tuple[float, ...]:
-    """The orders that stand out most of the residual of either channel, ascending.
+    """Most prominent orders of the residual of either channel, ascending.
+
+    No order is returned if every record is shorter than two revolutions, or if the spectrum would
+    exceed 2^22 bins.
 
     Args:
-        records: With the angle among their inputs.
-        residuals: For each record (n_sample, 2) measured minus simulated.
-        highest: Highest order that is looked for.
+        records: The records, with the angle among their inputs.
+        residuals: For each record (n_sample, 2) measured minus simulated [A, rad/s].
+        highest: Highest order that is searched [-].
     """
     angles = [record.column("angle") for record in records]
     spans = [float(np.ptp(angle)) for angle in angles]
@@ -68,10 +72,10 @@ def orders_of(
 
 
 def _peaks(power: Array, orders: Array, highest: float, longest: float) -> list[float]:
-    """The highest separate maxima over what is usual around them."""
+    """Highest separate peaks of the power relative to its local median."""
     step = orders[1]
     around = max(int(1.0 / step), 3)
-    # The median of a window as wide as two orders, on a coarser grid.
+    # Local median over a window of about two orders, on a coarser grid.
     coarse = max(around // 8, 1)
     blocks = power[: power.size // coarse * coarse].reshape(-1, coarse)
     floor = np.asarray(signal.medfilt(np.median(blocks, axis=1), 17), dtype=np.float64)

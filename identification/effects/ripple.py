@@ -1,6 +1,6 @@
-"""What is missing as a periodic function of time.
+"""Torque or voltage that is periodic in time, as a Fourier series per record.
 
-Its amplitudes are free in each record, since nothing says at which phase a run begins.
+The amplitudes are free in each record, since the phase at the start of a run is unknown.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ _HARMONICS: Final = 3
 
 @dataclass(frozen=True)
 class _Ripple(AbstractForced):
-    """A periodic function of time, its amplitudes free in each record.
+    """Fourier series in time with a linearly drifting frequency, amplitudes free in each record.
 
         term = sum_k a_k sin(2 pi k u) + b_k cos(2 pi k u),   u = f t + d t^2 / (2 T)
 
     Args:
-        size: Natural size of the term [N m] or [V].
-        lowest: Lowest frequency that fits into a record [Hz].
-        highest: Highest that the sampling shows [Hz].
-        duration: Longest record T [s].
-        free: Whether the amplitudes are those of each record; otherwise parameters, which is how
-            frequencies are scanned.
+        size: Scale of the term [N m] or [V].
+        lowest: Lowest frequency, with one period in the longest record [Hz].
+        highest: Highest frequency that the sampling resolves [Hz].
+        duration: Duration T of the longest record [s].
+        free: Whether the amplitudes are per-record states; if not, they are parameters, as the
+            score test requires.
     """
 
     size: float
@@ -59,7 +59,7 @@ class _Ripple(AbstractForced):
 
     @property
     def variant(self) -> str:
-        """Its equation."""
+        """The equation that the ripple enters."""
         return f"ripple in the {self.equation} equation"
 
     def _names(self) -> list[str]:
@@ -69,7 +69,7 @@ class _Ripple(AbstractForced):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Frequency and its drift; the amplitudes only where they are scanned."""
+        """Frequency f and drift d, and the amplitudes unless they are per-record states."""
         shared = (
             Parameter(
                 "frequency",
@@ -99,12 +99,12 @@ class _Ripple(AbstractForced):
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Amplitudes that each record has for itself."""
+        """The amplitudes, if they are free in each record."""
         names = self._names() if self.free else []
         return tuple(State(name, self.unit, scale=self.size, is_own=True) for name in names)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """What each start gives along a trajectory, (n_sample, n_start) [N m] or [V]."""
+        """Torque or voltage of each start along a trajectory, (n_sample, n_start) [N m] or [V]."""
         time = record.time[:, None]
         turns = starts[0] * time + starts[1] * time**2 / (2 * self.duration)
         orders = np.repeat(np.arange(1, _HARMONICS + 1), 2)
@@ -115,7 +115,7 @@ class _Ripple(AbstractForced):
         return found
 
     def expecting(self, size: float) -> Any:
-        """The term with amplitudes of records expected to be of this size [N m] or [V]."""
+        """The term with this prior standard deviation of per-record amplitudes [N m] or [V]."""
         return replace(self, size=size)
 
     def _missing(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -132,7 +132,7 @@ class _Ripple(AbstractForced):
 
 @dataclass(frozen=True)
 class MissingTorqueRipple(_Ripple, AbstractTorque):
-    """A torque that repeats itself in time and that no effect of the catalogue explains."""
+    """Torque that is periodic in time and that no effect of the catalogue explains."""
 
     equation: ClassVar[str] = "mechanical"
     unit: ClassVar[str] = "N m"
@@ -144,7 +144,7 @@ class MissingTorqueRipple(_Ripple, AbstractTorque):
 
 @dataclass(frozen=True)
 class MissingVoltageRipple(_Ripple, AbstractVoltage):
-    """A voltage that repeats itself in time and that no effect of the catalogue explains."""
+    """Voltage that is periodic in time and that no effect of the catalogue explains."""
 
     equation: ClassVar[str] = "electrical"
     unit: ClassVar[str] = "V"
@@ -161,11 +161,11 @@ _KINDS: Final[dict[str, Any]] = {
 
 
 def ripples(survey: Survey, frequencies: Array) -> list[Candidate]:
-    """Ripples of given frequencies in either equation, scored with free amplitudes a record.
+    """Ripple candidates in both equations, scored with amplitudes free in each record.
 
     Args:
-        survey: Natural sizes.
-        frequencies: (n,) to start from [Hz].
+        survey: Scales of the campaign.
+        frequencies: (n,) starting frequencies [Hz].
     """
     found = []
     for equation in ("mechanical", "electrical"):

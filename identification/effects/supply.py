@@ -1,4 +1,4 @@
-"""Resistance of the supply behind a chopped voltage that is logged as commanded."""
+"""Voltage sag by the supply resistance of a chopper whose commanded voltage is logged."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ __all__ = ["SupplySag"]
 
 @dataclass(frozen=True)
 class SupplySag(AbstractVoltage):
-    """A supply that sags behind a chopper, where the voltage is logged as it was commanded.
+    """Voltage sag by the supply resistance of a chopper, if the commanded voltage v is logged.
 
-        v = -R_s (v / v_0)^2 i                                              [V]
+        voltage = -R_s (v / v_0)^2 i                                        [V]
 
-    The chopper draws the share d = v / V of the current from the supply of voltage V, which falls
-    by R d i, and passes the share d of that on: R d^2 i.  At full duty that is a resistance in
-    series with the armature, at low duty none, so that voltages of several sizes tell the two
-    apart.  V is not logged: R_s is the resistance at the natural voltage v_0.
+    A chopper with duty d = v / V draws the current d i from a supply of voltage V and resistance R.
+    The supply voltage falls by R d i, and the motor's voltage by R d^2 i.  At full duty this is a
+    resistance in series with the armature; at low duty it vanishes.  Runs at several voltages
+    therefore separate R_s from Ra.  V is not logged: R_s is the equivalent resistance at v_0.
 
     Args:
-        voltage_size: Natural voltage v_0 [V].
-        resistance_size: Natural resistance, that of the armature [ohm].
+        voltage_size: Voltage scale v_0 [V].
+        resistance_size: Resistance scale, that of the armature [ohm].
     """
 
     voltage_size: float
@@ -41,21 +41,21 @@ class SupplySag(AbstractVoltage):
 
     @property
     def variant(self) -> str:
-        """Its signals, in words."""
+        """The law in words."""
         return "supply that sags behind a commanded voltage"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The resistance at the natural voltage."""
+        """The resistance R_s at v_0."""
         meaning = f"resistance of the supply at {self.voltage_size:.3g} V"
         return (amplitude("resistance", "ohm", meaning, self.resistance_size),)
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The voltage lost [V]."""
+        """Voltage of the sag, opposite to the current [V]."""
         return -values.resistance * (signals.voltage / self.voltage_size) ** 2 * signals.current
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
+        """One candidate."""
         size = float(survey.values[0])
         return [Candidate(cls(survey.voltage, size), columns((0.05 * size,)))]

@@ -1,4 +1,4 @@
-"""What stands in where no effect of the catalogue explains it: curves, ripples and a few laws."""
+"""Terms outside the catalogue, named `unlisted`: spline curves, ripples and a few laws."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _FORMS: Final[tuple[Any, ...]] = (
     SupplySag,
 )
 LAWS: Final[tuple[type[SupplySag], ...]] = (SupplySag,)
-"""Physical laws of no kind in the catalogue, which the rounds of a search try beside its kinds."""
+"""Physical laws outside the catalogue that the search tries together with its effects."""
 
 
 def unlisted_form(equation: object, settings: Mapping[str, Any]) -> Any:
-    """The class of the term that an entry of a result describes, or None.
+    """Class of the unlisted term that an entry of a result describes, or None.
 
     Args:
         equation: ``mechanical`` or ``electrical``.
-        settings: Fields of the term as they stand in the result.
+        settings: Fields of the term as in the result.
     """
     fitting = (
         form
@@ -46,11 +46,11 @@ def unlisted_form(equation: object, settings: Mapping[str, Any]) -> Any:
 
 
 def unlisted_term(equation: str, settings: dict[str, Any]) -> AbstractTerm:
-    """The term that an entry of a result describes.
+    """The unlisted term that an entry of a result describes.
 
     Args:
         equation: ``mechanical`` or ``electrical``.
-        settings: Fields of the term as they stand in the result.
+        settings: Fields of the term as in the result.
     """
     fields = dict(settings)
     if "starts" in fields:
