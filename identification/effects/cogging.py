@@ -1,4 +1,4 @@
-"""Torque that is periodic in the angle of the shaft."""
+"""Cogging and other torque that is periodic in the shaft angle, as a Fourier series."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ __all__ = ["CoggingTorque"]
 
 _USUAL: Final = 2
 _MOST: Final = 5
-"""Harmonics that are tried at first, and at most."""
+"""Number of harmonics at first, and the largest number."""
 
 _RETURNS: Final = (30.0, 10.0, 3.0, 1.0)
-"""How often within a record a simulated angle returns to the integrated one while it is led on."""
+"""Correction rates of the simulated angle in the continuation steps, times the record length."""
 
 _PINNED: Final = 1e-6
-"""Width of the prior of an angle that starts at zero [rad]."""
+"""Prior standard deviation of the initial simulated angle, which is zero [rad]."""
 
 
 @dataclass(frozen=True)
 class CoggingTorque(AbstractTorque):
-    """A torque periodic in the shaft angle, from slots and poles or from a bent shaft.
+    """Torque periodic in the shaft angle phi, from slots and poles or from a bent shaft.
 
         tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
 
-    Where the angle is logged from a mark on the shaft, the amplitudes are those of the motor.
-    Where it is counted from wherever a run began, or is only the integral of the speed, the
-    amplitudes are free in each record: they are states that do not move.
+    The order k is the number of periods per revolution.  If the angle is logged from a mark on the
+    shaft, the amplitudes belong to the motor.  If it is counted from wherever a run began, or only
+    integrated from the speed, the amplitudes are free in each record, as constant states.
 
-    The integral of a noisy speed walks away from the angle at random, by more the longer the record
-    is; once the order is known the angle that the model itself turns by is the better one.
+    An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
+    longer records.  Once the order is known, the angle simulated by the model is more accurate.
 
     Args:
-        torque_size: Natural torque [N m].
+        torque_size: Torque scale [N m].
         logged: Whether the angle is logged, from the same zero in all runs.
-        harmonics: How many multiples h of the order there are.
-        angle: Where phi is from: as the record has it, ``read`` by an encoder or ``integrated``
-            from the logged speed, or ``simulated`` with the rest of the model.
-        duration: Of the longest record, where the angle is not read [s].
-        recall: Rate at which a simulated angle returns to the integrated one [1/s].
+        harmonics: Number of multiples h of the order.
+        angle: Source of phi: ``read`` from an encoder or ``integrated`` from the logged speed, as
+            in the record, or ``simulated`` as a state of the model.
+        duration: Duration of the longest record; zero if the angle is read [s].
+        recall: Rate at which a simulated angle is corrected towards the integrated one [1/s].
     """
 
     torque_size: float
@@ -72,7 +72,7 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def variant(self) -> str:
-        """Whose angle it is, and how many harmonics where they are not the usual two."""
+        """Source of the angle and, if not two, the number of harmonics."""
         zero = "one angle" if self.logged else "an angle of each run"
         if self.angle == "simulated":
             zero = "the simulated angle of each run"
@@ -80,7 +80,7 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def richer(self) -> tuple[CoggingTorque, ...]:
-        """The angle simulated, where it is only integrated, and one harmonic more."""
+        """Extended variants: a simulated instead of an integrated angle, and one more harmonic."""
         forms = []
         if self.angle == "integrated":
             forms.append(replace(self, angle="simulated"))
@@ -89,9 +89,10 @@ class CoggingTorque(AbstractTorque):
         return tuple(forms)
 
     def leads(self, before: AbstractTerm) -> tuple[CoggingTorque, ...]:
-        """To a simulated angle by ones that return to the integrated angle, ever more slowly.
+        """Continuation steps to a simulated angle, corrected ever less towards the integrated one.
 
-        A fit that starts with a speed a little off would lose count of the turns at once.
+        Without correction, a fit whose simulated speed is slightly off would lose count of the
+        revolutions at once.
         """
         is_new = isinstance(before, CoggingTorque) and before.angle != self.angle
         rates = [turns / self.duration for turns in _RETURNS] if is_new else []
@@ -99,7 +100,7 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def _amplitudes(self) -> dict[str, str]:
-        """Names of the amplitudes and what they mean."""
+        """Names and meanings of the amplitudes."""
         named = {"sine": "sine of the order", "cosine": "cosine of the order"}
         for h in range(2, self.harmonics + 1):
             named[f"sine_{h}"] = f"sine of {h} times the order"
@@ -108,7 +109,7 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Order, and, where the angle is logged, the amplitudes."""
+        """The order and, if the angle is logged, the amplitudes."""
         order = shape("order", "-", "periods a revolution", 0.5, 2.0 * HIGHEST_ORDER)
         amplitudes = tuple(
             amplitude(name, "N m", meaning, self.torque_size, signed=True)
@@ -118,9 +119,9 @@ class CoggingTorque(AbstractTorque):
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Amplitudes that each record has for itself, where no zero is logged, and the angle.
+        """Per-record amplitudes, if no common zero is logged, and the simulated angle.
 
-        The angle starts at zero, since the amplitudes have a phase of their own in each record.
+        The angle starts at zero, since the amplitudes of each record already contain its phase.
         """
         size = self.torque_size
         names = () if self.logged else self._amplitudes
@@ -129,18 +130,18 @@ class CoggingTorque(AbstractTorque):
         return (*amplitudes, turned) if self.angle == "simulated" else amplitudes
 
     def expecting(self, size: float) -> CoggingTorque:
-        """The term with amplitudes of records expected to be of this size [N m]."""
+        """The term with this prior standard deviation of the per-record amplitudes [N m]."""
         return replace(self, torque_size=size)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """The angle turns with the shaft; amplitudes do not move."""
+        """Zero for the amplitudes; corrected speed for the simulated angle [rad/s]."""
         still = super().rates(signals, states, values)
         if self.angle != "simulated":
             return still
         return [*still[:-1], signals.speed + self.recall * (signals.angle - states.angle)]
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque by the angle [N m]."""
+        """Torque at the angle [N m]."""
         turned = states.angle if self.angle == "simulated" else signals.angle
         angle = values.order * turned
         once, along = ca.sin(angle), ca.cos(angle)
@@ -153,7 +154,11 @@ class CoggingTorque(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two where the angle may have a zero; sine and cosine belong together."""
+        """Starts at the orders 1 to 36 and those of the residual, sine and cosine scored together.
+
+        A logged angle gives two candidates: amplitudes common to all runs, and per-record
+        amplitudes.  An integrated angle gives only the latter.
+        """
         revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
         if revolutions < 0.5:
             return []

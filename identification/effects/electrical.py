@@ -1,4 +1,4 @@
-"""Voltages and coefficients of the armature circuit."""
+"""Brush drop, and saturation of torque constant and inductance with the armature current."""
 
 from __future__ import annotations
 
@@ -18,30 +18,32 @@ from identification.model.term import (
 )
 
 _ROUND: Final = 0.02
-"""Share of the drop below which its size is rounded, so that it has a slope everywhere."""
+"""Width over which |s| is smoothed at zero, so that it is differentiable."""
 _SMALLEST: Final = 1e-4
-"""Current over the knee below which its size is rounded off."""
+"""Relative current |i / i_b| below which its magnitude is smoothed."""
 _STRAIGHT: Final = 1e-6
-"""Power of the current over the knee below which the drop is taken from its series."""
+"""Value of |i / i_b|^p below which the drop is taken from its series."""
 
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
 
 @dataclass(frozen=True)
 class BrushDrop(AbstractVoltage):
-    """Voltage lost at the brush contacts, with the sign of the current.
+    """Voltage drop at the brush contacts, with the sign of the current.
 
         v = -V_b (s + a |s|),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
 
-    with s of the sign of i.  `i_b` is where the knee lies: far below the current the drop is a
-    step, near it a contact whose resistance falls as the current grows.  `p` says how sharp the
-    knee is, `o` how far beyond it the drop is still open: i / (i + i_b) has both at one,
-    i / sqrt(i^2 + i_b^2) two and one, 1 - exp(-i / i_b) one and an o near zero, and tanh, erf and
-    arctan come within a thousandth.  `a` says how far the two directions differ.
+    s has the sign of i, and |s| rises from 0 to 1.  `i_b` is the current at the knee: if it is far
+    below the motor's current, the drop is a step; if it is comparable, the drop is that of a
+    contact whose resistance falls with current.  `p` sets the sharpness of the knee, and `o` (the
+    openness) how slowly the drop saturates beyond it.  For i > 0, s is i / (i + i_b) with p = 1 and
+    o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with p = 1 and o near
+    0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the asymmetry between
+    the two directions.
 
     Args:
-        voltage_size: Natural voltage [V].
-        current_size: Natural current [A].
+        voltage_size: Voltage scale [V].
+        current_size: Current scale [A].
     """
 
     voltage_size: float
@@ -56,7 +58,7 @@ class BrushDrop(AbstractVoltage):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Voltage and knee."""
+        """Voltage, current at the knee, sharpness, openness and asymmetry."""
         return (
             amplitude("voltage", "V", "voltage lost at both brushes", self.voltage_size),
             shape(
@@ -67,7 +69,7 @@ class BrushDrop(AbstractVoltage):
                 1.5 * self.current_size,
             ),
             shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
-            # Not its inverse, nor a logarithm: the posterior of this is nearly normal.
+            # Searched as it is, not inverse or logarithm: its posterior is then nearly normal.
             Parameter(
                 "openness",
                 "-",
@@ -81,7 +83,7 @@ class BrushDrop(AbstractVoltage):
         )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Voltage lost [V]."""
+        """Voltage of the drop, opposite to the current [V]."""
         power, openness = values.sharpness, values.openness
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
@@ -94,7 +96,7 @@ class BrushDrop(AbstractVoltage):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its knee scanned."""
+        """One candidate, its knee scanned."""
         term = cls(survey.voltage, survey.current)
         knees = (0.02, 0.1, 0.4)
         return [
@@ -109,14 +111,15 @@ class BrushDrop(AbstractVoltage):
 
 @dataclass(frozen=True)
 class _Saturation(AbstractCoefficient):
-    """A coefficient that falls with the size of the current, alike in both directions.
+    """Saturation of a coefficient x by the magnitude of the current, even in the current.
 
         x -> x (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))
 
-    Its fall begins as c (|i| / i_0)^n, whatever the share s that does not fall.
+    s is the share that does not saturate.  For small currents the relative fall is
+    c (|i| / i_0)^n, whatever s.
 
     Args:
-        reference: Current i_0 at which it would have fallen by the factor 1 / (1 + c) [A].
+        reference: Current i_0 at which the factor is 1 / (1 + c) if s is zero [A].
     """
 
     reference: float
@@ -130,7 +133,7 @@ class _Saturation(AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall at the reference current, its exponent, and what does not fall."""
+        """Fall c at the reference current, exponent n, and share s that does not saturate."""
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
             Parameter(
@@ -157,12 +160,12 @@ class _Saturation(AbstractCoefficient):
 
 @dataclass(frozen=True)
 class FluxSaturation(_Saturation):
-    """The field weakens as armature current grows: Kt falls with the size of the current.
+    """Armature reaction: Kt falls with the magnitude of the current, as the field weakens.
 
         Kt -> Kt (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))            [N m/A]
 
-    Even in the current and instantaneous, unlike demagnetisation.  The share s stays where the
-    poles that face the current are full.
+    The fall is even in the current and instantaneous, unlike demagnetisation.  The share s of Kt
+    remains once the poles that face the armature current are saturated.
     """
 
     name: ClassVar[str] = "flux_saturation"
@@ -186,14 +189,14 @@ class FluxSaturation(_Saturation):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, two exponents, and a fall that soon ends."""
+        """One candidate with three starts: two exponents, and a fall that soon ends."""
         term = cls(1.5 * survey.current)
         return [Candidate(term, columns((0.05, 1.3, 0.3), (0.05, 2.5, 0.3), (0.2, 2.0, 0.95)))]
 
 
 @dataclass(frozen=True)
 class InductanceSaturation(_Saturation):
-    """The iron saturates: L falls with the size of the current.
+    """Saturation of the iron: L falls with the magnitude of the current.
 
         L -> L (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))              [H]
 
@@ -219,10 +222,10 @@ class InductanceSaturation(_Saturation):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, from where saturation begins to where little but leakage is left.
+        """One candidate, with starts from the onset of saturation to little more than leakage.
 
-        The declared inductance is that of the usual current, far from the one at rest: few of the
-        places show at first what a fit from them gains.
+        The nominal inductance is that at the usual current, far from that at zero current, so the
+        scores of most starts understate the gain of a refit.
         """
         term = cls(1.5 * survey.current)
         starts = [(0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (1.0, 1.3, 0.4), (1.0, 2.5, 0.1)]

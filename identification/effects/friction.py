@@ -1,4 +1,4 @@
-"""Torques of friction and drag."""
+"""Friction and drag torques, and the temperature dependence of viscous friction."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from identification.model.term import (
 __all__ = ["CoulombFriction", "QuadraticDrag", "StribeckFriction", "ViscousTemperature"]
 
 _WIDTH = 1e-3
-"""Width of the smoothed sign over the size of the speed: the work of friction that it loses is
-about a thousandth, less than the standard deviation of the torque on 10,000 samples."""
+"""Width of the smoothed sign over the speed scale.  The smoothing loses about 0.1 % of the friction
+work, less than the standard deviation of a torque estimated from 10,000 samples."""
 
 _LEAST_LEFT = 0.01
-"""Share of the friction, to the power of its form, that is always left."""
+"""Lower limit of 1 - f k (T - 25), the remaining fraction of the friction to the power f."""
 _NEARLY_NONE = 1e-4
-"""Part of the fall below which its logarithm is taken from its series."""
+"""Magnitude of f k (T - 25) below which the logarithm is taken from its series."""
 
 
 def smooth_sign(x: Expression, width: float) -> Expression:
-    """A sign that passes through zero over `width`; algebraic, so that it costs one root."""
+    """Sign smoothed over `width` around zero; algebraic, so that it costs one square root."""
     return x / ca.sqrt(x * x + width * width)
 
 
 @dataclass(frozen=True)
 class CoulombFriction(AbstractTorque):
-    """Dry friction: a torque against the motion, whatever the speed.
+    """Coulomb friction: a torque against the motion that does not depend on the speed.
 
         tau = -T_c (1 + a sgn w) sgn w                                      [N m]
 
-    The sign is smoothed over a small fraction of the speed; `a` lets the two directions differ,
-    as brush gear and preloaded bearings do.
+    The sign is smoothed over a small fraction of the speed.  `a` is the asymmetry between the two
+    directions, as in brush gear and preloaded bearings.
 
     Args:
-        torque_size: Natural torque [N m].
+        torque_size: Torque scale [N m].
         width: Width of the smoothed sign [rad/s].
     """
 
@@ -73,23 +73,23 @@ class CoulombFriction(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
+        """One candidate."""
         term = cls(survey.torque, _WIDTH * survey.speed)
         return [Candidate(term, columns((0.05 * survey.torque, 0.0)))]
 
 
 @dataclass(frozen=True)
 class StribeckFriction(AbstractTorque):
-    """Extra dry friction at low speed that fades as a lubricant film builds up.
+    """Stribeck friction: extra dry friction at low speed that fades as a lubricant film builds up.
 
         tau = -T_s exp(-(|w| / w_s)^d) sgn w                                [N m]
 
-    With d between one half and two the family holds Tustin's law, the Gaussian one and, closely,
-    the Lorentzian one of Hess and Soom.
+    With d between 1/2 and 2 the family contains Tustin's law, the Gaussian law and, approximately,
+    the Lorentzian law of Hess and Soom.
 
     Args:
-        torque_size: Natural torque [N m].
-        speed_size: Natural speed [rad/s].
+        torque_size: Torque scale [N m].
+        speed_size: Speed scale [rad/s].
         width: Width of the smoothed sign [rad/s].
     """
 
@@ -130,7 +130,7 @@ class StribeckFriction(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its speed scanned."""
+        """One candidate, its speed scanned."""
         term = cls(survey.torque, survey.speed, _WIDTH * survey.speed)
         starts = [(0.05 * survey.torque, f * survey.speed, 1.0) for f in (0.03, 0.1, 0.3)]
         return [Candidate(term, columns(*starts))]
@@ -138,14 +138,14 @@ class StribeckFriction(AbstractTorque):
 
 @dataclass(frozen=True)
 class QuadraticDrag(AbstractTorque):
-    """Torque of a fan or of windage, growing with about the square of speed.
+    """Fan or windage torque that grows with about the square of the speed.
 
         tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
 
-    with `a` how far the two directions differ, as the blades of a fan make them.
+    `a` is the asymmetry between the two directions, as with the blades of a fan.
 
     Args:
-        torque_size: Natural torque [N m].
+        torque_size: Torque scale [N m].
         reference: Speed w_0 at which the torque is T_d [rad/s].
     """
 
@@ -162,7 +162,7 @@ class QuadraticDrag(AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Torque at the reference speed and exponent."""
+        """Torque at the reference speed, exponent and asymmetry."""
         return (
             amplitude("torque", "N m", f"drag at {self.reference:.4g} rad/s", self.torque_size),
             shape("exponent", "-", "power of the speed", 1.5, 2.5),
@@ -178,7 +178,7 @@ class QuadraticDrag(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
+        """One candidate."""
         return [
             Candidate(cls(survey.torque, survey.speed), columns((0.05 * survey.torque, 2.0, 0.0)))
         ]
@@ -186,13 +186,13 @@ class QuadraticDrag(AbstractTorque):
 
 @dataclass(frozen=True)
 class ViscousTemperature(AbstractCoefficient):
-    """Grease that thins as it warms: viscous friction changes with temperature.
+    """Temperature dependence of viscous friction, as of grease that thins when it warms.
 
         b(T) = b (1 - f k (T - 25))^(1/f)                                   [N m s/rad]
 
-    which is Reynolds' exponential law of viscosity for a form f of zero, a straight line for one of
-    one, and falls fast at first and then ever slower, as Vogel's law, for one below zero.  Which it
-    is is left open, so that b at 25 degC is as uncertain as the law.
+    The form f selects the law.  f = 0 is Reynolds' exponential law of viscosity, f = 1 a straight
+    line, and f < 0 a fall that becomes slower with temperature, as in Vogel's law.  f is estimated,
+    so the uncertainty of b at 25 degC includes that of the law.
     """
 
     name: ClassVar[str] = "viscous_temperature"
@@ -235,7 +235,7 @@ class ViscousTemperature(AbstractCoefficient):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, where the temperature moves at all."""
+        """One candidate, if the temperature range is at least 3 K."""
         if survey.heated < 3.0:
             return []
         return [Candidate(cls(), columns((0.01, 0.2), (-0.005, 0.2)))]

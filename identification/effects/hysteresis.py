@@ -1,7 +1,7 @@
-"""What is missing as a friction that lags behind reversals.
+"""Dahl friction: hysteresis of dry friction after a reversal (presliding).
 
-Presliding: contacts bend before they slide, so that friction turns over a distance and not at
-once.  Neither a function of speed nor one of any other signal has that memory.
+Contacts bend before they slide, so friction reverses over a distance instead of at once.  No
+function of speed or of another signal has this memory.
 
 Source: Dahl, AIAA Journal 14 (1976), 1675-1682 (solid friction damping of mechanical vibrations).
 """
@@ -25,15 +25,15 @@ _ROUNDED = 1e-3
 
 @dataclass(frozen=True)
 class LaggingFriction(AbstractTorque):
-    """A friction that follows the direction of the motion over a distance.
+    """Dahl friction: a torque that follows the direction of the motion over a distance d.
 
         tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
 
     Args:
-        torque_size: Natural torque [N m].
-        speed_size: Natural speed [rad/s].
-        nearest: Shortest distance that the sampling shows [rad].
-        farthest: Longest [rad].
+        torque_size: Torque scale [N m].
+        speed_size: Speed scale [rad/s].
+        nearest: Shortest distance that the sampling resolves [rad].
+        farthest: Longest distance that a record resolves [rad].
     """
 
     torque_size: float
@@ -49,7 +49,7 @@ class LaggingFriction(AbstractTorque):
 
     @property
     def variant(self) -> str:
-        """What it follows."""
+        """The law in words."""
         return "direction with a lag in the mechanical equation"
 
     @property
@@ -61,18 +61,18 @@ class LaggingFriction(AbstractTorque):
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque against the deflection [N m]."""
+        """Torque opposite to the relative deflection z [N m]."""
         return -values.torque * states.deflection
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the relative deflection [1/s]."""
+        """Rate of the relative deflection z [1/s]."""
         speed = signals.speed
         size = ca.sqrt(speed * speed + (_ROUNDED * self.speed_size) ** 2)
         return [(speed - size * states.deflection) / values.distance]
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its distance scanned."""
+        """One candidate, its distance scanned."""
         nearest = 0.3 * survey.speed * survey.interval
         farthest = 0.3 * survey.speed * survey.duration
         if farthest < 10 * nearest:

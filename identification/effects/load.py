@@ -1,4 +1,4 @@
-"""External torques, and what hangs on the shaft."""
+"""External load torques, changes of inertia, and an elastic shaft."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ __all__ = ["InertiaChange", "LoadStep", "LoadTorque", "ShaftCompliance"]
 
 
 _SHORTEST: Final = 5.0
-"""Width of an edge, two samples, that a load has to outlast."""
+"""Least duration of a load, in widths of an edge; an edge is two samples wide."""
 
 
 def _in_run(signals: Signals, run: int | None, others: Sequence[int] = ()) -> Expression:
-    """One in these runs, zero elsewhere."""
+    """Factor that is one in these runs and zero elsewhere; one everywhere if `run` is None [-]."""
     if run is None:
         return ca.SX(1)
     return sum((ca.fabs(signals.run - one) < 0.5 for one in (run, *others)), ca.SX(0))
@@ -49,12 +49,12 @@ def _run_name(run: int | None, others: Sequence[int] = ()) -> str:
 
 @dataclass(frozen=True)
 class LoadTorque(AbstractTorque):
-    """A constant external torque, such as a hanging weight.
+    """Constant external torque, such as that of a hanging weight.
 
         tau = -T_l                                                          [N m]
 
     Args:
-        torque_size: Natural torque [N m].
+        torque_size: Torque scale [N m].
     """
 
     torque_size: float
@@ -75,25 +75,25 @@ class LoadTorque(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure."""
+        """One candidate."""
         return [Candidate(cls(survey.torque), columns((0.05 * survey.torque,)))]
 
 
 @dataclass(frozen=True)
 class LoadStep(AbstractTorque):
-    """An external torque in one span of one run, or in the same span of several runs.
+    """External torque during one time span of a run, or the same span of several runs.
 
         tau = -T_l   while start <= t < stop in run r                       [N m]
 
-    A run that is not among them has none.  The edges are smoothed over one sample interval, so that
+    The torque is zero in all other runs.  The edges are smoothed over two sample intervals, so that
     the times can be fitted.
 
     Args:
-        run: Number of the run it happens in; None for all, as it is scanned.
-        torque_size: Natural torque [N m].
+        run: Number of the run with the load; None for all runs, as the score test requires.
+        torque_size: Torque scale [N m].
         edge: Width of an edge [s].
-        duration: Length of the longest run [s].
-        others: Numbers of the other runs in which it happens at the same time.
+        duration: Duration of the longest record [s].
+        others: Numbers of further runs with the load at the same time.
     """
 
     run: int | None
@@ -110,7 +110,7 @@ class LoadStep(AbstractTorque):
 
     @property
     def is_local(self) -> bool:
-        """A load comes and goes in its runs alone."""
+        """True: a load step does not recur in other runs."""
         return True
 
     @property
@@ -120,7 +120,7 @@ class LoadStep(AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Torque, and the times at which it comes and goes."""
+        """Torque, start time and stop time."""
         time = {
             "scale": self.duration / 50,
             "lower": -self.duration,
@@ -136,7 +136,10 @@ class LoadStep(AbstractTorque):
         )
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """A load of a few samples is what a lost or a wrong sample looks like."""
+        """Reason to reject a load shorter than ten samples; else empty.
+
+        Lost or wrong samples have the same effect on the log.
+        """
         lasts = values["stop"] - values["start"]
         if lasts > _SHORTEST * self.edge:
             return ""
@@ -154,7 +157,7 @@ class LoadStep(AbstractTorque):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure for each run and for runs that agree; spans of three lengths."""
+        """One candidate for single runs and groups of runs; spans of 1/2, 1/4 and 1/8 of a run."""
         lengths = sorted({record.run: float(record.time[-1]) for record in survey.records}.values())
         starts: list[Sequence[float]] = []
         scanned = 0.0
@@ -173,12 +176,12 @@ class LoadStep(AbstractTorque):
 
 @dataclass(frozen=True)
 class InertiaChange(AbstractCoefficient):
-    """One run turns another inertia: a coupling or a load was changed.
+    """Different inertia in one run, after a change of coupling or load.
 
         J -> J (1 + d)   in run r                                           [kg m^2]
 
     Args:
-        run: Number of the run; None for all, as it is scanned.
+        run: Number of the run; None for all runs, as the score test requires.
     """
 
     run: int | None
@@ -191,7 +194,7 @@ class InertiaChange(AbstractCoefficient):
 
     @property
     def is_local(self) -> bool:
-        """An inertia that was hung on is taken off again."""
+        """True: a change of inertia does not recur in other runs."""
         return True
 
     @property
@@ -221,7 +224,7 @@ class InertiaChange(AbstractCoefficient):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure for each run, where there is another to compare with."""
+        """One candidate for single runs, if there are at least two."""
         if len(survey.runs) < 2:
             return []
         return [Candidate(cls(None), columns((0.2,), (-0.15,)), by_run=True)]
@@ -229,20 +232,21 @@ class InertiaChange(AbstractCoefficient):
 
 @dataclass(frozen=True)
 class ShaftCompliance(AbstractSecondInertia):
-    """A second inertia behind a springy shaft: part of J turns with the rotor, part behind it.
+    """Two-mass system: part of the inertia J is driven through an elastic shaft.
 
         J -> J (1 - s),   J_2 = s J,   tau = -J_2 a
         J_2 a = k g theta + c (w - w_2),   g = 1 + h (k theta / T)^2
         dtheta/dt = w - w_2,               dw_2/dt = a
 
-    with k = J_2 w_0^2 and c = 2 z J_2 w_0, so that w_0 is the resonance of the load against a held
-    rotor; `h` says by how much the coupling stiffens at the natural torque T.  J stays what slow
-    motions show, all of it.
+    Here s is the share of the inertia behind the shaft, theta the twist and w_2 the speed of the
+    second inertia.  With k = J_2 w_0^2 and c = 2 z J_2 w_0, w_0 is the resonance of the second
+    inertia with the rotor held, and z its damping ratio.  `h` is the relative rise of the stiffness
+    at the torque T.  J remains the total inertia, which slow motions show.
 
     Args:
-        torque_size: Natural torque T [N m].
-        slowest: Lowest resonance that can be told from a rigid shaft [rad/s].
-        fastest: Highest that the sampling shows [rad/s].
+        torque_size: Torque scale T [N m].
+        slowest: Lowest resonance that is distinguishable from a rigid shaft [rad/s].
+        fastest: Highest resonance that the sampling resolves [rad/s].
     """
 
     torque_size: float
@@ -255,7 +259,7 @@ class ShaftCompliance(AbstractSecondInertia):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Share of the inertia behind the shaft, resonance and damping."""
+        """Share of the inertia behind the shaft, resonance, damping and hardening."""
         return (
             share_of_inertia("share of the inertia that sits behind the shaft"),
             shape(
@@ -282,7 +286,7 @@ class ShaftCompliance(AbstractSecondInertia):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its resonance scanned with heavy damping."""
+        """One candidate, its resonance scanned with heavy damping."""
         reach = resonances(survey)
         if reach is None:
             return []

@@ -1,7 +1,7 @@
-"""What is missing as a part that turns along with play.
+"""Backlash: part of the inertia is driven through a dead zone (play).
 
-A gear or a coupling with play lets go of what it drives wherever the torque reverses: for a while
-the rotor turns alone, then it meets the rest again.  No curve in any signal has that memory.
+A gear or coupling with play disengages when the torque reverses: the rotor turns alone until it
+has crossed the play.  No curve in any signal has this memory.
 
 Source: Nordin and Gutman, Automatica 38 (2002), 1633-1649 (dead-zone model of backlash).
 """
@@ -27,24 +27,25 @@ from identification.model.term import Expression, Values
 __all__ = ["LoosePart"]
 
 _ROUNDED: Final = 0.05
-"""Share of the play over which contact is made."""
+"""Width of the rounded corners of the dead zone, over the play."""
 _PLAYS: Final = 12
 _CONTACTS: Final = 7
 
 
 @dataclass(frozen=True)
 class LoosePart(AbstractSecondInertia):
-    """Part of the inertia behind a play.
+    """Second inertia behind backlash.
 
         a = w_0^2 d(theta) + 2 z w_0 d'(theta) (w - w_2)
 
-    with d the twist beyond the play, rounded at its corners, and the damping in contact only.
+    d is the dead zone: the twist theta beyond the play, with rounded corners.  Its slope d'
+    restricts the damping to contact.
 
     Args:
-        slowest: Lowest resonance of the contact [rad/s].
-        fastest: Highest that the sampling shows [rad/s].
-        narrowest: Smallest play that is told from none [rad].
-        widest: Largest that is crossed within a run [rad].
+        slowest: Lowest resonance in contact [rad/s].
+        fastest: Highest resonance that the sampling resolves [rad/s].
+        narrowest: Smallest play that is distinguishable from none [rad].
+        widest: Largest play that is crossed within a record [rad].
     """
 
     slowest: float
@@ -58,12 +59,12 @@ class LoosePart(AbstractSecondInertia):
 
     @property
     def variant(self) -> str:
-        """What it follows."""
+        """The law in words."""
         return "reversals of the torque in the mechanical equation"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Share of the inertia, play, and the contact."""
+        """Share of the inertia, play, and resonance and damping in contact."""
         return (
             share_of_inertia("share of the inertia that is loose"),
             shape("play", "rad", "angle that it can turn freely", self.narrowest, self.widest),
@@ -72,7 +73,7 @@ class LoosePart(AbstractSecondInertia):
         )
 
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
-        """Acceleration of the loose part by the contact [rad/s^2]."""
+        """Acceleration of the second inertia by the contact [rad/s^2]."""
         half, corner = values.play / 2, _ROUNDED * values.play
         above, below = twist - half, twist + half
         far, near = ca.sqrt(above**2 + corner**2), ca.sqrt(below**2 + corner**2)
@@ -82,10 +83,10 @@ class LoosePart(AbstractSecondInertia):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its play scanned with a contact as stiff as the sampling shows.
+        """One candidate, its play scanned with a contact nearly as stiff as the sampling resolves.
 
-        What the part does after it hit a stop depends on everything, so that a fit finds its place
-        only from near by: a refit looks at many places.
+        The motion after an impact is sensitive to all parameters, so a fit converges only from
+        nearby: the refit tries a grid of starting points.
         """
         reach = resonances(survey)
         narrowest = 0.1 * survey.speed * survey.interval

@@ -1,6 +1,6 @@
-"""Part of the inertia behind something that lets it twist against the rotor.
+"""Two-mass system: part of the inertia can twist against the rotor.
 
-What lies between the two is what the subclasses know: a springy shaft, or a contact with play.
+The subclasses define the joint of the two: an elastic shaft, or a contact with play.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ _LEAST_RANGE: Final = 2.0
 
 
 class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
-    """A second inertia that the rotor pulls along.
+    """Second inertia that the rotor drives through a joint.
 
         J -> J (1 - s),   J_2 = s J,   tau = -J_2 a
         dtheta/dt = w - w_2,   dw_2/dt = a(theta, w - w_2)
 
-    J stays what slow motions show, all of it.
+    Here s is the share of the inertia behind the joint, theta the twist and w_2 the speed of the
+    second inertia.  J remains the total inertia, which slow motions show.
     """
 
     equation: ClassVar[str] = "mechanical"
@@ -42,12 +43,12 @@ class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
 
     @abstractmethod
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
-        """Acceleration a of the second inertia by what joins the two [rad/s^2].
+        """Acceleration a of the second inertia by the joint [rad/s^2].
 
         Args:
-            twist: Angle of the rotor before the second inertia [rad].
-            slip: Speed of the rotor over that of the second inertia [rad/s].
-            values: Parameters.
+            twist: Angle of the rotor minus that of the second inertia [rad].
+            slip: Speed of the rotor minus that of the second inertia [rad/s].
+            values: Parameters of the term and the nominal ones.
         """
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -60,20 +61,20 @@ class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
         return -values.share * values.J * self.pull(states.twist, slip, values)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of the twist and of the second speed."""
+        """Rates of the twist [rad/s] and of the speed of the second inertia [rad/s^2]."""
         slip = signals.speed - states.speed
         return [slip, self.pull(states.twist, slip, values)]
 
 
 def share_of_inertia(meaning: str) -> Parameter:
-    """The share s of the inertia that the rotor pulls along."""
+    """Parameter of the share s of the inertia behind the joint."""
     return shape("share", "-", meaning, 0.003, 0.99)
 
 
 def resonances(survey: Survey) -> tuple[float, float] | None:
-    """Lowest and highest resonance that show [rad/s]; None where none would.
+    """Lowest and highest identifiable resonance [rad/s]; None if their ratio is below two.
 
-    The lowest differs from a rigid joint within the longest run, the highest within a sample.
+    The duration of the longest record limits the lowest, the sample interval the highest.
     """
     slowest, fastest = 20.0 / survey.duration, 2.5 / survey.interval
     return None if fastest < _LEAST_RANGE * slowest else (slowest, fastest)
