@@ -1,4 +1,4 @@
-"""First-order lags between the logged temperature and those of winding and magnet."""
+"""First-order lags between the logged temperature and the temperatures of winding and magnet."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _SOURCE: Final = (
     "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
 )
 _LEAST_MOVEMENT: Final = 1.0
-"""Movement of the temperature within a run that tells a lag from nothing [K]."""
+"""Least range of the temperature within a record that reveals a lag [K]."""
 _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
-"""Time constants that are scanned, over the longest run."""
+"""Scanned time constants, over the duration of the longest record."""
 _BEHIND: Final = "the winding lags the log"
 _AHEAD: Final = "the log lags the winding"
 _BOTH_AHEAD: Final = "the log lags winding and magnet"
@@ -35,14 +35,14 @@ _IN_STEPS: Final = ", which its steps tell only roughly"
 
 
 def _moves(survey: Survey) -> bool:
-    """Whether the logged temperature changes within a run by more than noise."""
+    """Whether the logged temperature varies enough within a record to reveal a lag."""
     movement = (float(np.ptp(record.column("temperature"))) for record in survey.records)
     return max(movement) >= _LEAST_MOVEMENT
 
 
 @dataclass(frozen=True)
 class _Lag(AbstractTemperature):
-    """A body that follows the logged temperature with a lag of first order.
+    """First-order lag of a body's temperature behind the logged temperature.
 
     Args:
         fastest: Shortest time constant [s].
@@ -72,7 +72,7 @@ class _Lag(AbstractTemperature):
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Temperature of the body [degC]: what else warms it stays on top of the lag."""
+        """Temperature of the body, with the rises by other terms added without lag [degC]."""
         return before + states.temperature - signals.temperature
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
@@ -81,7 +81,7 @@ class _Lag(AbstractTemperature):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its time constant scanned, where the temperature moves within runs."""
+        """One candidate, its time constant scanned, if the temperature varies within a record."""
         if not _moves(survey):
             return []
         term = cls(survey.duration / 200, survey.duration * 5)
@@ -90,29 +90,30 @@ class _Lag(AbstractTemperature):
 
 @dataclass(frozen=True)
 class WindingLag(_Lag):
-    """The winding lags the logged temperature T, or T lags the winding.
+    """First-order lag between winding temperature and logged temperature T, in either direction.
 
         dT_w/dt = (T - T_w) / tau            the winding lags the log          [K/s]
         T_w = T + tau dT/dt                  the log lags the winding          [degC]
-        T_w = T + tau dT/dt + departure      and has coarse steps              [degC]
+        T_w = T + tau dT/dt + departure      the same, log in coarse steps     [degC]
 
         D d(departure)/dt = warming,   D d(warming)/dt = bend                  [K]
 
-    The second is the inverse of the lag of a thermocouple on the case, exact for any movement, with
-    the derivative of the smoothing spline of the log, which noise and resolution of the thermometer
-    hardly reach.  Where the thermometer lags everything in the motor, the magnet is ahead of the
-    log as the winding is.
+    The second law inverts the lag of a thermometer, such as a thermocouple on the case.  It holds
+    for any course of the temperature.  dT/dt is the derivative of a smoothing spline through the
+    log; noise and resolution of the thermometer hardly affect it.  If the thermometer lags all
+    parts of the motor, the law applies to the magnet as well.
 
-    A log in steps that no noise dithers tells no derivative within a step.  In a richer form the
-    winding's temperature departs from it by a parabola over time, another one in each record of
-    length D.  Departure, warming and bend are expected to be as large as what a run warms by whose
-    temperature nobody logged.
+    If the log has coarse steps without noise to dither them, its derivative is unknown within a
+    step.  The third law, an extended variant, therefore adds a parabola over time to the winding
+    temperature, free in each record; D is the duration of the longest record.  The prior standard
+    deviation of departure, warming and bend is initially 10 K, like that of the warming in a run
+    without a logged temperature.
 
     Args:
         direction: Direction of the lag.
-        duration: Length D of the longest record [s].
-        step: Step of the log where no noise dithers it, else zero [K].
-        size: Expected size of the departure, zero where there is none [K].
+        duration: Duration D of the longest record [s].
+        step: Step of the log if no noise dithers it, else zero [K].
+        size: Prior standard deviation of the departure; zero without a departure [K].
     """
 
     direction: str = _BEHIND
@@ -124,26 +125,26 @@ class WindingLag(_Lag):
 
     @property
     def bodies_felt(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The winding, and the magnet where it is ahead of the log as well."""
+        """The winding, and the magnet if the log lags it as well."""
         return ("winding", "magnet") if self.direction == _BOTH_AHEAD else ("winding",)
 
     @property
     def variant(self) -> str:
-        """Direction of the lag, and whether the temperature departs from what the log tells."""
+        """Direction of the lag, and whether there is a departure."""
         return self.direction + (_IN_STEPS if self.size else "")
 
     @property
     def richer(self) -> tuple[WindingLag, ...]:
-        """A departure in each record, where the log lags in steps."""
+        """The variant with a departure, if the log lags and has coarse steps."""
         return () if self.size or not self.step else (self.expecting(WARMING),)
 
     def expecting(self, size: float) -> WindingLag:
-        """The term with departures expected to be of this size [K]."""
+        """The term with this prior standard deviation of the departures [K]."""
         return replace(self, size=size)
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """Temperature of the winding where it lags; the departure of a record and its course."""
+        """Temperature of a lagging winding, or departure, warming and bend of a record."""
         if self.direction == _BEHIND:
             return super().states
         course = ("departure", "warming", "bend") if self.size else ()
@@ -151,7 +152,7 @@ class WindingLag(_Lag):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Time constant, with what lags what."""
+        """Time constant of the lag."""
         return (self._time_constant(f"time constant with which {self.direction}"),)
 
     def felt(
@@ -164,7 +165,7 @@ class WindingLag(_Lag):
         return ahead + states.departure if self.size else ahead
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of the winding's temperature, or of what departs from the log's [K/s]."""
+        """Rates of the winding's temperature, or of departure, warming and bend [K/s]."""
         if self.direction == _BEHIND:
             return super().rates(signals, states, values)
         if not self.size:
@@ -173,11 +174,11 @@ class WindingLag(_Lag):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure for each direction, where the temperature moves within runs."""
+        """One candidate per direction of the lag, if the temperature varies within a record."""
         if not _moves(survey):
             return []
         shortest, longest = survey.duration / 200, survey.duration
-        # No run shows the derivative of a temperature over more than itself.
+        # A record cannot reveal a lag of the log that is longer than the record.
         starts = columns(*[(f * survey.duration,) for f in _SCANNED[:-1]])
         step = max(record.resolution for record in survey.records)
         ahead = [
@@ -189,7 +190,7 @@ class WindingLag(_Lag):
 
 @dataclass(frozen=True)
 class MagnetLag(_Lag):
-    """The magnet follows the logged temperature slowly.
+    """First-order lag of the magnet temperature T_m behind the logged temperature T.
 
     dT_m/dt = (T - T_m) / tau                                           [K/s]
     """

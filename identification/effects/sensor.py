@@ -1,4 +1,4 @@
-"""Delays, filters and means of the channels, and the voltage between samples."""
+"""Sensor dynamics: time delays, low-pass filters, interval means, and the hold of the voltage."""
 
 from __future__ import annotations
 
@@ -35,20 +35,21 @@ _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- 
 Array = NDArray[np.float64]
 
 _INDUCTANCES = (0.5, 0.2, 0.05)
-"""Shares of a fitted inductance that may be left of it beside a filter of the current."""
+"""Fractions of a fitted inductance that may remain once a current filter takes up the lag."""
 
 
 @dataclass(frozen=True)
 class _Filter(AbstractSensor):
-    """A low-pass of first or second order between the quantity and the log.
+    """First- or second-order low-pass filter between a quantity x and its logged value.
 
         tau dy/dt + q tau^2 d2y/dt2 = x - y,   logged = y
 
-    With q = 1/4 it is two equal stages, 1/3 is near a moving average, 1/2 is Butterworth's.
+    q = 1/4 is two equal first-order stages, q = 1/3 approximates a moving average, and q = 1/2 is
+    a Butterworth filter.
 
     Args:
-        fastest: Shortest time constant the sampling shows [s].
-        slowest: Longest [s].
+        fastest: Shortest time constant that the sampling resolves [s].
+        slowest: Longest time constant [s].
         order: 1, with q = 0, or 2.
     """
 
@@ -62,19 +63,19 @@ class _Filter(AbstractSensor):
 
     @property
     def variant(self) -> str:
-        """Its order, where that is not the usual one."""
+        """The order, if it is two."""
         return "second order" if self.order == 2 else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The time constant, and what makes it a filter of second order."""
+        """Time constant tau and, for second order, the coefficient q."""
         time = shape("time_constant", "s", "time constant", self.fastest, self.slowest)
         second = shape("second", "-", "coefficient q of the second order", 0.05, 2.0)
         return (time, second) if self.order == 2 else (time,)
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """What is logged, and for second order its rate times the time constant."""
+        """Filtered value and, for second order, its rate times the time constant."""
         filtered = State("filtered", self.unit, self.channel, fades=True)  # type: ignore[arg-type]
         rise = State("rise", self.unit, fades=True)
         return (filtered, rise) if self.order == 2 else (filtered,)
@@ -97,7 +98,7 @@ class _Filter(AbstractSensor):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure of each order, its time constant scanned."""
+        """One candidate of each order, its time constant scanned."""
         scanned = [f * survey.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * survey.interval, 300 * survey.interval
         return [
@@ -115,16 +116,16 @@ class _Filter(AbstractSensor):
     def _traded(
         cls, survey: Survey, shape: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
-        """Places at which declared parameters give back what they had taken of the lag."""
+        """Starting points at which nominal parameters give back the lag that they had absorbed."""
         return ()
 
 
 @dataclass(frozen=True)
 class SpeedMean(AbstractMean):
-    """The logged speed is the mean over the sample interval: encoder counts, differenced.
+    """Mean of the speed over the sample interval, as from differenced encoder counts.
 
     Args:
-        law: The word for it in a result.
+        law: Name of the law in a result.
     """
 
     law: str = "mean over the sample interval"
@@ -146,13 +147,14 @@ class SpeedMean(AbstractMean):
 
 @dataclass(frozen=True)
 class SpeedFilter(_Filter):
-    """The logged speed went through a low-pass of first or second order, or is a mean.
+    """Low-pass filter of first or second order in the logged speed, or its mean over an interval.
 
         tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
         logged speed = (phi(t) - phi(t - h)) / h                            [rad/s]
 
-    Without q the first is of first order.  The second is the mean over the sample interval h that
-    ends with the sample, as of encoder counts that are differenced; it has no parameter.
+    The first law is a filter, of first order if q is absent.  The second law is the mean over the
+    sample interval h that ends at the sample, as from differenced counts of an encoder with angle
+    phi; it has no parameter.
     """
 
     name: ClassVar[str] = "speed_filter"
@@ -163,17 +165,17 @@ class SpeedFilter(_Filter):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """A low-pass of each order, its time constant scanned, and the mean."""
+        """A low-pass filter of each order, its time constant scanned, and the mean."""
         return [*super().candidates(survey), Candidate(SpeedMean(), columns(()))]
 
 
 @dataclass(frozen=True)
 class CurrentFilter(_Filter):
-    """The logged current went through a low-pass of first or second order.
+    """Low-pass filter of first or second order in the logged current.
 
     tau dy/dt + q tau^2 d2y/dt2 = i - y,   logged current = y           [A]
 
-    Without q it is of first order.
+    The filter is of first order if q is absent.
     """
 
     name: ClassVar[str] = "current_filter"
@@ -185,7 +187,10 @@ class CurrentFilter(_Filter):
     def _traded(
         cls, survey: Survey, shape: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
-        """A current that lags looks like a larger inductance: the two lags L / R + tau are kept."""
+        """Splits of the fitted lag L / Ra25 between winding and filter, their sum unchanged.
+
+        A fit without the filter explains its lag by a larger inductance.
+        """
         lag = float(survey.values[6] / survey.values[0])
         return tuple(
             (np.array([(1.0 - share) * lag, *shape]), {"L": share}) for share in _INDUCTANCES
@@ -194,11 +199,11 @@ class CurrentFilter(_Filter):
 
 @dataclass(frozen=True)
 class ChannelDelay(AbstractDelay):
-    """One channel lags the others by a time: logged(t) = x(t - delay) [s].
+    """Time delay of one channel against the others: logged(t) = x(t - delay) [s].
 
     Args:
-        channel: The channel that lags; ``voltage`` lagging is both others leading.
-        depth: Samples kept.
+        channel: The delayed channel; a delay of ``voltage`` is an advance of the two others.
+        depth: Length of the delay buffer, in samples.
         interval: Sample interval [s].
     """
 
@@ -233,10 +238,10 @@ class ChannelDelay(AbstractDelay):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure a channel."""
+        """One candidate per channel."""
         depth = 8
         starts = columns(*[(f * survey.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
-        # A current may jump with every sample of the voltage: each interval has an optimum.
+        # The current may jump at every voltage sample, so each interval can have a local optimum.
         tried = survey.interval * np.arange(0.5, depth, 0.5)[None, :]
         return [
             Candidate(cls(channel, depth, survey.interval), starts, tried=tried)
@@ -246,7 +251,10 @@ class ChannelDelay(AbstractDelay):
 
 @dataclass(frozen=True)
 class InputHold(AbstractHold):
-    """Between samples the voltage behaves the other way than declared: held or linear."""
+    """Opposite of the assumed hold of the voltage between samples.
+
+    A first-order hold replaces a zero-order hold, or the reverse.
+    """
 
     name: ClassVar[str] = "input_hold"
     equation: ClassVar[str] = "sensor"
@@ -256,5 +264,5 @@ class InputHold(AbstractHold):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure without parameters."""
+        """One candidate without parameters."""
         return [Candidate(cls(), columns(()))]

@@ -1,4 +1,4 @@
-"""Self-heating of the winding, and laws of temperature that are not straight."""
+"""Self-heating of the winding, curvature of Ra(T), and demagnetisation of the magnets."""
 
 from __future__ import annotations
 
@@ -28,28 +28,29 @@ __all__ = [
 
 
 _LEAST_RISE: Final = 5.0
-"""Rise that is more than what the surroundings do to a winding without a thermometer [K]."""
+"""Smallest rise at the loss scale if no temperature is logged [K].  The surroundings can cause a
+smaller rise."""
 
 
 @dataclass(frozen=True)
 class SelfHeating(AbstractTemperature):
-    """The winding is hotter than the log, by its own losses.
+    """Self-heating: the losses raise the winding temperature above the logged temperature T.
 
         d(rise)/dt = (R_th (Ra(T + rise) i^2 + P (w / w_0)^2) - rise) / tau     [K/s]
-
-    P is the loss of the iron, where it shows.  So does, in a richer form, a second body: the rise
-    of the winding over it is quick, and adds to its own.
-
         d(rise_2)/dt = (R_2 Ra(T + rise) i^2 - rise_2) / (q tau)                [K/s]
 
+    The basic law is the first equation without P.  One extended variant adds P, the iron loss at
+    the speed w_0.  Another one adds the second equation: rise_2 is the fast rise of the winding
+    over a second body.  The winding temperature is then T + rise + rise_2, also in Ra.
+
     Args:
-        power_size: Natural loss [W].
+        power_size: Loss scale [W].
         fastest: Shortest thermal time constant [s].
         slowest: Longest thermal time constant [s].
-        speed_size: Natural speed w_0 [rad/s]; without one, iron has no loss.
-        is_iron: Whether iron has a loss.
-        bodies: One, or two with the winding apart.
-        least: Rise at the natural loss below which it is none [K].
+        speed_size: Speed scale w_0; zero excludes an iron loss [rad/s].
+        is_iron: Whether the iron loss is included.
+        bodies: Number of bodies: one, or two with the winding separate.
+        least: Lower bound of R_th, as the rise at the loss scale [K].
     """
 
     power_size: float
@@ -70,13 +71,13 @@ class SelfHeating(AbstractTemperature):
 
     @property
     def variant(self) -> str:
-        """What there is besides one body with the loss of the winding."""
+        """Additions to the basic law."""
         more = ["loss of iron"] * self.is_iron + ["two bodies"] * (self.bodies > 1)
         return ", ".join(more)
 
     @property
     def richer(self) -> tuple[SelfHeating, ...]:
-        """A second body, and a loss in the iron."""
+        """Extended variants: a second body, or the iron loss."""
         forms = []
         if self.bodies == 1:
             forms.append(replace(self, bodies=2))
@@ -86,12 +87,12 @@ class SelfHeating(AbstractTemperature):
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """The rise, and that of the winding over the other body."""
+        """The rise and, with two bodies, the rise of the winding over the second body."""
         return tuple(State(name, "K") for name in ("rise", "rise_2")[: self.bodies])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Thermal resistances and time constants, and the loss of the iron."""
+        """Thermal resistances and time constants, and the iron loss."""
 
         def resistance(name: str, meaning: str, least: float = 0.0) -> Parameter:
             scale, lower = 10.0 / self.power_size, least / self.power_size
@@ -112,7 +113,7 @@ class SelfHeating(AbstractTemperature):
         return tuple(found)
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """A second body must not be quicker than any single one may be."""
+        """Reason to reject a second body faster than the bound of a single body; else empty."""
         if self.bodies == 1:
             return ""
         quick = values["quickness"] * values["time_constant"]
@@ -144,7 +145,7 @@ class SelfHeating(AbstractTemperature):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its time constant scanned."""
+        """One candidate, its time constant scanned."""
         power = float(survey.values[0]) * survey.current**2
         fastest, slowest = survey.duration / 300, survey.duration * 5
         least = 0.0 if survey.knows_temperatures else _LEAST_RISE
@@ -155,7 +156,7 @@ class SelfHeating(AbstractTemperature):
 
 @dataclass(frozen=True)
 class ResistanceCurvature(AbstractCoefficient):
-    """A second-order term in Ra(T).
+    """Second-order term in the temperature dependence of the resistance.
 
     Ra = Ra25 (1 + alpha_Ra (T - 25) + c (T - 25)^2)                    [ohm]
     """
@@ -184,18 +185,19 @@ class ResistanceCurvature(AbstractCoefficient):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, where the temperature moves enough for a curve."""
+        """One candidate, if the temperature range is at least 10 K."""
         return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if survey.heated >= 10.0 else []
 
 
 @dataclass(frozen=True)
 class Demagnetization(AbstractCoefficient):
-    """Kt lost for good once a temperature was passed.
+    """Irreversible loss of Kt above a threshold temperature.
 
         Kt -> Kt (1 - d s((T_peak - T_c) / width))                          [N m/A]
 
-    T_peak is the highest temperature logged so far in the campaign and s a smooth step, from a
-    sudden loss to one that grows with every kelvin above T_c.
+    d is the lost share, T_peak the highest temperature logged so far in the campaign, T_c the
+    threshold and s a smooth step.  A narrow width is a sudden loss; with a wide one the loss grows
+    with every kelvin above T_c.
 
     Args:
         coldest: Lowest temperature logged [degC].
@@ -215,7 +217,7 @@ class Demagnetization(AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Loss, temperature and width."""
+        """Lost share, threshold temperature and width."""
         span = self.hottest - self.coldest
         return (
             Parameter(
@@ -241,7 +243,7 @@ class Demagnetization(AbstractCoefficient):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """One structure, its temperature scanned, where some sample was cooler than the peak."""
+        """One candidate, its threshold scanned, if the temperature range is at least 5 K."""
         columns_ = [record.column("temperature") for record in survey.records]
         coldest = min(float(c.min()) for c in columns_)
         hottest = max(float(c.max()) for c in columns_)

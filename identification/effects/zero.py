@@ -1,4 +1,4 @@
-"""Zero errors of the sensors: constant, moving from run to run, or of each run."""
+"""Zero errors (offsets) of the sensors: constant, with drift over the runs, or free per record."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FEWEST_RUNS: Final = 3
 
 
 def _forms(survey: Survey) -> tuple[bool, ...]:
-    """Whether to look for constant zero errors, and for those that move."""
+    """Values of `drifts` to try: a drift needs three runs."""
     return (False, True) if len(survey.runs) >= _FEWEST_RUNS else (False,)
 
 
@@ -50,11 +50,11 @@ def _zero_starts(size: float, drifts: bool) -> Array:
 
 @dataclass(frozen=True)
 class _ZeroError(AbstractSensor):
-    """A zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
+    """Zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
 
     Args:
-        size: Natural size of the channel, in its unit.
-        drifts: Whether the error moves from run to run.
+        size: Scale of the channel, in its unit.
+        drifts: Whether the error changes linearly with the run number.
     """
 
     size: float
@@ -64,16 +64,16 @@ class _ZeroError(AbstractSensor):
     drivers: ClassVar[tuple[str, ...]] = ()
     source: ClassVar[str] = _SOURCE
     unit: ClassVar[str]
-    tried: ClassVar[float]  # prototype over the natural size
+    tried: ClassVar[float]  # zero error of the prototype over the scale of the channel
 
     @property
     def variant(self) -> str:
-        """Whether it moves."""
+        """Label of a drifting error; empty for a constant one."""
         return _DRIFTING if self.drifts else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error, and how far it moves."""
+        """Zero error and, with a drift, its change per run."""
         return _zero_error(self.unit, self.size, self.drifts)
 
     def logged(
@@ -84,7 +84,7 @@ class _ZeroError(AbstractSensor):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """A constant one, and one that moves where there are runs enough to tell."""
+        """A constant error and, with three runs or more, a drifting one."""
         size = float(getattr(survey, cls.channel))
         return [
             Candidate(cls(size, drifts), _zero_starts(cls.tried * size, drifts), joint=1 + drifts)
@@ -94,14 +94,14 @@ class _ZeroError(AbstractSensor):
 
 @dataclass(frozen=True)
 class CurrentOffset(_ZeroError):
-    """A zero error of the current sensor: logged current = i + offset [A].
+    """Zero error of the current sensor: logged current = i + offset [A].
 
-    The zero of a Hall sensor walks with its temperature and its magnetic history.  Where it moves
-    from run to run by no rule, the error is free in each record: a state that does not move.  The
-    setting `size` of a result is then the root mean square of these errors [A].
+    The zero of a Hall sensor drifts with its temperature and its magnetic history.  If the error
+    changes irregularly from run to run, it is free in each record, as a constant state.  The
+    setting `size` in a result is then the root mean square of these errors [A].
 
     Args:
-        own: Whether each record has an error of its own.
+        own: Whether the error is free in each record.
     """
 
     own: bool = False
@@ -113,26 +113,26 @@ class CurrentOffset(_ZeroError):
 
     @property
     def variant(self) -> str:
-        """Whether it moves, and how."""
+        """Label of a drifting or per-record error; empty for a constant one."""
         return _EACH_RUN if self.own else super().variant
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error and how far it moves; none where each record has its own."""
+        """Zero error and, with a drift, its change per run; none if free in each record."""
         return () if self.own else super().parameters
 
     @property
     def states(self) -> tuple[State, ...]:  # type: ignore[override]
-        """The zero error of a record, where it is its own."""
+        """Per-record zero error, if free in each record."""
         return (State("offset", "A", scale=self.size, is_own=True),) if self.own else ()
 
     @property
     def richer(self) -> tuple[CurrentOffset, ...]:
-        """An error of each record in the place of one that is constant or moves evenly."""
+        """The variant with an error free in each record, unless it is that already."""
         return () if self.own else (CurrentOffset(self.size, own=True),)
 
     def expecting(self, size: float) -> CurrentOffset:
-        """The term with zero errors of records expected to be of this size [A]."""
+        """The term with this prior standard deviation of the per-record zero errors [A]."""
         return replace(self, size=size)
 
     def logged(
@@ -145,7 +145,7 @@ class CurrentOffset(_ZeroError):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """Constant, and of each run where there are several: any movement is one of these."""
+        """A constant error and, with several runs, one free in each record: it covers any drift."""
         constant, *_ = super().candidates(survey)
         own = replace(constant, fitted=cls(survey.current, own=True))
         return [constant, own] if len(survey.runs) > 1 else [constant]
@@ -153,7 +153,7 @@ class CurrentOffset(_ZeroError):
 
 @dataclass(frozen=True)
 class SpeedOffset(_ZeroError):
-    """A zero error of the speed sensor: logged speed = w + offset [rad/s]."""
+    """Zero error of the speed sensor: logged speed = w + offset [rad/s]."""
 
     name: ClassVar[str] = "speed_offset"
     channel: ClassVar[str] = "speed"
@@ -163,13 +163,13 @@ class SpeedOffset(_ZeroError):
 
 @dataclass(frozen=True)
 class VoltageOffset(AbstractSupply):
-    """A zero error of the voltage sensor.
+    """Zero error of the voltage sensor.
 
-        terminal voltage = logged voltage - offset - drift k   in the k-th run, from 0      [V]
+        terminal voltage = logged voltage - offset - drift k   in run k = 0, 1, ...         [V]
 
     Args:
-        size: Natural voltage [V].
-        drifts: Whether the error moves from run to run.
+        size: Voltage scale [V].
+        drifts: Whether the error changes linearly with the run number.
     """
 
     size: float
@@ -182,12 +182,12 @@ class VoltageOffset(AbstractSupply):
 
     @property
     def variant(self) -> str:
-        """Whether it moves."""
+        """Label of a drifting error; empty for a constant one."""
         return _DRIFTING if self.drifts else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The zero error, and how far it moves."""
+        """Zero error and, with a drift, its change per run."""
         return _zero_error("V", self.size, self.drifts)
 
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
@@ -196,7 +196,7 @@ class VoltageOffset(AbstractSupply):
 
     @classmethod
     def candidates(cls, survey: Survey) -> list[Candidate]:
-        """A constant one, and one that moves where there are runs enough to tell."""
+        """A constant error and, with three runs or more, a drifting one."""
         size = survey.voltage
         return [
             Candidate(cls(size, drifts), _zero_starts(0.03 * size, drifts), joint=1 + drifts)
