@@ -1,1 +1,1 @@
-"""Many motors beside each other: a table of all, how each has drifted, and which stand out."""
+"""Fleet comparison: results table, parameter drift since the last refit, and outlying motors."""

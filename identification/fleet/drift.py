@@ -1,18 +1,18 @@
-"""How far a parameter has moved since the last refit, and whether that is more than chance.
+"""Parameter drift between two refits, with false discovery rate control over the fleet.
 
-The difference of two medians is d, their standard deviations are s and s0.  If the motor did not
-change and the two refits share no measurement, d / sqrt(s^2 + s0^2) is close to standard normal,
-which gives each comparison a two-sided probability of a difference as large by chance.
+The drift d is the current median minus the previous median; s and s0 are the two posterior standard
+deviations.  If the motor did not change and the two refits share no data, d / sqrt(s^2 + s0^2) is
+approximately standard normal, which gives each comparison a two-sided p-value.
 
-A table of 200 motors makes 1400 comparisons, of which some are large by chance alone.  So the
-probabilities of a whole table are corrected together for the false discovery rate (Benjamini and
-Yekutieli, Annals of Statistics 29, 2001, 1165-1188, which holds however the comparisons depend on
-each other): of the differences that are called significant, at most one in twenty is expected to be
-chance.  For one motor alone that asks for about three combined standard deviations, for a table
-with few changes among 1400 comparisons for about four and a half.
+A table of 200 motors makes 1400 comparisons, so some differences are large by chance alone.  The
+p-values of a table are therefore adjusted together by the Benjamini-Yekutieli procedure (Annals of
+Statistics 29, 2001, 1165-1188), which controls the false discovery rate under any dependence
+between the comparisons: at most one in twenty of the significant differences is expected to be
+false.  For a single motor, significance then requires about three combined standard deviations; for
+a table with few changes among 1400 comparisons, about four and a half.
 
-Refits that share training runs share their noise, so their difference is smaller than the combined
-standard deviation says, and what is called significant is so all the more.
+Refits that share training runs share their noise.  Their difference is then smaller than the
+combined standard deviation implies, so the test is conservative.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from identification.quantities import DECLARED_PARAMETERS
 __all__ = ["FALSE_DISCOVERY_RATE", "Drift", "drift_of", "drifts"]
 
 FALSE_DISCOVERY_RATE = 0.05
-"""Expected share of chance among the differences that are called significant."""
+"""Expected fraction of false positives among the significant differences [-]."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class Drift:
     """Change of one parameter since the last refit.
 
     Args:
-        absolute: Median now less median before, in the unit of the parameter.
-        relative: The same over the size of the median before; None where that is zero.
-        sds: The same over the combined standard deviation; None where that is zero.
-        probability: Two-sided probability of a difference as large by chance, for this one
-            comparison; after `drifts`, corrected for all of a table.
-        is_significant: Whether the corrected probability is at most `FALSE_DISCOVERY_RATE`; None
-            before the correction and where there is no probability.
+        absolute: Current median minus previous median, in the unit of the parameter.
+        relative: `absolute` over the magnitude of the previous median [-]; None if that is zero.
+        sds: `absolute` over the combined standard deviation [-]; None if that is zero.
+        probability: Two-sided p-value of this comparison; `drifts` replaces it by the p-value
+            adjusted over the whole table.
+        is_significant: Whether the adjusted p-value is at most `FALSE_DISCOVERY_RATE`; None before
+            the adjustment and if there is no p-value.
     """
 
     absolute: float
@@ -52,7 +52,7 @@ class Drift:
 
 
 def drift_of(now: Estimate | None, before: Estimate | None) -> Drift | None:
-    """Change of a parameter; None where one of the two is not determined by its data."""
+    """Change of a parameter; None if one of the two refits does not identify it."""
     newer = now.usable if now else None
     older = before.usable if before else None
     if newer is None or older is None:
@@ -69,13 +69,13 @@ def drift_of(now: Estimate | None, before: Estimate | None) -> Drift | None:
 
 
 def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
-    """Changes of all motors against their previous refits, judged together.
+    """Changes of all motors since their previous refits, with p-values adjusted over the table.
 
     Args:
         refits: All motors of a table.
 
     Returns:
-        For each motor the changes by parameter; empty where there was no refit before.
+        For each motor the changes by parameter name; empty if it has no previous refit.
     """
     found = [
         {
@@ -93,7 +93,7 @@ def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
         if drift.probability is not None
     ]
     if places:
-        # Imported where it is needed: it takes longer to load than the table takes to make.
+        # Lazy import: loading scipy.stats takes longer than building the table.
         from scipy.stats import false_discovery_control
 
         corrected = false_discovery_control([p for _, _, p in places], method="by")

@@ -1,4 +1,4 @@
-"""One parameter over the fleet: all motors in the order of their medians, and their changes."""
+"""Fleet plot of one parameter: motors sorted by median, and their changes since the last refit."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _NORMAL_90 = 1.645
 
 @dataclass(frozen=True)
 class Mark:
-    """One motor in the picture of one parameter.
+    """Plotted values of one motor for one parameter.
 
     Args:
-        motor: Its name.
-        median: Median.
+        motor: Name of the motor.
+        median: Posterior median.
         q05: Lower end of the 90 % interval.
-        q95: Upper end.
-        score: Distance from the fleet's median in robust standard deviations.
-        is_outlier: Whether it stands out.
-        drift: Change since its last refit, or None.
+        q95: Upper end of the 90 % interval.
+        score: Deviation from the fleet median in robust standard deviations [-].
+        is_outlier: Whether the motor is an outlier.
+        drift: Change since the last refit, or None.
         change_sd: Standard deviation of that change.
     """
 
@@ -57,20 +57,20 @@ class Mark:
 
     @property
     def is_significant(self) -> bool:
-        """Whether it has moved by more than chance."""
+        """Whether the change since the last refit is significant."""
         return self.drift is not None and self.drift.is_significant is True
 
 
 def marks_of(
     name: str, refits: Sequence[Refit], spread: Spread, changes: Sequence[dict[str, Drift]]
 ) -> list[Mark]:
-    """Motors whose data determine a parameter, in the order of its medians.
+    """Motors whose data identify a parameter, sorted by median.
 
     Args:
         name: Name of the parameter.
         refits: The fleet.
-        spread: How the parameter lies over it.
-        changes: Changes of each motor by parameter.
+        spread: Distribution of the parameter over the fleet.
+        changes: Changes of each motor by parameter name.
     """
     marks = []
     for place, refit in enumerate(refits):
@@ -95,15 +95,15 @@ def marks_of(
 
 
 def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
-    """The picture of one parameter.
+    """SVG plot of one parameter over the fleet.
 
     Args:
         name: Name of the parameter.
         marks: Motors in order, at least one.
-        spread: How the parameter lies over the fleet.
+        spread: Distribution of the parameter over the fleet.
 
     Returns:
-        Text of the drawing.
+        SVG text.
     """
     unit = DECLARED_PARAMETERS[name].unit
     has_changes = any(mark.drift for mark in marks)
@@ -126,7 +126,7 @@ def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
 
 
 def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: Spread) -> str:
-    """Medians with their intervals."""
+    """Medians with their 90 % intervals."""
     low = np.array([mark.q05 for mark in marks])
     high = np.array([mark.q95 for mark in marks])
     middle = np.array([mark.median for mark in marks])
@@ -151,7 +151,7 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
 
 
 def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: float) -> str:
-    """Changes since the last refit with their 90 % intervals; loud where more than chance."""
+    """Changes since the last refit with their 90 % intervals; significant ones are highlighted."""
     is_relative = name in POSITIVE
     values, halves = [], []
     for mark in marks:
@@ -188,7 +188,7 @@ def _frame(frame: Frame, words: Sequence[tuple[float, str]], label: str) -> str:
 
 
 def _decade_words(low: float, high: float) -> list[tuple[float, str]]:
-    """Ticks of a logarithmic axis, at 1, 2 and 5 times a power of ten, or at powers alone."""
+    """Tick labels of a logarithmic axis: 1, 2 and 5 times powers of ten, or powers of ten only."""
     factors = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
     values = [
         math.log10(factor) + power
@@ -199,7 +199,7 @@ def _decade_words(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _bars(across: Array, low: Array, middle: Array, high: Array, loud: Sequence[bool]) -> str:
-    """Upright intervals with a dot at the median, in two paths: quiet ones and loud ones."""
+    """Vertical intervals with a dot at the median, normal motors first, highlighted ones on top."""
     body = ""
     for is_loud in (False, True):
         stems, dots = [], []
@@ -215,7 +215,7 @@ def _bars(across: Array, low: Array, middle: Array, high: Array, loud: Sequence[
 
 
 def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, float]:
-    """Names below the frame and their room: of all if there is room, else of those in red."""
+    """Motor names below the frame, and their height; in a large fleet, highlighted motors only."""
     loud = [place for place, mark in enumerate(marks) if mark.is_outlier or mark.is_significant]
     wanted = loud + (list(range(len(marks))) if len(marks) <= _MOST_NAMED else [])
     placed: list[float] = []
@@ -234,7 +234,7 @@ def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, fl
 
 
 def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> str:
-    """What a pointer over a motor is told."""
+    """Tooltip of each motor: value, score and drift."""
     width = _WIDTH / len(marks)
     parts = []
     for mark, x in zip(marks, across, strict=True):

@@ -1,19 +1,20 @@
-"""Which motors stand out from the fleet, by a rule that the outliers themselves do not move.
+"""Robust outlier detection over the fleet by median and median absolute deviation (MAD).
 
-For a parameter, m is the median over the motors whose data determine it, and
+For one parameter, m is the median over the motors whose data identify it, and the scaled MAD is
 
     scale = 1.4826 median(|x - m|)
 
-which for normal spread is its standard deviation, and which outliers hardly change as long as they
-are fewer than half.  A motor stands out where
+It equals the standard deviation of a normal distribution, and outliers hardly change it as long as
+they are fewer than half of the motors.  A motor is an outlier if
 
     |x - m| / sqrt(scale^2 + s^2) > 3.5
 
-with its own standard deviation s, so that a motor is not called odd because it was measured badly.
-3.5 is the threshold of Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: one motor in
-two thousand of a normal fleet.  Resistance, torque constant, inertia, friction and inductance are
-compared as logarithms, since tolerances are parts of a value; the temperature coefficients as they
-are.  With fewer than five motors nothing is called an outlier.
+The standard deviation s of its own estimate is included so that an imprecise estimate is not called
+an outlier.  The threshold 3.5 is from Iglewicz and Hoaglin, How to Detect and Handle Outliers,
+1993: one motor in two thousand of a normally distributed fleet.  Resistance, torque constant,
+inertia, friction and inductance are compared as logarithms because their tolerances are relative;
+the temperature coefficients are compared as they are.  A fleet of fewer than five motors has no
+outliers.
 """
 
 from __future__ import annotations
@@ -29,24 +30,25 @@ from identification.fleet.refit import Refit
 __all__ = ["LEAST_MOTORS", "POSITIVE", "THRESHOLD", "Spread", "spread_of"]
 
 THRESHOLD = 3.5
-"""Robust standard deviations from which on a motor stands out."""
+"""Robust standard deviations beyond which a motor is an outlier (Iglewicz and Hoaglin, 1993)."""
 LEAST_MOTORS = 5
-"""Fewest motors among which one can stand out."""
+"""Smallest number of motors for which outliers are reported."""
 POSITIVE = frozenset({"Ra25", "Kt25", "J", "b", "L"})
-"""Parameters that are compared as logarithms."""
+"""Parameters compared as logarithms."""
 _NORMAL = 1.4826
 
 
 @dataclass(frozen=True)
 class Spread:
-    """One parameter over the fleet.
+    """Distribution of one parameter over the fleet.
 
     Args:
-        count: Number of motors whose data determine it.
-        median: Their median, in the unit of the parameter.
-        relative_scale: Robust standard deviation over the median; None where the median is zero.
-        scores: For each motor of the fleet its distance from the median in robust standard
-            deviations, with its own included; None where it cannot be compared.
+        count: Number of motors whose data identify it.
+        median: Median over these motors, in the unit of the parameter.
+        relative_scale: Robust standard deviation over the median [-]; None if the median is zero or
+            unknown.
+        scores: For each motor of the fleet, the deviation from the median in robust standard
+            deviations that include the motor's own [-]; None if not comparable.
     """
 
     count: int
@@ -55,13 +57,13 @@ class Spread:
     scores: tuple[float | None, ...]
 
     def is_outlier(self, place: int) -> bool:
-        """Whether the motor at a place of the fleet stands out."""
+        """Whether the motor at index `place` of the fleet is an outlier."""
         score = self.scores[place]
         return self.count >= LEAST_MOTORS and score is not None and abs(score) > THRESHOLD
 
 
 def spread_of(name: str, refits: Sequence[Refit]) -> Spread:
-    """How a parameter lies over the fleet.
+    """Median and robust scale of a parameter over the fleet, and the score of each motor.
 
     Args:
         name: Name of the parameter.

@@ -1,4 +1,4 @@
-"""The fleet as one HTML file that needs nothing else, and runs no script.
+"""Fleet page as one self-contained HTML file without scripts.
 
 text = render_fleet("November refit", refits)
 """
@@ -37,7 +37,7 @@ _MOST_LISTED = 60
 
 @dataclass(frozen=True)
 class _Remarkable:
-    """A motor that stands out, or one that has moved, in one parameter."""
+    """One motor and parameter that is an outlier or has changed significantly."""
 
     refit: Refit
     name: str
@@ -48,7 +48,7 @@ class _Remarkable:
 
 
 def render_fleet(title: str, refits: Sequence[Refit]) -> str:
-    """The complete page.
+    """Render the complete page.
 
     Args:
         title: Name of the batch.
@@ -82,7 +82,7 @@ def render_fleet(title: str, refits: Sequence[Refit]) -> str:
 
 @cache
 def content_security_policy() -> str:
-    """Content security policy under which the page works: its own styles and nothing else."""
+    """Content security policy of the page: its own style sheets, and images only as data URLs."""
     hashes = " ".join(
         f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()}'"
         for style in _styles()
@@ -95,7 +95,7 @@ def content_security_policy() -> str:
 
 @cache
 def _styles() -> tuple[Markup, ...]:
-    """The style of the reports, and what the fleet needs beside it."""
+    """Style sheets of the report and of the fleet page."""
     files = (
         resources.files("identification.report") / "templates" / "report.css",
         resources.files("identification.fleet") / "templates" / "fleet.css",
@@ -128,7 +128,7 @@ def _counts(refits: Sequence[Refit]) -> dict[str, int]:
 
 
 def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Remarkable]:
-    """Motors that stand out, the farthest first."""
+    """Outlying motors, largest score first."""
     found = []
     for name, spread in spreads.items():
         for place, refit in enumerate(refits):
@@ -150,7 +150,7 @@ def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Rema
 
 
 def _moved(refits: Sequence[Refit], changes: Sequence[dict[str, Drift]]) -> list[_Remarkable]:
-    """Motors that have moved by more than chance, the farthest first."""
+    """Significant changes since the last refit, largest first."""
     found = [
         _Remarkable(
             refit,

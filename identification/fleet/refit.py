@@ -1,4 +1,4 @@
-"""What a table and a page of many motors take from each result.
+"""Extract of one result.json that the fleet table and the fleet page compare.
 
 refit = refit_of("pump-17", "fitted", result, fit="DIR/pump-17", ended_at="2026-11-21T12:00:00Z")
 refit.estimates["Ra25"].median
@@ -18,14 +18,14 @@ __all__ = ["Estimate", "Refit", "compared_with", "refit_of"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter of one motor, in its unit.
+    """Posterior summary of one parameter of one motor, in its unit.
 
     Args:
         median: Median of the posterior.
         sd: Standard deviation.
         q05: Lower end of the 90 % interval.
-        q95: Upper end.
-        is_identified: Whether the data determine it.
+        q95: Upper end of the 90 % interval.
+        is_identified: Whether the data identify it; a known value alone does not count.
     """
 
     median: float | None
@@ -36,7 +36,7 @@ class Estimate:
 
     @property
     def usable(self) -> tuple[float, float] | None:
-        """Median and standard deviation where the data determine them, so that they compare."""
+        """Median and standard deviation; None if the data do not identify the parameter."""
         if not self.is_identified or self.median is None or self.sd is None:
             return None
         return self.median, self.sd
@@ -44,22 +44,23 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Refit:
-    """One motor of a batch.
+    """Result of one motor of a batch.
 
     Args:
-        motor: Its name.
-        status: How its fit ended, or how it is doing.
-        estimates: Declared parameters of the final model by name; empty without a result.
-        effects: Names of the effects that were found.
-        noise_ratios: Simulation error over sensor noise after the effects, by role and channel,
-            such as ``("validation", "speed")``.
-        training: Hashes of the training runs.
-        fit: Id or place of the fit.
-        ended_at: When it ended, UTC, ISO 8601.
+        motor: Name of the motor.
+        status: Status of its fit.
+        estimates: Estimates of the nominal-model parameters in the final model, by name; empty
+            without a result.
+        effects: Names of the effects in the final model.
+        noise_ratios: Simulation error of the final model over sensor noise [-], by role and
+            channel, such as ``("validation", "speed")``.
+        training: SHA-256 hashes of the training runs.
+        fit: Id or location of the fit.
+        ended_at: End of the fit, UTC, ISO 8601.
         error: Why there is no result.
-        warnings: Those of the result, in its order.
-        previous: The refit of the same motor before this one.
-        link: Where its report is, as an address relative to the page; empty where there is none.
+        warnings: Warnings of the result, in its order.
+        previous: Previous refit of the same motor.
+        link: Address of its report relative to the page; empty if there is none.
     """
 
     motor: str
@@ -85,15 +86,15 @@ def refit_of(
     ended_at: str | None = None,
     link: str = "",
 ) -> Refit:
-    """The parts of a result that are compared.
+    """Extract the compared parts of a result.
 
     Args:
         motor: Name of the motor.
-        status: How its fit ended.
-        result: Content of result.json; parts that it lacks count as unknown.
-        fit: Id or place of the fit.
-        ended_at: When it ended, UTC, ISO 8601.
-        link: Where its report is.
+        status: Status of its fit.
+        result: Content of result.json; absent members count as unknown.
+        fit: Id or location of the fit.
+        ended_at: End of the fit, UTC, ISO 8601.
+        link: Address of its report.
     """
     parameters = result.get("parameters") or {}
     after = (result.get("errors") or {}).get("after") or {}
@@ -122,7 +123,7 @@ def refit_of(
 
 
 def compared_with(refit: Refit, previous: Refit | None) -> Refit:
-    """The refit with the one before it, which itself is compared with nothing."""
+    """The refit with its previous refit set; only one generation of history is kept."""
     return replace(refit, previous=None if previous is None else replace(previous, previous=None))
 
 
@@ -132,6 +133,6 @@ def _estimate(entry: Mapping[str, Any]) -> Estimate:
         sd=entry.get("sd"),
         q05=entry.get("q05"),
         q95=entry.get("q95"),
-        # A known value has not moved, and stands for no motor.
+        # A parameter known only from its prior cannot drift and says nothing about this motor.
         is_identified=bool(entry.get("identified")) and not known_only_from(entry),
     )

@@ -1,15 +1,15 @@
-"""The table of a batch: a row for each motor, as CSV, as JSON and as Parquet.
+"""Results table of a batch: one row per motor, as CSV, JSON or Parquet.
 
 NAME                        median of the parameter, in its unit
 NAME_sd, NAME_q05, NAME_q95 its standard deviation and 90 % interval
-NAME_identified             whether the data determine it
-NAME_drift                  median less that of the previous refit
-NAME_drift_relative         the same over the previous median
-NAME_drift_sds              the same over the combined standard deviation
-NAME_drift_probability      of a change as large by chance, corrected for all of the table
-NAME_drift_significant      whether that is at most 0.05
+NAME_identified             whether the data identify it
+NAME_drift                  median minus that of the previous refit
+NAME_drift_relative         drift over the magnitude of the previous median
+NAME_drift_sds              drift over the combined standard deviation
+NAME_drift_probability      p-value of the drift, adjusted over the whole table
+NAME_drift_significant      whether the adjusted p-value is at most 0.05
 
-See `identification.fleet.drift` for the statistics.  A cell that is not known is empty, or null.
+`identification.fleet.drift` describes the statistics.  An unknown cell is empty or null.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ __all__ = ["COLUMNS", "MissingParquet", "csv_text", "parquet_bytes", "rows_of"]
 
 Row = dict[str, Any]
 
-# A lone carriage return would end a line for some readers and not for others.
+# CSV readers disagree on whether a lone carriage return ends a line.
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 
-# Where a formula begins: at the front, or behind a sign at which some spreadsheets split a line.
-# The wide forms of = + - @ are taken for these where the keyboard is Japanese or Chinese.
+# A formula begins at the start of a cell or after a separator at which some spreadsheets split.
+# Spreadsheets in Japanese or Chinese locales also accept the full-width forms of = + - @.
 _FORMULA = re.compile(r"(^|[;,])(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20])")
 
-# Type of the cell and the unit's source: of the parameter, or none.
+# Column suffix: cell type, and whether the column has the unit of the parameter.
 _OF_PARAMETER: dict[str, tuple[type, bool]] = {
     "": (float, True),
     "_sd": (float, True),
@@ -75,11 +75,11 @@ COLUMNS: dict[str, tuple[type, str]] = {
     "warnings": (int, ""),
     "first_warning": (str, ""),
 }
-"""Columns in order, with the type of their cells and their unit."""
+"""Columns in order, each with its cell type and unit."""
 
 
 class MissingParquet(InputError):
-    """Parquet was asked for, and pyarrow is not installed."""
+    """Parquet was requested, but pyarrow is not installed."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -89,16 +89,16 @@ class MissingParquet(InputError):
 
 
 def rows_of(refits: Sequence[Refit]) -> list[Row]:
-    """The table, with the columns of `COLUMNS`.
+    """Table rows with the columns of `COLUMNS`.
 
     Args:
-        refits: All motors, since changes are judged together.
+        refits: All motors of the table, because p-values are adjusted over all of them.
     """
     return [_row(refit, changes) for refit, changes in zip(refits, drifts(refits), strict=True)]
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as CSV; numbers have all their digits, and no cell is a formula."""
+    """Table as CSV, numbers in full precision, protected against formula injection."""
     table = io.StringIO()
     writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -107,7 +107,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """The table as a Parquet file; units are metadata of the columns.
+    """Table as the content of a Parquet file; units are metadata of the columns.
 
     Raises:
         MissingParquet: pyarrow is not installed.
@@ -169,10 +169,10 @@ def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row
 
 
 def _cell(value: object) -> object:
-    """A cell; where a spreadsheet would see a formula begin in a text stands an apostrophe.
+    """CSV cell; an apostrophe precedes any text that a spreadsheet would read as a formula.
 
     Source:
-        OWASP, "CSV Injection": the signs, their wide forms, and separators within a cell.
+        OWASP, "CSV Injection": the signs, their full-width forms, and separators within a cell.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
