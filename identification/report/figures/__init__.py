@@ -1,1 +1,1 @@
-"""Static pictures of the report; each function takes data and returns the text of a drawing."""
+"""Static figures of the report; each function takes data and returns SVG text."""

@@ -1,4 +1,4 @@
-"""The posterior of all parameters, each alone and each against each other."""
+"""Corner plot of the posterior: marginal histograms and pairwise highest-density regions."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ __all__ = ["MOST_PARAMETERS", "corner_figure"]
 Array = NDArray[np.float64]
 
 MOST_PARAMETERS = 14
-"""More make panels too small to read."""
+"""Largest number of parameters shown; more panels would be too small to read."""
 
 _LEFT, _BOTTOM, _GAP = 92.0, 58.0, 6.0
 _SHARES = (0.9, 0.5)
 _DIGIT = 5.8
-"""Width of a digit of a tick, in drawing units."""
+"""Width of a digit of a tick label [drawing units]."""
 _LETTER = 7.6
-"""Width of a bold letter of a name, in drawing units."""
+"""Width of a bold letter of a parameter name [drawing units]."""
 _LONGEST = 14
 
 
 def corner_figure(posterior: PosteriorChain) -> str:
     """Histograms on the diagonal, regions of 50 % and 90 % of the draws below it.
 
-    Axes show the value itself scaled to a power of ten that stands beside the name.
+    Each axis is scaled by a power of ten, which the axis label shows with the unit.
     """
     names, units = posterior.names[:MOST_PARAMETERS], posterior.units[:MOST_PARAMETERS]
     draws = posterior.chain.reshape(-1, posterior.chain.shape[2])[:, : len(names)]
@@ -124,14 +124,14 @@ def _regions(frame: Frame, x: Array, y: Array) -> str:
 
 
 def _limits(draws: Array) -> tuple[float, float]:
-    """Range of nearly all draws; a single stray walker must not shrink the picture."""
+    """Range of nearly all draws, so that a single stray walker does not shrink the plot."""
     low, high = np.quantile(draws, (0.001, 0.999))
     room = 0.08 * (high - low) or 0.05 * abs(float(high)) or 1.0
     return (float(low - room), float(high + room))
 
 
 def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
-    """Places and numbers of two ticks that run neither into each other nor into the next panel."""
+    """Positions and labels of two ticks that overlap neither each other nor the next panel."""
     left, _, width, _ = frame.box
     single: list[tuple[float, str]] = []
     for about in range(2, 9):
@@ -149,7 +149,7 @@ def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
 
 
 def _shown(name: str, room: int) -> str:
-    """The name in so many letters: without the unit at its end, then without its effect."""
+    """Name without its unit suffix, shortened to `room` letters by dropping its effect prefix."""
     bare = name.removesuffix("_A").removesuffix("_rad_s")
     bare = bare if len(bare) <= room else bare.rpartition(".")[2]
     return bare if len(bare) <= room else f"{bare[: room - 1]}…"

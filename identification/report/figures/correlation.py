@@ -1,4 +1,4 @@
-"""Correlation of a residual as stems against its band."""
+"""Stem plot of a residual correlation function with its confidence band."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ _BOX = (54.0, 8.0, 396.0, 150.0)
 def correlation_figure(
     title: str, found: Correlation, x_label: str, *, is_before: bool = False
 ) -> str:
-    """Stems of a correlation function, with the band in which 99 of 100 should end.
+    """Stems of a correlation function with its 99 % confidence band.
 
-    Each picture has its own scale: drawn over the residual of the declared model, what is left
-    after an effect was added would be a flat line whatever it holds.
+    Each plot has its own scale.  On the scale of the nominal model, the correlation of the final
+    model would look like a flat line regardless of its content.
 
     Args:
-        title: What is correlated with what.
+        title: Title, which names the correlated signals.
         found: The correlation.
-        x_label: Label of the lags.
-        is_before: Whether it belongs to the declared model, which has another colour.
+        x_label: Label of the lag axis.
+        is_before: Whether it belongs to the nominal model, which has another colour.
 
     Returns:
-        Text of the drawing.
+        SVG text.
     """
     lags = found.lags
     frame = Frame(_BOX, (float(lags[0]) - 1.0, float(lags[-1]) + 1.0), _limits(found))
@@ -53,7 +53,7 @@ def _stems(frame: Frame, found: Correlation, mask: np.ndarray, kind: str) -> str
 
 
 def _limits(found: Correlation) -> tuple[float, float]:
-    """Symmetric, and never so tight that the band fills the picture."""
+    """Symmetric range, wide enough that the band does not fill the plot."""
     top = 1.15 * max(
         float(np.max(np.abs(found.values))), 2.5 * float(np.max(found.half_width)), 1e-6
     )

@@ -1,4 +1,4 @@
-"""Curves with bands: coefficients over temperature, closed-loop steps over time."""
+"""Curves with 90 % bands: coefficients over temperature, closed-loop step responses over time."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _BOX = (66.0, 10.0, 384.0, 196.0)
 
 
 def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -> str:
-    """One coefficient over temperature with its band; bars below show where the runs were.
+    """Coefficient over temperature with its band, and a histogram of the logged temperatures.
 
     Args:
         curve: Median and band.
         temperatures: Logged temperatures of the runs, (n_sample,) each [degC].
 
     Returns:
-        Text of the drawing.
+        SVG text.
     """
     drawn = [curve.q05, curve.q95] + ([curve.before] if curve.before is not None else [])
     frame = Frame(_BOX, span(curve.temperature, margin=0.0), span(*drawn, margin=0.12))
@@ -70,14 +70,14 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
 
 
 def temperature_classes(temperatures: Sequence[float]) -> list[str]:
-    """A class from ``heat0`` (coldest) to ``heat4`` (hottest) for each temperature."""
+    """CSS class of each temperature, from ``heat0`` (coldest) to ``heat4`` (hottest)."""
     low, high = min(temperatures), max(temperatures)
     width = (high - low) or 1.0
     return [f"heat{round(4.0 * (value - low) / width)}" for value in temperatures]
 
 
 def _where_data_lie(frame: Frame, temperatures: Sequence[Array]) -> str:
-    """Bars from the bottom: the share of all samples in each stretch of temperature."""
+    """Histogram of all samples over temperature, as bars from the bottom."""
     if not temperatures:
         return ""
     values = np.concatenate([run[np.isfinite(run)] for run in temperatures])
@@ -97,7 +97,7 @@ def _where_data_lie(frame: Frame, temperatures: Sequence[Array]) -> str:
 
 
 def _spread(places: Sequence[float], apart: float = 13.0) -> list[float]:
-    """Move labels that would lie on each other apart, in their order from the top."""
+    """Label positions, shifted down until none overlap, in their order from the top."""
     order = np.argsort(places)
     moved = np.array(places, dtype=np.float64)
     for upper, lower in zip(order[:-1], order[1:], strict=True):

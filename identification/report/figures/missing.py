@@ -1,4 +1,4 @@
-"""What the model lacked: the missing torque or voltage, and the effect that was fitted to it."""
+"""Plots of the missing torque or voltage with the fitted effect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FEW = 120
 
 
 def missing_term_figure(term: MissingTerm) -> str:
-    """Estimates against their driver as dots, the fitted effect with its band over them."""
+    """Estimates against their driver as dots, with the fitted effect and its band."""
     size = term.driver_values.size
     shown = np.unique(np.linspace(0, size - 1, min(size, _MOST_DOTS)).astype(np.int_))
     power = unit_power(_largest(term))
@@ -34,7 +34,7 @@ def missing_term_figure(term: MissingTerm) -> str:
         frame, f"{term.driver} [{unit_text(term.driver_unit)}]", f"{term.quantity} [{unit}]"
     )
     inside = (up >= frame.y_range[0]) & (up <= frame.y_range[1])
-    # A few means deserve to be seen; a cloud of samples must not hide the curve.
+    # A few bin means are drawn over the curve; a cloud of samples must not hide it.
     kind = "dots few" if size <= _FEW else "dots measured"
     if term.grid.size:
         body += band(frame, term.grid, low, high)
@@ -55,7 +55,7 @@ def missing_term_figure(term: MissingTerm) -> str:
 
 
 def missing_over_time(trace: MissingTrace) -> str:
-    """The missing term over the time of one run, with its band."""
+    """Missing term over the time of one run with its band, and the fitted effects."""
     power = unit_power(float(np.quantile(np.abs(trace.median), 0.995)))
     lines = (trace.median, trace.q05, trace.q95, trace.fitted)
     median, low, high, fitted = (10.0**-power * values for values in lines)
@@ -82,12 +82,12 @@ def missing_over_time(trace: MissingTrace) -> str:
 
 
 def _largest(term: MissingTerm) -> float:
-    """Size of the curve, or of nearly all estimates where there is none."""
+    """99.5 % quantile of the absolute values of the curve, or of the estimates without a curve."""
     values = np.abs(term.median if term.median.size else term.estimate)
     return float(np.quantile(values, 0.995)) if values.size else 0.0
 
 
 def _usual(values: Array, low: Array, high: Array) -> tuple[float, float]:
-    """Range of zero, nearly all estimates and the whole curve; spikes do not shrink the picture."""
+    """Range of zero, nearly all estimates and the whole curve; outliers do not shrink the plot."""
     ends = np.quantile(values, (0.005, 0.995)) if values.size else np.zeros(0)
     return span(ends, low, high, [0.0], margin=0.08)

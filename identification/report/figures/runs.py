@@ -1,4 +1,4 @@
-"""A run at a glance: measured and simulated, small enough to see all runs side by side."""
+"""Thumbnail of a run: measured and simulated speed and current."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The walk of the sampler: whether every parameter wanders around one place."""
+"""Trace plot of the sampler: stationarity of one parameter over the steps."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ _WALKERS = 2
 
 
 def trace_figure(posterior: PosteriorChain, index: int) -> str:
-    """One parameter over the steps: the middle 90 % and 50 % of the walkers, and two of them.
+    """One parameter over the steps: the central 90 % and 50 % of the walkers, and two of them.
 
-    Sixty walkers drawn over each other are a grey block that hides a slow drift; their quantiles
-    show it.
+    Sixty overlaid walkers form a grey block that hides a slow drift; their quantiles show it.
 
     Args:
         posterior: The chain.
-        index: Which parameter.
+        index: Index of the parameter.
 
     Returns:
-        Text of the drawing.
+        SVG text.
     """
     name, unit = posterior.names[index], posterior.units[index]
     walks = posterior.chain[:, :, index]
@@ -55,7 +54,7 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
 
 
 def _moving_quantiles(walks: Array) -> tuple[NDArray[np.int_], Array]:
-    """Middles (n_point,) of equal stretches of steps, quantiles (5, n_point) of walkers there."""
+    """Centres (n_point,) of blocks of steps, and walker quantiles (5, n_point) in each block."""
     width = max(1, walks.shape[0] // _POINTS)
     points = walks.shape[0] // width
     stretches = walks[: points * width].reshape(points, -1)
