@@ -1,1 +1,1 @@
-"""What a user takes away: result.json, the HTML report and the posterior file."""
+"""Output files of a fit: result.json, the HTML report and the posterior as NetCDF."""

@@ -1,13 +1,15 @@
-"""The effects of the final model as torques and voltages along its own simulation.
+"""Voltage and torque of each effect along the simulation of the final model (partial residuals).
 
-What an effect adds to a balance is the rate with it less the rate without it, times L or J: this
-holds for any effect, whether it is a voltage, a torque, a factor on a coefficient or a temperature.
+The contribution of an effect to an equation is the state derivative with the effect minus that
+without it, times L or J.  This holds for any effect: a voltage, a torque, a factor on a coefficient
+or a temperature.
 
-What the data say of it is the missing voltage or torque that the smoother found.  The smoother lets
-the declared parameters float, and a trace is therefore open to what those can imitate: a missing
-voltage in proportion to current, speed or di/dt may as well be resistance, torque constant or
-inductance.  That part is taken as the final model has it, which is one number a parameter for all
-runs together; the form of what is left, and all other effects taken out, is the data's own.
+The corresponding estimate from the data is the missing voltage or torque of the smoother.  The
+smoother leaves the nominal-model parameters free, so its trace is ambiguous in the component that
+these parameters can produce: a missing voltage proportional to current, speed or di/dt is collinear
+with resistance, torque constant or inductance.  This component is taken from the final model, one
+coefficient per regressor for all runs together.  The rest of the trace comes from the data alone.
+The partial residual of one effect is this trace minus all other fitted effects.
 
 Source: Larsen and McCleary, Technometrics 14 (1972), 781-790 (partial residuals).
 """
@@ -37,7 +39,7 @@ Array = NDArray[np.float64]
 _DRAWS: Final = 16
 _LEAST_DRAWS: Final = 6
 _MOST_SIMULATED: Final = 3_000_000
-"""Samples simulated with all draws: their states are held in memory together."""
+"""Limit on samples times draws, because the states of all draws are held in memory together."""
 
 _SAMPLES: Final = 4000
 _STEPS_KEPT: Final = ("L", "J")
@@ -48,13 +50,15 @@ class Along:
     """Samples of training records along the simulation of the final model.
 
     Args:
-        record: (n_sample,) number of the record.
+        record: (n_sample,) index of the record.
         time: (n_sample,) time in its run [s].
-        drivers: (n_sample,) of each driver by name, and of ``peak_temperature``.
+        drivers: Each driver by name, and ``peak_temperature``, (n_sample,) each.
         rates: (n_sample, 2) di/dt and dw/dt [A/s, rad/s^2].
-        effects: By name, (n_draw, n_sample, 2) voltage and torque; the first draw is the fit.
-        missing: (n_sample, 2) what the data say of all effects together; NaN where unknown.
-        missing_sd: (n_sample, 2) its standard deviation.
+        effects: Voltage and torque by effect name, (n_draw, n_sample, 2) [V, N m]; the first draw
+            is the fit.
+        missing: (n_sample, 2) estimate of all effects together from the data [V, N m]; NaN where
+            unknown.
+        missing_sd: (n_sample, 2) its standard deviation [V, N m].
     """
 
     record: NDArray[np.int_]
@@ -66,20 +70,20 @@ class Along:
     missing_sd: Array
 
     def missing_for(self, name: str) -> Array:
-        """What the data say of one effect, (n_sample, 2): the others are taken out as fitted."""
+        """Partial residual of one effect, (n_sample, 2): trace minus the other fitted effects."""
         others = [effect[0] for other, effect in self.effects.items() if other != name]
         return np.asarray(self.missing - np.sum(others, axis=0)) if others else self.missing
 
 
 @dataclass(frozen=True, eq=False)
 class FinalPath:
-    """The final model simulated over the training records, for the fit and for some draws.
+    """Simulation of the final model over the training records, at the fit and at posterior draws.
 
     Args:
         final: Fit of the final model.
-        values: (n_parameter, n_draw) physical; the first draw is the fit.
+        values: (n_parameter, n_draw) physical parameters; the first draw is the fit.
         states: For each record (n_sample, n_state, n_draw).
-        localisation: The missing terms beside the declared model; None where not known.
+        localisation: Missing terms of the nominal model; None if not known.
     """
 
     final: Fit
@@ -89,17 +93,17 @@ class FinalPath:
 
     @cached_property
     def everywhere(self) -> Along:
-        """Samples spread over all records."""
+        """Samples spread over all records, with the collinear component of the final model."""
         return self._own(self._spread)
 
     @cached_property
     def _spread(self) -> Along:
-        """The same as the smoother has it."""
+        """Samples spread over all records, with the missing terms as smoothed."""
         records = self.final.simulator.records
         share = max(2, _SAMPLES // len(records))
         pieces = []
         for number, record in enumerate(records):
-            # The last sample begins no interval, and its inputs do not go on.
+            # Inputs of a row describe the interval after it; the last sample starts none.
             rows = np.linspace(0, record.rows - 2, min(share, record.rows - 1))
             pieces.append(self._traced(number, np.unique(rows.astype(int))))
         names = [term.name for term in self.final.simulator.model.terms]
@@ -117,11 +121,11 @@ class FinalPath:
         )
 
     def within(self, number: int, rows: NDArray[np.int_]) -> Along:
-        """Some samples of one record.
+        """Samples of one record.
 
         Args:
-            number: The record.
-            rows: (n_sample,) positions in it, the last sample not among them.
+            number: Index of the record.
+            rows: (n_sample,) sample indices, without the last sample of the record.
         """
         return self._own(self._traced(number, rows))
 
@@ -131,7 +135,7 @@ class FinalPath:
         return _piece(self.final, self.values, (number, self.states[number]), missing, rows)
 
     def _own(self, found: Along) -> Along:
-        """The trace with the declared parameters that the final model has."""
+        """Replace the collinear component of the smoothed trace by that of the final model."""
         imitated = np.column_stack(
             [columns @ part for columns, part in zip(_imitations(found), self._imitated,
                                                      strict=True)]
@@ -140,7 +144,7 @@ class FinalPath:
 
     @cached_property
     def _imitated(self) -> list[Array]:
-        """How much of each column of `_imitations` is in the trace and not in the effects."""
+        """Coefficients of the regression of (smoothed trace - fitted effects) on `_imitations`."""
         found, parts = self._spread, []
         effects = np.sum([each[0] for each in found.effects.values()], axis=0)
         for k, columns in enumerate(_imitations(found)):
@@ -153,7 +157,7 @@ class FinalPath:
 
 
 def _imitations(found: Along) -> tuple[Array, Array]:
-    """What changes of declared parameters add to voltage (n_sample, 5) and torque (n_sample, 4)."""
+    """Regressors of parameter changes: voltage (n_sample, 5) and torque (n_sample, 4)."""
     current, speed = found.drivers["current"], found.drivers["speed"]
     heat = found.drivers["temperature"] - REFERENCE_TEMPERATURE_DEGC
     both = (current, current * heat, speed, speed * heat)
@@ -164,30 +168,30 @@ def _imitations(found: Along) -> tuple[Array, Array]:
 def final_path(
     final: Fit, draws: Mapping[str, Array], localisation: Localisation | None
 ) -> FinalPath:
-    """Simulate the final model once more, with some draws of its posterior.
+    """Simulate the final model for the fit and some posterior draws.
 
     Args:
         final: Fit of the final model.
-        draws: Draws of its posterior by name, (n_draw,) each.
-        localisation: The missing terms beside the declared model; None where not known.
+        draws: Posterior draws by name, (n_draw,) each.
+        localisation: Missing terms of the nominal model; None if not known.
     """
     values = _with_draws(final, draws)
     return FinalPath(final, values, final.simulator.states(values, final.states), localisation)
 
 
 def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
-    """(n_parameter, 1 + n_draw): the fit and some draws of the posterior."""
+    """Parameters (n_parameter, 1 + n_draw): the fit and some posterior draws."""
     rows = sum(record.rows for record in final.simulator.records)
     wanted = int(np.clip(_MOST_SIMULATED // rows, _LEAST_DRAWS, _DRAWS))
     kept = np.unique(np.linspace(0, draws["J"].size - 1, wanted).astype(int))
     columns = np.array([np.asarray(draws[name])[kept] for name in final.coordinates.names])
-    # A line that is the curve's or a declared parameter's is drawn with the parameter.
+    # The linear part of a curve is plotted as part of the parameter it is collinear with.
     columns[["unlisted.linear_" in name for name in final.coordinates.names]] = 0.0
     return np.column_stack([final.values, columns])
 
 
 def _missing_of(localisation: Localisation | None, record: Record, k: int) -> Missing | None:
-    """The missing terms of one record: pieces come one a record, in their order."""
+    """Missing terms of one record; the localisation lists one per record, in their order."""
     if localisation is None or k >= len(localisation.missing):
         return None
     found = localisation.missing[k]
@@ -207,7 +211,7 @@ def _piece(
     full = _rates(model, states, inputs, values, model)
     inertias = _sizes(model, values)
     found, spread = _interpolated(missing, record.time[rows])
-    # A draw that runs away has no rates, and no share of an effect in them.
+    # The rates of a diverging draw are not finite, nor are its effects.
     with np.errstate(over="ignore", invalid="ignore"):
         effects = {
             term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
@@ -235,7 +239,7 @@ def _piece(
 
 
 def _sizes(model: MotorModel, values: Array) -> Array:
-    """(n_lane, 2) inductance and inertia [H, kg m^2]."""
+    """(n_draw, 2) inductance and inertia [H, kg m^2]."""
     names = [parameter.name for parameter in model.parameters]
     return np.column_stack([values[names.index(name)] for name in _STEPS_KEPT])
 
@@ -255,14 +259,14 @@ def _interpolated(missing: Missing | None, time: Array) -> tuple[Array, Array]:
 def _rates(
     model: MotorModel, states: Array, inputs: Array, values: Array, whole: MotorModel
 ) -> Array:
-    """(n_lane, n_sample, 2) di/dt and dw/dt of a model that holds part of the terms of `whole`.
+    """(n_draw, n_sample, 2) di/dt and dw/dt of a model with a subset of the terms of `whole`.
 
     Args:
         model: The model.
-        states: (n_sample, n_state, n_lane) of `whole`.
+        states: (n_sample, n_state, n_draw) of `whole`.
         inputs: (n_sample, n_input).
-        values: (n_parameter, n_lane) of `whole`.
-        whole: Whose states and parameters these are.
+        values: (n_parameter, n_draw) of `whole`.
+        whole: Model to which the states and parameters belong.
     """
     at = [whole.state_names.index(name) for name in model.state_names]
     names = [parameter.name for parameter in whole.parameters]

@@ -1,7 +1,7 @@
-"""From findings to the content of result.json.
+"""Assembly of result.json from the findings of all stages.
 
-Every number of the result passes through here once; the report and the command line print what
-stands in it and compute nothing again.
+Every number of the result passes through this module once; the report and the command line print
+the result and do not recompute it.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ __all__ = ["assemble"]
 Array = NDArray[np.float64]
 
 _NOTHING = 0.9
-"""Error over the movement of a channel from which a model explains nothing of it."""
+"""NRMSE above which a model explains nothing of a channel [-]."""
 _BEYOND_NOISE = 2.0
 _TOLD = 12
-"""Runs of which a warning names the temperature."""
+"""Largest number of runs that a warning on temperatures names."""
 
 
 def assemble(findings: Findings) -> dict[str, object]:
@@ -113,7 +113,7 @@ def assemble(findings: Findings) -> dict[str, object]:
 
 
 def _sampler(sample: Sample) -> dict[str, object]:
-    """The member `sampler`."""
+    """Member ``sampler`` of the result."""
     convergence = sample.convergence
     return {
         "walkers": convergence.walkers,
@@ -129,9 +129,10 @@ def _sampler(sample: Sample) -> dict[str, object]:
 
 
 def _implausible(findings: Findings) -> list[Finding]:
-    """Time constants that motors do not have, of parameters that the user has not given.
+    """Implausible time constants, computed from identified parameters that the user has not given.
 
-    What an inductance may be taken for is no reason not to say that it is odd.
+    Effects confounded with a single parameter do not widen its uncertainty here: an inductance is
+    reported as implausible even if a sensor lag may explain it.
     """
     final = findings.final
     others = [term for term in findings.omitted if not term.parameter]
@@ -143,7 +144,7 @@ def _implausible(findings: Findings) -> list[Finding]:
 
 
 def _missed(findings: Findings) -> list[str]:
-    """Sentences on channels of which the final model explains nothing that is not noise."""
+    """Warnings on channels that the final model does not explain although they exceed the noise."""
     errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
     return [
         f"the model explains nothing of the {channel} of the training runs (its error is "
@@ -155,7 +156,7 @@ def _missed(findings: Findings) -> list[str]:
 
 
 def _missing(findings: Findings) -> list[str]:
-    """What the final model leaves unexplained, and which run it is where it is one."""
+    """Warnings on what the final model leaves unexplained, and on outlying runs."""
     if not findings.options.effects:
         return _unsearched(findings)
     if findings.after is None or findings.left is None or not findings.after.missing:
@@ -177,7 +178,7 @@ def _missing(findings: Findings) -> list[str]:
 
 
 def _unsearched(findings: Findings) -> list[str]:
-    """Channels off by more than their noise where no effect was searched."""
+    """Warnings on channels whose error exceeds the noise when no effect search was made."""
     return [
         f"the {channel} of the {role} runs is off by {entry['noise_ratio']:.3g} times its noise: "
         "the model lacks something, which its parameters make up for, and no effect was searched"
@@ -188,7 +189,7 @@ def _unsearched(findings: Findings) -> list[str]:
 
 
 def _worse(findings: Findings) -> list[str]:
-    """Validation runs for which the nominal model is the better one."""
+    """Warnings on validation runs that the nominal model predicts better."""
     if findings.outcome is None or not findings.outcome.effects:
         return []
     before, after = (findings.simulated[stage]["validation"] for stage in ("before", "after"))
@@ -240,7 +241,7 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
 
 
 def _checks(admission: Admission | None, found: Sequence[Finding]) -> dict[str, object]:
-    """What the checks found, whether the fit was forced, and which runs were set aside."""
+    """Findings of the checks, whether the fit was forced, and the runs that were set aside."""
     if admission is None:
         return {"checks": [one.entry() for one in found], "forced": False, "set_aside": []}
     return {
@@ -298,7 +299,7 @@ def _number(value: float) -> float | None:
 
 
 def _temperatures(findings: Findings) -> list[str]:
-    """Temperatures that were not logged and on what they rest."""
+    """Warnings on runs without logged temperature: the estimate and its basis."""
     unseen = [one.record for one in findings.simulated["after"]["validation"]]
     found = estimated_temperatures(findings.final, unseen)
     if not found:
@@ -325,7 +326,7 @@ def _temperatures(findings: Findings) -> list[str]:
 
 
 def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
-    """All warnings: what the result is worth first, what was noted of the files last."""
+    """All warnings: validity of the result first, notes on the files last."""
     campaign, options = findings.campaign, findings.options
     runs = (*campaign.training_runs, *campaign.validation_runs)
     stopped = (options.effort, options.time_limit if findings.interrupted else None)
@@ -350,8 +351,8 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
 
 
 def _undetermined(findings: Findings) -> list[str]:
-    """Parameters that the runs leave open."""
-    # A line that a curve may have is said by the declared parameter that it trades with.
+    """Warning on the parameters that the runs do not determine."""
+    # The linear part of a curve is reported under the parameter it is collinear with.
     lines = {line.name for line in lines_of(findings.final)}
     lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
     unknown = [name for name, found in findings.known.items() if not found and name not in lines]

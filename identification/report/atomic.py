@@ -1,7 +1,7 @@
-"""Files that appear complete or not at all.
+"""Atomic file writing: a file appears complete or not at all.
 
-A reader who polls a directory, or a power cut in the middle, never meets half a file: the content
-goes to a neighbour first, is forced to the disk, and takes its name in one step.
+The content is written to a temporary file in the same directory, synced to disk and renamed in one
+step.  Neither a process that polls the directory nor a power failure ever leaves half a file.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ __all__ = ["replacing", "write_text"]
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a neighbour of `path` to write to; it takes the name of `path` when all went well.
+    """Yield a temporary file that is renamed to `path` if the block succeeds.
 
-    On an exception the neighbour is removed and what stood at `path` before stays.
+    On an exception the temporary file is removed and the previous content of `path` stays.
 
     Args:
         path: File to create or to replace; its directory must exist.
@@ -32,7 +32,7 @@ def replacing(path: Path) -> Iterator[Path]:
     neighbour = Path(name)
     try:
         yield neighbour
-        # mkstemp makes files that only their owner can read; a result is an ordinary file.
+        # mkstemp creates files that only the owner can read; a result has ordinary permissions.
         neighbour.chmod(0o666 & ~_umask())
         _force_to_disk(neighbour)
         neighbour.replace(path)
@@ -43,7 +43,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` as UTF-8 with plain line feeds to `path`, complete or not at all."""
+    """Write `text` to `path` atomically, as UTF-8 with plain line feeds."""
     with replacing(path) as neighbour:
         neighbour.write_text(text, encoding="utf-8", newline="\n")
 
@@ -57,7 +57,7 @@ def _force_to_disk(path: Path) -> None:
 
 
 def _umask() -> int:
-    """The process's mask; there is no way to read it but to set it and set it back."""
+    """The umask of the process; reading it requires setting it and restoring it."""
     mask = os.umask(0o077)
     os.umask(mask)
     return mask

@@ -1,12 +1,12 @@
-"""Parts of the report that may fail without the page: a line of text stands in their place.
+"""Fault isolation for report sections: a line of text replaces a section that cannot be computed.
 
     attempts = Attempts()
     attempts.figure("step response", lambda: step_figure(steps))
     attempts.rows("table of runs", lambda: run_rows(data))
     attempts.remarks
 
-The page is a view of a result that is on the disk already.  Numbers that no figure can show
-(an infinite simulation, an empty curve) are no reason to lose the other figures.
+The report shows a result that is already on disk.  Values that one figure cannot show (an infinite
+simulation, an empty curve) must not suppress the other figures.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ __all__ = ["Attempts"]
 _Part = TypeVar("_Part")
 
 _FAILURES: Final = (ArithmeticError, LookupError, TypeError, ValueError)
-"""Errors that values may cause; numpy's LinAlgError is a ValueError."""
+"""Exceptions that unusual values can raise; numpy's LinAlgError is a ValueError."""
 
 
 @dataclass
 class Attempts:
-    """Parts of one page, and what could not be computed.
+    """Sections of one page, and remarks on those that could not be computed.
 
     Args:
-        remarks: One sentence for each part that is missing.
+        remarks: One sentence for each missing section.
     """
 
     remarks: list[str] = field(default_factory=list)
 
     def part(self, name: str, compute: Callable[[], _Part]) -> _Part | None:
-        """What is computed; None and a remark where the values do not allow it.
+        """Compute a section; return None and add a remark if the values do not allow it.
 
         Args:
-            name: The part as the remark calls it.
-            compute: Computation, with floating-point warnings off.
+            name: Name of the section in the remark.
+            compute: Computation, run with floating-point warnings off.
         """
         try:
             with np.errstate(all="ignore"):
@@ -51,19 +51,19 @@ class Attempts:
             return None
 
     def rows(self, name: str, compute: Callable[[], Iterable[_Part]]) -> tuple[_Part, ...]:
-        """The same of several; none and a remark where the values do not allow it."""
+        """Compute several items; return () and add a remark if the values do not allow it."""
         return self.part(name, lambda: tuple(compute())) or ()
 
     def figure(self, name: str, draw: Callable[[], str]) -> Markup:
-        """A drawing, or a line of text in its place.
+        """Draw a figure; return a line of text instead if the values do not allow it.
 
         Args:
-            name: The figure as the line calls it.
-            draw: Function that returns the text of the drawing.
+            name: Name of the figure in the line of text.
+            draw: Function that returns the SVG text.
         """
         try:
             with np.errstate(all="ignore"):
-                return Markup(draw())  # noqa: S704  svg.text escapes what comes from outside
+                return Markup(draw())  # noqa: S704  svg.text escapes external text
         except _FAILURES as error:
             return Markup('<p class="muted">') + escape(_remark(name, error)) + Markup("</p>")
 

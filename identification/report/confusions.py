@@ -1,7 +1,7 @@
-"""What current, speed and temperature alone cannot tell apart, or only in some runs.
+"""Confounded effects: what current, speed and temperature alone cannot tell apart.
 
-Physics and not the method sets these limits; the documentation lists them, and a report says those
-that concern what it found.
+These limits come from physics, not from the method.  The documentation lists them all; a report
+lists those that concern its effects.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ __all__ = ["CONFUSIONS", "Confusion", "confusions_of"]
 
 @dataclass(frozen=True)
 class Confusion:
-    """Kinds that look alike.
+    """Effects and parameters that are confounded with each other.
 
     Args:
         effects: Names in the catalogue.
-        parameters: Declared parameters that look like them.
-        title: What is taken for what, in words.
+        parameters: Nominal-model parameters that are confounded with them.
+        title: The confounded quantities in words.
         apart: What tells them apart, or that nothing does.
     """
 
@@ -112,9 +112,9 @@ CONFUSIONS: Final = (
         "back-EMF constant is therefore taken for the torque constant.",
     ),
 )
-"""Known confusions; those without an effect concern every motor."""
+"""Known confounded effects; entries without an effect concern every motor."""
 
 
 def confusions_of(names: Sequence[str]) -> list[Confusion]:
-    """Confusions that concern one of the effects in `names`."""
+    """Entries that concern one of the effects in `names`."""
     return [confusion for confusion in CONFUSIONS if set(confusion.effects) & set(names)]

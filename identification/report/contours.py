@@ -1,7 +1,7 @@
-"""Where a cloud of draws is dense: highest-density regions of a pair of parameters.
+"""Highest-density regions of the draws of two parameters.
 
-A histogram on a grid, smoothed by the width that the number of draws allows, cut at the heights
-that enclose given shares of the draws, and traced to closed outlines by marching squares.
+A two-dimensional histogram is smoothed with a bandwidth by Scott's rule, cut at the densities that
+enclose given fractions of the draws, and traced to closed contours by marching squares.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Density:
     Args:
         x: (n_x,) centres of the cells.
         y: (n_y,) centres of the cells.
-        height: (n_y, n_x) share of the draws in each cell [-].
+        height: (n_y, n_x) fraction of the draws in each cell [-].
     """
 
     x: Array
@@ -39,14 +39,15 @@ def density(
 ) -> Density:
     """Smoothed histogram of draws.
 
-    The width of the smoothing is Scott's rule for two dimensions, n^(-1/6) standard deviations of
-    one parameter while the other is held, so that a narrow ridge is not smeared into a lobe.
+    The standard deviation of the smoothing kernel is n^(-1/6) (Scott's rule in two dimensions)
+    times the conditional standard deviation of one parameter given the other, so that a narrow
+    ridge is not smeared into a lobe.
 
     Args:
         x: (n_draw,).
         y: (n_draw,).
         limits: Ranges of x and y that the grid covers.
-        cells: Cells along each axis.
+        cells: Number of cells along each axis.
     """
     counts, y_edges, x_edges = np.histogram2d(y, x, bins=cells, range=(limits[1], limits[0]))
     together = float(np.corrcoef(x, y)[0, 1]) if min(x.std(), y.std()) > 0.0 else 0.0
@@ -65,7 +66,7 @@ def density(
 
 
 def enclosing_heights(height: Array, shares: Sequence[float]) -> list[float]:
-    """Heights whose level sets are the smallest that enclose each of `shares` of the mass [-]."""
+    """Densities whose level sets are the smallest that enclose each of `shares` of the mass [-]."""
     order = np.sort(height.ravel())[::-1]
     mass = np.cumsum(order)
     return [
@@ -75,16 +76,16 @@ def enclosing_heights(height: Array, shares: Sequence[float]) -> list[float]:
 
 
 def outlines(found: Density, level: float) -> list[Array]:
-    """Closed outlines of the region above `level`.
+    """Closed contours of the region above `level`.
 
-    Beyond the grid the density counts as zero, so that every outline closes.
+    The density counts as zero beyond the grid, so that every contour closes.
 
     Args:
         found: The density.
-        level: Height at which to cut.
+        level: Density at which to cut.
 
     Returns:
-        One (n_point, 2) array of x and y an outline.
+        One (n_point, 2) array of x and y for each contour.
     """
     padded = np.pad(found.height, 1)
     x, y = _beyond(found.x), _beyond(found.y)
@@ -101,13 +102,13 @@ def outlines(found: Density, level: float) -> list[Array]:
 
 
 def _beyond(centres: Array) -> Array:
-    """The centres with one more on either side."""
+    """Cell centres, extended by one cell on either side."""
     step = centres[1] - centres[0]
     return np.concatenate(([centres[0] - step], centres, [centres[-1] + step]))
 
 
-# For each pattern of corners above the level (bit 0 lower left, 1 lower right, 2 upper right,
-# 3 upper left): edges a line enters and leaves by, the high side on its left.
+# Marching squares: for each pattern of corners above the level (bit 0 lower left, 1 lower right,
+# 2 upper right, 3 upper left), the edges where a contour enters and leaves, high side on its left.
 _BOTTOM, _RIGHT, _TOP, _LEFT = range(4)
 _LINES: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((_BOTTOM, _LEFT),),
@@ -128,9 +129,9 @@ _LINES: dict[int, tuple[tuple[int, int], ...]] = {
 
 
 def _segments(height: Array, level: float) -> dict[_Edge, _Edge]:
-    """Pieces of the outlines, from edge to edge; each edge starts one piece at most.
+    """Segments of the contours from edge to edge; each edge starts at most one segment.
 
-    Edges are whole numbers, so that pieces join exactly, also where a corner is level.
+    Edges have integer keys, so that segments join exactly, even if a corner equals the level.
     """
     above = (height > level).astype(np.int_)
     pattern = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
@@ -142,14 +143,14 @@ def _segments(height: Array, level: float) -> dict[_Edge, _Edge]:
 
 
 def _edge(row: int, column: int, side: int) -> _Edge:
-    """One side of a cell by its first corner and whether it lies along x."""
+    """Key of one side of a cell: its first corner and whether it lies along x."""
     return (row + (side == _TOP), column + (side == _RIGHT), side in (_BOTTOM, _TOP))
 
 
 def _places(
     height: Array, level: float, loop: Sequence[_Edge], centres: tuple[Array, Array]
 ) -> Array:
-    """Where the level crosses each edge, by linear interpolation: (n_edge, 2) x and y."""
+    """Points where the level crosses each edge, by linear interpolation: (n_edge, 2) x and y."""
     row, column, along_x = (np.array(part) for part in zip(*loop, strict=True))
     low, high = height[row, column], height[row + ~along_x, column + along_x]
     share = (level - low) / (high - low)

@@ -1,7 +1,7 @@
-"""What a report is drawn from: the result and the curves that are too long for it.
+"""Report data: the result, and the curves that are too long for it.
 
-Plain arrays in frozen classes; nothing here computes.  What a campaign does not have is left at its
-default, and the report leaves the part out or says why it is empty.
+All classes are frozen and hold plain arrays; nothing is computed here.  Data that a campaign does
+not have keep their default, and the report omits the section or says why it is empty.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RunTraces:
-    """One run, measured and simulated.
+    """Measured and simulated signals of one run.
 
     Args:
         name: File name as the user gave it.
         role: ``training`` or ``validation``.
         time: (n_sample,) increasing [s].
         voltage: (n_sample,) [V].
-        temperature: (n_sample,) [degC], or None where not logged.
+        temperature: (n_sample,) [degC], or None if not logged.
         measured_current: (n_sample,) [A]; NaN where the sample was not used.
         measured_speed: (n_sample,) [rad/s]; NaN where the sample was not used.
         after_current: (n_sample,) simulated by the final model [A].
         after_speed: (n_sample,) simulated by the final model [rad/s].
-        before_current: (n_sample,) simulated by the declared model [A]; None where it is the final
-            one.
-        before_speed: (n_sample,) the same for the speed [rad/s].
+        before_current: (n_sample,) simulated by the nominal model [A]; None if that is the final
+            model.
+        before_speed: (n_sample,) simulated by the nominal model [rad/s]; None if that is the final
+            model.
     """
 
     name: str
@@ -63,11 +64,11 @@ class RunTraces:
 
 @dataclass(frozen=True, eq=False)
 class PosteriorChain:
-    """The chain of the sampler after the burn-in.
+    """Chain of the sampler after burn-in.
 
     Args:
-        names: (n_param,) as in the result.
-        units: (n_param,).
+        names: (n_param,) names as in the result.
+        units: (n_param,) their units.
         chain: (n_step, n_walker, n_param), each in its unit.
     """
 
@@ -78,16 +79,16 @@ class PosteriorChain:
 
 @dataclass(frozen=True, eq=False)
 class CoefficientCurve:
-    """A coefficient of the motor over temperature, with its 90 % band.
+    """Coefficient of the motor over temperature, with its 90 % band.
 
     Args:
         name: ``Ra`` or ``Kt``.
         unit: Unit of the curves.
         temperature: (n_point,) increasing [degC].
-        median: (n_point,).
-        q05: (n_point,).
-        q95: (n_point,).
-        before: (n_point,) median of the declared model, where that is another.
+        median: (n_point,) median.
+        q05: (n_point,) lower end of the band.
+        q95: (n_point,) upper end of the band.
+        before: (n_point,) median of the nominal model; None if that is the final model.
     """
 
     name: str
@@ -104,13 +105,13 @@ class StepResponse:
     """Speed of the closed loop after a unit step of the reference, with its 90 % band.
 
     Args:
-        temperature_degC: Temperature of winding and magnet.
-        controller: As the user gave it, such as ``PI:2,10``.
+        temperature_degC: Temperature of winding and magnet [degC].
+        controller: Controller as the user gave it, such as ``PI:2,10``.
         time: (n_point,) increasing from zero [s].
         median: (n_point,) speed over reference [-].
-        q05: (n_point,) [-].
-        q95: (n_point,) [-].
-        simulated: (n_point,) median with the effects in the loop [-]; None where none acts there.
+        q05: (n_point,) lower end of the band [-].
+        q95: (n_point,) upper end of the band [-].
+        simulated: (n_point,) median with the effects in the loop [-]; None if no effect acts there.
     """
 
     temperature_degC: float
@@ -124,21 +125,21 @@ class StepResponse:
 
 @dataclass(frozen=True, eq=False)
 class MissingTerm:
-    """What is missing in one equation, drawn against one driver, with the effect fitted to it.
+    """Missing voltage or torque against one driver, with the fitted effect.
 
     Args:
         equation: ``electrical`` or ``mechanical``.
-        quantity: In words, such as ``missing torque``.
+        quantity: Label, such as ``missing torque``.
         unit: Unit of the quantity.
-        driver: In words, such as ``speed``.
+        driver: Label, such as ``speed``.
         driver_unit: Unit of the driver.
-        driver_values: (n_sample,) where it was estimated.
+        driver_values: (n_sample,) driver values of the estimates.
         estimate: (n_sample,) smoothed missing term.
-        grid: (n_point,) increasing values of the driver for the curve; empty where none was fitted.
+        grid: (n_point,) increasing driver values of the curve; empty if no effect was fitted.
         median: (n_point,) the fitted effect.
-        q05: (n_point,).
-        q95: (n_point,).
-        effect: Name of the fitted effect; empty where none was fitted.
+        q05: (n_point,) lower end of its 90 % band.
+        q95: (n_point,) upper end of its 90 % band.
+        effect: Name of the fitted effect; empty if none was fitted.
     """
 
     equation: str
@@ -157,18 +158,18 @@ class MissingTerm:
 
 @dataclass(frozen=True, eq=False)
 class MissingTrace:
-    """What is missing in one equation over the time of one run, with its 90 % band.
+    """Missing voltage or torque over the time of one run, with its 90 % band.
 
     Args:
         run: Name of the run.
-        quantity: In words, such as ``missing torque``.
+        quantity: Label, such as ``missing torque``.
         unit: Unit of the quantity.
         time: (n_sample,) increasing [s].
-        median: (n_sample,).
-        q05: (n_sample,).
-        q95: (n_sample,).
-        fitted: (n_sample,) the fitted effect over the same time; empty where none was fitted.
-        effect: Name of the fitted effect; empty where none was fitted.
+        median: (n_sample,) smoothed missing term.
+        q05: (n_sample,) lower end of the band.
+        q95: (n_sample,) upper end of the band.
+        fitted: (n_sample,) the fitted effects over the same time; empty if none was fitted.
+        effect: Names of the fitted effects; empty if none was fitted.
     """
 
     run: str
@@ -184,16 +185,17 @@ class MissingTrace:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect that was tried.
+    """Candidate effect of the search.
 
     Args:
-        name: As in the contract, or several joined by `` + ``.
-        equation: Where it enters.
-        explained: Share of the squared residual it explains on the training runs [-].
-        held_out: Change of the squared error on runs left out, negative where it helps [-].
+        name: Name of the effect.
+        equation: Equation that it enters.
+        explained: Fraction of the squared residual that it explains on the training runs [-].
+        held_out: Relative change of the squared error on the validation runs, negative if it falls
+            [-].
         probability: Posterior model probability [-].
         verdict: ``chosen``, ``alternative`` or ``ruled out``.
-        reason: One sentence, why.
+        reason: Reason for the verdict, one sentence.
     """
 
     name: str
@@ -207,14 +209,14 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """How a missing effect was found.
+    """Account of the effect search for the report.
 
     Args:
-        sentences: The finding in plain words, one paragraph each.
+        sentences: Findings in plain words, one paragraph each.
         terms: Missing torque or voltage against its drivers.
-        traces: The same over time.
-        candidates: What was tried, best first.
-        remaining: What the final model still does not explain, in plain words.
+        traces: Missing torque or voltage over time.
+        candidates: Candidates of the search, best first.
+        remaining: What the final model does not explain, in plain words.
     """
 
     sentences: tuple[str, ...] = ()
@@ -226,7 +228,7 @@ class Story:
 
 @dataclass(frozen=True)
 class Equation:
-    """One equation of the final model as text, and what it says in words."""
+    """One equation of the final model as text, with its meaning in words."""
 
     text: str
     meaning: str = ""
@@ -234,20 +236,20 @@ class Equation:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything a report shows.
+    """Everything that a report shows.
 
     Args:
         result: Content of result.json.
         runs: Training runs, then validation runs.
         coefficients: Ra(T) and Kt(T).
         steps: Closed-loop step responses, each controller at each temperature.
-        posterior: The chain; None where it was not sampled.
-        story: How effects were found; None where no search was made.
-        equations: The final model, printed from the expressions that were simulated.
-        limits: More sentences on what the data cannot tell, beside the general ones.
+        posterior: The chain; None if not sampled.
+        story: Account of the effect search; None if none was made.
+        equations: The final model, printed from the simulated expressions.
+        limits: Sentences on what the data cannot tell apart, in addition to the general ones.
         reasons: Why a parameter is not identified, one sentence by name.
         undrawn: What could not be drawn and why, one sentence each.
-        title: Head of the report.
+        title: Title of the report.
     """
 
     result: Mapping[str, Any]

@@ -1,10 +1,9 @@
-"""Long records made short for the eye, and packed for the page.
+"""Min-max decimation of long records for plotting, and their compact encoding for the page.
 
-A screen is about a thousand dots wide.  Of every bucket of samples the smallest and the largest are
-kept, of every channel that is drawn together: spikes stay, and every point shown is a sample that
-was taken, at its own time.  Averages would hide what one looks for.  Extremes alone turn a step
-into a ramp as wide as a bucket, which shows when one zooms; so the corners of smooth channels are
-kept too.
+A screen is about a thousand pixels wide.  In every bucket of samples, the minimum and the maximum
+of each channel plotted together are kept: outliers stay visible, and every plotted point is an
+actual sample at its own time.  Averages would hide the outliers.  Extremes alone turn a step into a
+ramp as wide as a bucket, which shows when zooming, so the corners of smooth channels are kept too.
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ Indices = NDArray[np.int_]
 
 _CORNER = 0.003
 _STEPS = 65534
-"""Levels of a packed value; 65535 stands for a value that is not there."""
+"""Quantisation steps of an encoded value; the code 65535 is a missing value."""
 
 
 def extremes(channels: Sequence[Array], buckets: int) -> Indices:
-    """Samples to draw: the extremes of every channel in every bucket, and both ends.
+    """Indices of the samples to plot: extremes of every channel in every bucket, and both ends.
 
     Args:
-        channels: (n_sample,) each; drawn over the same time axis.
-        buckets: Number of equal stretches of samples.
+        channels: (n_sample,) each; plotted over the same time axis.
+        buckets: Number of buckets with equally many samples.
 
     Returns:
-        (n_kept,) increasing positions; all of them where the record is short.
+        (n_kept,) increasing indices; all samples if the record is short.
     """
     size = channels[0].size
     if size <= 2 * buckets:
         return np.arange(size)
     edges = np.linspace(0, size, buckets + 1).astype(np.int_)
     width = int(np.max(np.diff(edges)))
-    # Rows of equal width: a shorter bucket sees its last sample twice.
+    # Rows of equal width: a shorter bucket repeats its last sample.
     rows = np.minimum(edges[:-1, None] + np.arange(width), edges[1:, None] - 1)
     kept = [np.array([0, size - 1])]
     for channel in channels:
@@ -55,18 +54,18 @@ def extremes(channels: Sequence[Array], buckets: int) -> Indices:
 
 
 def with_corners(kept: Indices, channel: Array, most: int) -> Indices:
-    """Add the samples by which straight lines between the kept ones miss a channel most.
+    """Add the samples where linear interpolation between the kept ones has its largest errors.
 
-    Meant for channels without noise, such as a simulation: noise has corners everywhere.
+    It is meant for channels without noise, such as a simulation: noise has corners everywhere.
 
     Args:
-        kept: (n_kept,) increasing positions, the first and last sample among them.
+        kept: (n_kept,) increasing indices, including the first and the last sample.
         channel: (n_sample,).
-        most: How many samples to add at most.
+        most: Largest number of samples to add.
 
     Returns:
-        Increasing positions: lines between them miss the channel by at most 0.3 % of its range,
-        unless `most` was too few.
+        Increasing indices; linear interpolation between them is within 0.3 % of the channel's
+        range, unless `most` was too small.
     """
     samples = np.arange(channel.size)
     finite = channel[np.isfinite(channel)]
@@ -87,26 +86,26 @@ def with_corners(kept: Indices, channel: Array, most: int) -> Indices:
 
 
 def gaps(time: Array, factor: float = 4.0) -> Indices:
-    """Samples after which the record pauses, (n_gap,): where a line must break.
+    """Indices (n_gap,) of the samples before a gap in the record, where a line must break.
 
     Args:
         time: (n_sample,) increasing [s].
-        factor: A pause is longer than this many usual intervals.
+        factor: A gap is longer than this many median intervals.
     """
     steps = np.diff(time)
     return np.flatnonzero(steps > factor * np.median(steps)) if steps.size else np.zeros(0, np.int_)
 
 
 def packed(values: Array) -> dict[str, Any]:
-    """Values as 16-bit steps in base64, a third of their length in digits.
+    """Values as 16-bit integers in base64, a third of the length of decimal digits.
 
-    A step is 1/65534 of the range, far below what a screen can show.
+    The resolution is 1/65534 of the range, far finer than a screen can show.
 
     Args:
-        values: (n_sample,); NaN where there is nothing to draw.
+        values: (n_sample,); NaN for missing values.
 
     Returns:
-        ``low``, ``step`` and ``data``: the value is ``low + step * word``, word 65535 is nothing.
+        ``low``, ``step`` and ``data``: the value is ``low + step * word``, word 65535 is missing.
     """
     finite = values[np.isfinite(values)]
     low = float(finite.min()) if finite.size else 0.0
@@ -117,7 +116,7 @@ def packed(values: Array) -> dict[str, Any]:
 
 
 def packed_time(time: Array) -> dict[str, Any]:
-    """Times as 32-bit seconds since the first one, in base64.
+    """Times as 32-bit floats relative to the first one, in base64.
 
     Args:
         time: (n_sample,) increasing [s].

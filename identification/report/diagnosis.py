@@ -1,6 +1,6 @@
-"""The diagnosis as entries of the result: what is left, where it is missing, what has shifted.
+"""Diagnosis entries of the result: residual tests, missing terms and parameter shifts.
 
-No series go into the result; the report draws them.
+The result contains no time series; the report plots them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BEYOND: Final = 3.0
 
 
 def detection_entry(detection: Detection | None) -> dict[str, Any]:
-    """Whether anything is left in the residuals, and why; empty where it was not looked for."""
+    """Residual tests with their reasons; empty if they were not made."""
     if detection is None:
         return {}
     return {
@@ -53,12 +53,12 @@ def detection_entry(detection: Detection | None) -> dict[str, Any]:
 def trace_entry(
     localisation: Localisation | None, outcome: Outcome | None, records: Sequence[Record]
 ) -> dict[str, Any]:
-    """In which equation something is missing, and against which signals it shows.
+    """Missing term of each equation and its dependence on the drivers.
 
     Args:
-        localisation: The missing voltage and torque; None where they were not looked for.
-        outcome: What the search found; None where none was made.
-        records: Training records, as the missing terms have them.
+        localisation: Missing voltage and torque; None if not estimated.
+        outcome: Outcome of the effect search; None if none was made.
+        records: Training records to which the missing terms belong.
     """
     entry: dict[str, Any] = {}
     if localisation is not None:
@@ -99,7 +99,7 @@ def trace_entry(
 
 
 def signals_at(records: Sequence[Record], missing: Sequence[Missing]) -> dict[str, Array]:
-    """Each driver at the instants of the missing terms, all records behind each other."""
+    """Each driver at the sample times of the missing terms, all records concatenated."""
     by_start = {(record.run, record.start): record for record in records}
     columns: dict[str, list[Array]] = {name: [] for name in _DRIVERS}
     for piece in missing:
@@ -112,7 +112,7 @@ def signals_at(records: Sequence[Record], missing: Sequence[Missing]) -> dict[st
             "position": np.mod(record.column("angle"), 2 * np.pi),
             "time": record.time,
         }
-        # A sample's own value and not one between two: an angle wraps.
+        # Sample values without interpolation, because the angle wraps.
         at = np.clip(np.searchsorted(record.time, piece.time), 0, record.rows - 1)
         for name, values in known.items():
             columns[name].append(values[at])
@@ -122,17 +122,17 @@ def signals_at(records: Sequence[Record], missing: Sequence[Missing]) -> dict[st
 
 
 def _correlation(term: Array, driver: Array) -> float | None:
-    """Pearson's correlation, None where one of both does not move."""
+    """Pearson correlation; None if one of the two signals is constant."""
     if term.size < 3 or np.ptp(term) == 0.0 or np.ptp(driver) == 0.0:
         return None
     return float(np.corrcoef(term, driver)[0, 1])
 
 
 def _share(term: Array, driver: Array) -> float | None:
-    """Share of the variance of a term that its means over stretches of a driver explain.
+    """Correlation ratio: fraction of a term's variance explained by its bin means over a driver.
 
-    This is the correlation ratio, which a curve of any form raises and a straight line alone
-    equals the square of the correlation.  Stretches hold equally many samples.
+    For a linear relation it equals the square of the correlation; a curve of any form raises it as
+    well.  Bins hold equally many samples.
 
     Source: Fisher, Statistical Methods for Research Workers (1925), section 45.
     """
@@ -151,20 +151,21 @@ def shift_entries(
     draws: Mapping[str, Array],
     declared_draws: Mapping[str, Array],
 ) -> dict[str, dict[str, Any]]:
-    """How far each declared parameter had been off because the effects were in it.
+    """Bias of each nominal-model parameter that the missing effects caused.
 
-    Both fits use the same data, so their errors have something in common that the difference does
-    not have.  The interval takes them for independent, which makes it too wide rather than too
-    narrow; `off` asks for three of its standard deviations.
+    Both fits use the same data, so their errors have a common part that cancels in the difference.
+    The interval treats them as independent, which makes it too wide rather than too narrow; `off`
+    requires three of its standard deviations.
 
     Args:
         parameters: Entries of the final model.
-        declared: Entries of the declared model.
+        declared: Entries of the nominal model.
         draws: Draws of the final model by name.
-        declared_draws: Draws of the declared model by name.
+        declared_draws: Draws of the nominal model by name.
 
     Returns:
-        By name ``before``, ``after``, ``relative`` (declared over final, less one) and ``off``.
+        By name ``before``, ``after``, ``relative`` (nominal minus final, over the magnitude of the
+        final value) and ``off``.
     """
     entries = {}
     for name, after in parameters.items():

@@ -1,4 +1,4 @@
-"""Warnings of stages that ended before they were done: what it means, and what to do."""
+"""Warnings on stages that stopped early, with consequence and remedy."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def early_ends(
     effort: str,
     time_limit: float | None,
 ) -> list[str]:
-    """Warnings of the fit, the search and the sampler.
+    """Warnings on an early stop of the fit, the effect search or the sampler.
 
     Args:
         final: Fit of the final model.
-        outcome: What the search found, None where none was made.
-        sample: The chain, None where none was asked for.
-        effort: Effort level, whose budget a stage may have spent.
-        time_limit: Time limit where it stopped a stage [s].
+        outcome: Outcome of the effect search, None if none was made.
+        sample: The chain, None if none was requested.
+        effort: Effort level, whose budget a stage may have used up.
+        time_limit: Time limit that stopped a stage [s]; None if none did.
     """
     limit = f"the time limit of {time_limit} s" if time_limit is not None else ""
     messages = []
@@ -66,7 +66,7 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> str:
 
 
 def _remedy(effort: str, limit: str) -> str:
-    """What a user may do for a stage that ended by its budget or the time limit."""
+    """Advice for a stage that its budget or the time limit stopped."""
     if limit:
         return "; allow more time"
     if effort == "thorough":

@@ -1,10 +1,10 @@
-"""The page of the documentation about the effects, written from the catalogue itself.
+"""Generator of the documentation page on effects, from the catalogue classes.
 
     python -m identification.report.effects_page        writes docs/effects.md
 
-A class of the catalogue says what its effect is, by which formula, driven by what, with which
-parameters and from which source; nothing on the page is written a second time.  Priors have the
-natural sizes of the motor at hand, so those of an example are shown.
+Each class of the catalogue provides its description, formula, drivers, parameters and source, so
+that the page repeats nothing by hand.  Priors scale with the motor at hand; the page shows those of
+an example motor.
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ A prior "x / 2" has its logarithm normal with a factor of two as one standard de
 
 
 def effects_page(survey: Survey) -> str:
-    """Markdown of the page.
+    """Markdown text of the page.
 
     Args:
-        survey: Natural sizes of the example.
+        survey: Scales of the signals and parameters of the example.
     """
     ra, _, kt, _, inertia, *_ = _MOTOR
     head = _HEAD.format(
@@ -94,9 +94,9 @@ def effects_page(survey: Survey) -> str:
 
 
 def example_survey() -> Survey:
-    """Natural sizes of an example with moving temperature and a logged shaft angle.
+    """Signal and parameter scales of an example with varying temperature and a logged shaft angle.
 
-    A known motor is simulated, noise is added and the declared model is fitted, as for any runs.
+    A known motor is simulated, noise is added and the nominal model is fitted, as for any runs.
     """
     rng = np.random.default_rng(0)
     time = _INTERVAL * np.arange(_ROWS, dtype=np.float64)
@@ -123,13 +123,13 @@ def example_survey() -> Survey:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write the page to the path given, else to docs/effects.md."""
+    """Write the page to the given path, by default docs/effects.md."""
     given = sys.argv[1:] if arguments is None else arguments
     write_text(Path(given[0]) if given else PAGE, effects_page(example_survey()))
 
 
 def _told(kind: Any) -> tuple[str, list[str], str]:
-    """First sentence of a class, its formulas, and what it says behind them."""
+    """First sentence, formulas and remaining text of a class docstring."""
     whole = inspect.cleandoc(kind.__doc__ or "")
     body = re.split(r"^Args:|^Source:", whole, maxsplit=1, flags=re.MULTILINE)[0].strip()
     first, *rest = re.split(r"\n\s*\n", body)
@@ -143,7 +143,7 @@ def _told(kind: Any) -> tuple[str, list[str], str]:
         else:
             remarks.append(" ".join(paragraph.split()))
     if ":" in first and "=" in first:
-        # A formula in the first sentence stands on its own line.
+        # Move a formula out of the first sentence to a line of its own.
         sentence, formula = first.rstrip(".").split(":", 1)
         first, formulas = f"{sentence}.", [formula.strip(), *formulas]
     return first, formulas, "\n".join(remarks)

@@ -1,4 +1,4 @@
-"""What the stages of an identification found: all that the result and the report are made from."""
+"""Findings of all identification stages: the input of the result and of the report."""
 
 from __future__ import annotations
 
@@ -30,38 +30,37 @@ __all__ = ["CHANNELS", "Findings"]
 Array = NDArray[np.float64]
 
 CHANNELS = ("current", "speed")
-"""The logged channels that a model predicts, in the order of every array that has both."""
+"""Logged channels that a model predicts, in the column order of every two-channel array."""
 
 _GROSS = 1.5
-"""Error over the noise above which no colour of the noise explains it."""
+"""Noise ratio above which autocorrelated noise cannot explain the error [-]."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What the stages found.
+    """Findings of the identification stages.
 
     Args:
         campaign: Runs and records.
-        options: What the user chose.
-        declared: Fit of the declared model (before).
+        options: Options of the user.
+        declared: Fit of the nominal model (before).
         declared_draws: Draws of its posterior, physical, by name.
         final: Fit of the final model (after).
-        share: Effective share of the samples in the final model.
+        share: Effective sample fraction in the final model.
         draws: Draws of the final model's posterior, physical, by name.
-        sample: The chain, None where none was asked for.
+        sample: The chain, None if none was requested.
         feedback: The feedback list of the result.
-        outcome: What the search for effects found, None where none was made.
-        feedback_before: The feedback list of the declared model; empty where it is the final one.
-        loops: The loop simulated with the effects in it; empty where none acts there.
-        localisation: The missing voltage and torque beside the declared model, None where they
-            were not looked for.
-        left: The same beside the final model.
-        before: Whether the declared model leaves something, None where it was not looked for.
-        after: Whether the final model does.
+        outcome: Outcome of the effect search, None if none was made.
+        feedback_before: The feedback list of the nominal model; empty if that is the final model.
+        loops: Closed-loop simulations with the effects; empty if no effect acts in the loop.
+        localisation: Missing voltage and torque of the nominal model, None if not estimated.
+        left: Missing voltage and torque of the final model, None if not estimated.
+        before: Residual tests of the nominal model, None if not made.
+        after: Residual tests of the final model, None if not made.
         interrupted: Whether the time limit stopped a stage.
-        warnings: What the stages noticed.
-        omitted: What is not in the final model and could change its parameters.
-        admission: What the checks found in the runs given, None where they were not checked.
+        warnings: Warnings of the stages.
+        omitted: Terms that are not in the final model and could change its parameters.
+        admission: Findings of the input checks and the runs set aside, None if no check was made.
         contradicted: Known values that the runs contradict.
     """
 
@@ -100,23 +99,27 @@ class Findings:
 
     @cached_property
     def known(self) -> dict[str, bool]:
-        """Whether the data determine each parameter of the final model, whatever it lacks."""
+        """Whether the data identify each parameter of the final model, omitted terms considered."""
         return identified(self.final, self.share, consider_variances(self.final, self.omitted))
 
     @property
     def has_effects(self) -> bool:
-        """Whether the final model is another than the declared one."""
+        """Whether the final model contains effects."""
         return self.outcome is not None and bool(self.outcome.effects)
 
     @cached_property
     def noise(self) -> Array:
         """(2,) standard deviation of the noise of current and speed [A, rad/s].
 
-        Where the residual of the training runs is far larger than noise can be, it is the noise
-        with the missing voltage and torque taken out: what the model lacks is no noise.  Nor is
-        what only runs have that do not fit the others.  Where it is little larger, slow noise of a
-        sensor and a voltage that wanders may look alike.  It is never more than what the other
-        channels of a run leave unexplained, so that a model that explains nothing cannot pass.
+        The base estimate is the RMS residual of the training runs.  If it is larger than
+        autocorrelated noise can explain, the estimate with the missing voltage and torque removed
+        replaces it, because unexplained structure is not noise.  A slightly larger residual still
+        counts as noise, because slow sensor noise and a fluctuating voltage can look alike.  If the
+        missing terms were not estimated, the base estimate is `noise_deviation` of the final fit.
+
+        Outlying runs are excluded.  For a poorly simulated channel, the noise is bounded by the
+        part of the channel that the other channels of the run cannot explain, so that a model that
+        explains nothing cannot pass.
         """
         training = self.simulated["after"]["training"]
         error = root_mean_square(training)

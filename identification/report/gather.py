@@ -1,4 +1,4 @@
-"""From findings to what the report draws, and the files of a result directory."""
+"""Report data from the findings, and the files of a result directory."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ _POINTS: Final = 80
 
 
 def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -> None:
-    """Write posterior.nc where sampled, result.json, and then report.html.
+    """Write posterior.nc if sampled, then result.json, then report.html.
 
-    Nothing is drawn before the numbers are on the disk.  A posterior or a report of an earlier fit
-    does not stay beside the result of this one.
+    All numbers are on disk before anything is drawn.  A posterior or a report of an earlier fit is
+    removed.
     """
     directory.mkdir(parents=True, exist_ok=True)
     posterior = directory / "posterior.nc"
@@ -71,7 +71,7 @@ def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -
 
 
 def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
-    """Everything the report shows; a part that cannot be computed is left out and said."""
+    """Collect the report data; a section that cannot be computed is omitted with a remark."""
     sample, attempts = findings.sample, Attempts()
     return ReportData(
         result=result,
@@ -96,7 +96,7 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
 
 
 def _steps(findings: Findings) -> list[StepResponse]:
-    """Exact responses of the linear loop, with the simulated one where effects act in it."""
+    """Exact responses of the linear loop, and simulated responses if effects act in the loop."""
     simulated = {
         (loop.controller, loop.temperature_degC): (loop.time, np.median(loop.speed, axis=1))
         for loop in findings.loops
@@ -116,7 +116,7 @@ def _steps(findings: Findings) -> list[StepResponse]:
 
 
 def _story(result: dict[str, Any], findings: Findings, attempts: Attempts) -> Story | None:
-    """How effects were found, with what was missing drawn where it is a voltage or a torque."""
+    """Account of the effect search, with plots of the missing voltage or torque."""
     found = attempts.part("missing term", lambda: _missing(result, findings))
     terms, traces = found or ([], [])
     return attempts.part(
@@ -128,7 +128,7 @@ def _story(result: dict[str, Any], findings: Findings, attempts: Attempts) -> St
 def _missing(
     result: dict[str, Any], findings: Findings
 ) -> tuple[list[MissingTerm], list[MissingTrace]]:
-    """What was missing against its drivers, and over time."""
+    """Plot data of the missing terms against their drivers, and over time."""
     terms: list[MissingTerm] = []
     traces: list[MissingTrace] = []
     final = findings.final
@@ -173,7 +173,7 @@ def _runs(findings: Findings) -> list[RunTraces]:
 
 
 def _used(run: Run, name: str, channel: Array) -> Array:
-    """A channel with NaN where its sensor was clipped."""
+    """Channel with NaN where its sensor was clipped."""
     clipped = run.clipped.get(name)
     return channel if clipped is None else np.where(clipped, np.nan, channel)
 
@@ -221,7 +221,7 @@ def _coefficients(findings: Findings) -> list[CoefficientCurve]:
 
 
 def _reasons(findings: Findings) -> dict[str, str]:
-    """Why a parameter is not identified, as far as the runs themselves show it."""
+    """Why a parameter is not identified, as far as the runs show it."""
     records = findings.campaign.training
     temperature = np.concatenate([r.column("temperature") for r in records])
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))

@@ -1,11 +1,11 @@
-"""The report as one HTML file that needs nothing else: no server, no network, no other file.
+"""HTML report as one self-contained file: it needs no server, no network and no other file.
 
     text = render_report(data)
     write_text(directory / "report.html", text)
 
-Everything that came from outside is escaped by the template engine, data for the script lie in a
-block that is never executed, and the page forbids itself every script but its own two by their
-hashes.  `content_security_policy` gives the same words for a server that sends a header.
+The template engine escapes all external text, the data for the script are in a block that is never
+executed, and the content security policy admits only the page's own two scripts, by their hashes.
+`content_security_policy` returns the same policy for an HTTP header.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ _NO_RUNS = Markup('{"runs":[]}')
 
 
 def render_report(data: ReportData) -> str:
-    """The complete page.
+    """Render the complete page.
 
     Args:
-        data: What to show; parts that are missing are left out or said to be missing.
+        data: Data to show; missing sections are omitted or reported as missing.
 
     Returns:
         HTML text, UTF-8 when written.
@@ -97,7 +97,7 @@ def render_report(data: ReportData) -> str:
 
 @cache
 def content_security_policy() -> str:
-    """Content security policy under which a report works: nothing from outside, no foreign script.
+    """Content security policy of a report: only its own scripts and styles, images as data URLs.
 
     Returns:
         Value of the header ``Content-Security-Policy``.
@@ -133,7 +133,7 @@ def _environment() -> Environment:
 
 @cache
 def _asset(name: str) -> Markup:
-    """A file of the templates' folder as it will stand in the page."""
+    """Content of a file in the template folder, inserted unchanged into the page."""
     folder = resources.files("identification.report") / "templates"
     return Markup(folder.joinpath(name).read_text("utf-8"))
 
@@ -144,7 +144,7 @@ def _hash(content: str) -> str:
 
 
 def _payload(data: ReportData) -> Markup:
-    """Time series for the script; a name of a file must not end the block it stands in."""
+    """Time series for the script as JSON; escaping prevents a file name from ending its block."""
     noise = data.result["noise"]
     runs = [run_payload(run, len(data.runs), noise) for run in data.runs]
     text = json.dumps(
@@ -154,7 +154,7 @@ def _payload(data: ReportData) -> Markup:
 
 
 def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:
-    """Correlations of each role that has runs long enough, the deciding role first."""
+    """Residual correlations of each role with sufficiently long runs, the deciding role first."""
     found = {
         role: residual_checks([run for run in runs if run.role == role])
         for role in ("validation", "training")

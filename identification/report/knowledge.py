@@ -1,4 +1,4 @@
-"""Known values in the result: what they were, whether they were used, and what contradicts them."""
+"""Result entries and warnings on known values (priors)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from identification.nameplate import NAMEPLATE
 __all__ = ["contradiction_warnings", "known_only_warnings", "prior_entries"]
 
 _CLOSE: Final = 0.4
-"""Logarithm by which a ratio may differ from a unit's factor: two spreads of a nameplate."""
+"""Tolerance of a log ratio around the factor of a unit: two standard deviations of a nameplate
+value."""
 _ON_PLATES: Final = ("rpm", "mA")
 _SHOWN_BY: Final = {"Kt25": "speed_rad_s", "Ra25": "current_A"}
 """Channel whose unit scales a parameter: with the speed in rpm, Kt comes out 9.55 times smaller."""
@@ -27,13 +28,13 @@ _SHOWN_BY: Final = {"Kt25": "speed_rad_s", "Ra25": "current_A"}
 def prior_entries(
     fit: Fit, share: float, priors: Sequence[Prior], contradicted: Sequence[Comparison]
 ) -> dict[str, dict[str, Any]]:
-    """The member ``prior`` of each parameter that has one, by name.
+    """Member ``prior`` of each parameter that has one, by name.
 
     Args:
-        fit: Fit of the model that the parameters are of.
-        share: Effective share of the samples.
-        priors: Those of the user.
-        contradicted: Those that were not used since the runs contradict them.
+        fit: Fit of the model to which the parameters belong.
+        share: Effective sample fraction.
+        priors: Known values of the user.
+        contradicted: Known values that were not used because the runs contradict them.
     """
     entries: dict[str, dict[str, Any]] = {}
     by_runs = identified(fit, share, by_runs=True)
@@ -60,11 +61,11 @@ def prior_entries(
 
 
 def known_only_warnings(fit: Fit, share: float) -> list[str]:
-    """Which parameters rest on known values alone.
+    """Warnings on parameters that only known values identify.
 
     Args:
         fit: Fit of the final model.
-        share: Effective share of the samples.
+        share: Effective sample fraction.
     """
     together, by_runs = identified(fit, share), identified(fit, share, by_runs=True)
     names: dict[str, list[str]] = {}
@@ -75,10 +76,10 @@ def known_only_warnings(fit: Fit, share: float) -> list[str]:
 
 
 def contradiction_warnings(contradicted: Sequence[Comparison], runs: Sequence[Run]) -> list[str]:
-    """Known values that were not used, each with what the runs say and what may be why.
+    """Warnings on unused known values, each with the estimate from the runs and a possible cause.
 
     Args:
-        contradicted: Of `Knowledge.contradictions`.
+        contradicted: Refused comparisons of `Knowledge.joined_to`.
         runs: The runs.
     """
     return [_contradiction(one, runs) for one in contradicted]
@@ -103,9 +104,9 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
 
 
 def _units(one: Comparison, run: Run) -> list[str]:
-    """The unit by whose factor the runs differ from the known value, with what to type.
+    """Unit whose factor explains the difference from the known value, and its correction.
 
-    The column of the first run is named, which is that of the others where they were logged alike.
+    The text names the column of the first run, which is that of all runs logged in the same way.
     """
     channel = _SHOWN_BY.get(one.prior.name)
     if channel is None or not one.estimate > 0.0:

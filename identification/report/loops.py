@@ -1,4 +1,4 @@
-"""The closed loop told three times: as declared, as found, and simulated with the effects in it."""
+"""Closed-loop metrics of the nominal model, the final model and the simulation with effects."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ _TOLD: Final = {
 
 
 _MOST: Final = 0.5
-"""Share of the draws that speaks for all."""
+"""Fraction of infinite draws above which a margin is written as infinite."""
 
 
 @dataclass(frozen=True)
 class LoopComparison:
-    """Metrics of one controller: for each temperature a column a way of telling them.
+    """Metrics of one controller: for each temperature, one column per model.
 
     Args:
-        controller: As the user wrote it.
-        temperatures: Heads of the groups of columns.
-        ways: Heads of the columns of each group.
+        controller: Controller as the user wrote it.
+        temperatures: Headings of the groups of columns.
+        ways: Headings of the columns in each group.
         rows: Label, unit and cells of each metric, group after group.
-        remark: On the simulated loops: the step and the effects; empty where there are none.
+        remark: Note on the simulated loops: the step and the effects; empty if there are none.
     """
 
     controller: str
@@ -54,7 +54,7 @@ class LoopComparison:
 
 
 def loop_comparisons(result: Entry) -> list[LoopComparison]:
-    """One for each controller; empty where there is nothing to compare with."""
+    """One comparison per controller; empty if only one model has metrics."""
     told = {key: words for key, words in _TOLD.items() if result.get(key)}
     if len(told) < 2:
         return []
@@ -106,7 +106,7 @@ def _remark(simulated: Sequence[Entry]) -> str:
 
 
 def metric_text(entry: Entry | None) -> Interval:
-    """A metric as the report writes it; a margin that nothing uses up is infinite."""
+    """Format a metric; a margin that is infinite for most draws is written as infinite."""
     if entry is None:
         return interval_text(None, None, None)
     if entry["median"] is None and entry.get("infinite_fraction", 0.0) > _MOST:

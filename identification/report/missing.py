@@ -1,11 +1,15 @@
-"""What was missing against its driver, with the effect that was fitted to it.
+"""Plot data of the missing voltage or torque against its driver, with the fitted effect.
 
-A voltage or torque is drawn as it is; one that depends on the direction of the motion or of the
-current besides another signal is drawn against that signal, positive where it brakes.  An effect
-that changes a coefficient is drawn as that change: in each stretch of the driver it is the slope of
-the missing voltage against the current (resistance) or the speed (torque constant), or of the
-missing torque against the speed (friction).  Effects with a state of their own, and those that
-belong to the time of a run, have no curve over a driver and are drawn over time.
+A voltage or torque is plotted as it is.  If one of its two drivers only gives its sign (the
+direction of motion or of current), it is plotted against the other driver, positive where it
+opposes that direction.
+
+A change of a coefficient is plotted as that change, estimated in each bin of the driver as a
+regression slope: of the missing voltage on the current (resistance) or the speed (torque constant),
+or of the missing torque on the speed (friction).
+
+An effect with states of its own or a dependence on time is not a function of a driver;
+`missing_time` plots it over time.
 """
 
 from __future__ import annotations
@@ -51,11 +55,11 @@ _LEAST_WEIGHT: Final = 1e-3
 
 
 def missing_terms(final: Fit, found: Along) -> list[MissingTerm]:
-    """Each effect against its drivers, with what the data say of it.
+    """Plot data of each effect against its drivers, with its estimate from the data.
 
     Args:
         final: Fit of the final model.
-        found: The model along its simulation.
+        found: Effects along the simulation of the final model.
     """
     pictures = []
     for term in final.simulator.model.terms:
@@ -72,12 +76,12 @@ def missing_terms(final: Fit, found: Along) -> list[MissingTerm]:
 def unexplained_terms(
     trace: Mapping[str, Any], missing: Sequence[Missing], signals: Mapping[str, Array]
 ) -> list[MissingTerm]:
-    """What an equation lacks against the signal that shows it best, where no effect was fitted.
+    """Plot data of the significant missing terms against their best driver if no effect was fitted.
 
     Args:
-        trace: Entry of the result.
-        missing: The missing terms, one a record.
-        signals: Each driver at the instants of all missing terms.
+        trace: Member ``diagnosis.trace`` of the result.
+        missing: The missing terms, one per record.
+        signals: Each driver at the sample times of all missing terms.
     """
     pictures = []
     for column, equation in enumerate(("electrical", "mechanical")):
@@ -97,7 +101,7 @@ def unexplained_terms(
 
 
 def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
-    """A voltage or torque against a driver: means over stretches of it."""
+    """Voltage or torque against a driver: bin means."""
     column = column_of(term, found)
     values = _wrapped(driver, found)
     carrier = carrier_of(term)
@@ -115,7 +119,7 @@ def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
 
 
 def _changed(term: AbstractCoefficient, driver: str, found: Along) -> MissingTerm:
-    """A change of a coefficient against a driver: slopes over stretches of it."""
+    """Change of a coefficient against a driver: regression slopes in bins."""
     column, words, unit = CHANGES[term.coefficient]
     against = found.drivers["current" if term.coefficient == "Ra" else "speed"]
     bins = _Bins(_wrapped(driver, found))
@@ -163,13 +167,13 @@ def _wrapped(driver: str, found: Along) -> Array:
 
 
 def _spread(curves: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """Median, 5 % and 95 % over draws; NaN where the driver has too few samples."""
+    """Median, 5 % and 95 % quantiles over the draws; NaN in bins without a slope."""
     q05, median, q95 = np.quantile(np.array(curves), (0.05, 0.5, 0.95), axis=0)
     return median, q05, q95
 
 
 class _Bins:
-    """Equal stretches of a driver; those with too few samples are left out of every answer."""
+    """Equal-width bins of a driver; bins with too few samples are left out of all results."""
 
     def __init__(self, values: Array) -> None:
         self.values = values
@@ -181,15 +185,15 @@ class _Bins:
         self._number = number
 
     def sums(self, values: Array) -> Array:
-        """Sums (n_bin,) of values over each stretch."""
+        """Sums (n_bin,) of values in each bin."""
         return np.asarray(np.bincount(self._number, values, _BINS)[self._kept], dtype=np.float64)
 
     def means(self, values: Array) -> Array:
-        """Means (n_bin,) of values over each stretch."""
+        """Means (n_bin,) of values in each bin."""
         return self.sums(values) / self.sums(np.ones_like(values))
 
     def slopes(self, values: Array, against: Array) -> Array:
-        """Slopes (n_bin,) through the origin, NaN where `against` hardly moves."""
+        """Regression slopes (n_bin,) through the origin; NaN where `against` is close to zero."""
         squares = self.sums(against**2)
         weak = squares < _LEAST_WEIGHT * squares.max(initial=0.0)
         with np.errstate(divide="ignore", invalid="ignore"):

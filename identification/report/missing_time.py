@@ -1,4 +1,4 @@
-"""What was missing over time, in the run in which it is strongest, with the fitted effects."""
+"""Plot data of the missing voltage or torque over time, in the run where it is strongest."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _LEAST_DRAWN: Final = 100
 
 
 def missing_traces(path: FinalPath, found: Along, names: Sequence[str]) -> list[MissingTrace]:
-    """For each equation with an effect a stretch of the run in which it is strongest, over time.
+    """Plot data for each equation with an effect: a section of the run where it is strongest.
 
     Args:
-        path: The final model simulated over the records.
-        found: The same at samples spread over all of them.
+        path: Simulation of the final model over the records.
+        found: The same at samples spread over all records.
         names: File name of each record.
     """
     pictures = []
@@ -50,7 +50,7 @@ def _over_time(
     found: Along,
     names: Sequence[str],
 ) -> MissingTrace:
-    """What the final model lacks without these effects, and the effects, in one record."""
+    """Estimated and fitted sum of these effects over time, in the record where it is strongest."""
     everywhere = _together(terms, column, found)[0]
     records = np.unique(found.record)
     power = [float(np.mean(everywhere[found.record == k] ** 2)) for k in records]
@@ -80,11 +80,11 @@ def _together(terms: Sequence[AbstractTerm], column: int, found: Along) -> Array
 
 
 def _telling(effect: Array, size: int) -> NDArray[np.int_]:
-    """Samples to draw: the whole record, or so much of it that single swings can be seen.
+    """Sample indices to plot: the whole record, or a section that resolves single oscillations.
 
     Args:
         effect: (n_point,) the effect at points spread over the record.
-        size: Samples of the record.
+        size: Number of samples of the record.
     """
     swings = float(np.abs(np.diff(effect)).sum()) / (float(np.ptp(effect)) or 1.0)
     length = int(size * min(1.0, _SWINGS / max(swings, 1e-9)))

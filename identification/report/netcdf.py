@@ -1,9 +1,9 @@
-"""The posterior as a NetCDF file that ArviZ 0.x and 1.x, xarray and netCDF4 all open.
+"""Posterior as a NetCDF file readable by ArviZ 0.x and 1.x, xarray and netCDF4.
 
-    posterior      one variable a parameter, dimensions (chain, draw); a walker is a chain
+    posterior      one variable per parameter, dimensions (chain, draw); each walker is a chain
     sample_stats   lp (chain, draw): log posterior density; acceptance_rate (chain,)
 
-Written with h5netcdf, so that neither ArviZ nor xarray is needed to make the file.
+The file is written with h5netcdf, which needs neither ArviZ nor xarray.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["write_posterior"]
 
 Array = NDArray[np.float64]
 
-# Level 1 with byte shuffling: higher levels cost seconds and gain a few per cent on noise.
+# Level 1 with byte shuffling: on noise, higher levels cost seconds and save only a few per cent.
 _COMPRESSION: Final[dict[str, Any]] = {
     "compression": "gzip",
     "compression_opts": 1,
@@ -41,19 +41,19 @@ def write_posterior(
     acceptance: ArrayLike,
     attributes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the chain of the sampler to `path`, complete or not at all.
+    """Write the sampler chain to `path` atomically.
 
     Args:
         path: File to create or to replace.
         names: (n_param,) names of the parameters, as in result.json.
         units: (n_param,) their units.
-        chain: (n_draw, n_walker, n_param) draws after the burn-in, each in its unit.
+        chain: (n_draw, n_walker, n_param) draws after burn-in, each in its unit.
         log_prob: (n_draw, n_walker) log posterior density [-].
-        acceptance: Share of accepted proposals, one number or (n_walker,) [-].
-        attributes: More attributes of the file, such as software versions.
+        acceptance: Fraction of accepted proposals, one number or (n_walker,) [-].
+        attributes: Additional attributes of the file, such as software versions.
 
     Raises:
-        ValueError: The shapes do not belong together.
+        ValueError: The shapes are inconsistent.
     """
     _check_shapes(names, units, chain, log_prob)
     n_draw, n_walker, _ = chain.shape
@@ -89,7 +89,7 @@ def _check_shapes(
 
 
 def _group(file: Any, name: str, n_walker: int, n_draw: int) -> Any:
-    """A group with its own dimensions; readers look for coordinates beside the variables."""
+    """Create a group with its own dimensions and coordinate variables, as readers expect."""
     group = file.create_group(name)
     group.dimensions = {"chain": n_walker, "draw": n_draw}
     for dimension, size in (("chain", n_walker), ("draw", n_draw)):

@@ -1,4 +1,4 @@
-"""Numbers as an engineer writes them: as many digits as the spread deserves, one power of ten.
+"""Number formatting: digits according to the interval width, one common power of ten.
 
 interval_text(0.59034, 0.58951, 0.59117) -> Interval("0.59034", "0.58951", "0.59117", "")
 interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.2131", "4.2010", "4.2260", " ×10⁻⁵")
@@ -41,7 +41,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Interval:
-    """A median and the ends of its interval, written to the same place, before a common power."""
+    """Median and interval ends as text, with equal decimals and a common power of ten."""
 
     median: str
     low: str
@@ -50,15 +50,15 @@ class Interval:
 
 
 def interval_text(median: float | None, low: float | None, high: float | None) -> Interval:
-    """Write a median and its interval to the digits that the width of the interval deserves.
+    """Format a median and its interval to the digits that the interval width supports.
 
     Args:
-        median: The value; None where unknown.
+        median: The value; None if unknown.
         low: Lower end, in the same unit.
         high: Upper end, in the same unit.
 
     Returns:
-        Texts; a part that is unknown is an en dash.
+        Texts; an unknown part is an en dash.
     """
     median, low, high = _known(median), _known(low), _known(high)
     known = [value for value in (median, low, high) if value is not None]
@@ -68,7 +68,7 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     exponent = _exponent(max((abs(value) for value in known), default=0.0))
     scale = 10.0**-exponent
     if low is not None and high is not None and high > low:
-        # An interval of a few denormals is no width: its logarithm may not exist.
+        # The width of subnormal numbers may be zero, which has no logarithm.
         width = max((high * scale - low * scale) / 3.0, 1e-12)
         decimals = 1 - math.floor(math.log10(width))
     else:
@@ -79,11 +79,11 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
 
 
 def number_text(value: float | None, digits: int = 4) -> str:
-    """Write one number to `digits` significant digits; an en dash where it is unknown."""
+    """Format a number to `digits` significant digits; an en dash if unknown."""
     value = _known(value)
     if value is None:
         return UNKNOWN
-    # Rounded first: 0.99996 to four digits is 1.000, with one digit before the point.
+    # Round first: 0.99996 to four digits is 1.000, with one digit before the point.
     value = _known(float(f"{value:.{digits - 1}e}")) or value
     exponent = _exponent(abs(value))
     scaled = value * 10.0**-exponent
@@ -92,7 +92,7 @@ def number_text(value: float | None, digits: int = 4) -> str:
 
 
 def percent_text(share: float | None, digits: int = 3) -> str:
-    """Write a share as per cent; an en dash where it is unknown."""
+    """Format a fraction as per cent; an en dash if unknown."""
     share = _known(share)
     if share is None:
         return UNKNOWN
@@ -100,7 +100,7 @@ def percent_text(share: float | None, digits: int = 3) -> str:
 
 
 def probability_text(share: float | None) -> str:
-    """Write a probability as per cent with one decimal, never as a certainty that it is not."""
+    """Format a probability as per cent with one decimal; 0 % and 100 % only if exact."""
     share = _known(share)
     if share is None:
         return UNKNOWN
@@ -112,7 +112,7 @@ def probability_text(share: float | None) -> str:
 
 
 def signed_percent_text(share: float | None) -> str:
-    """Write a change as per cent with its sign; an en dash where it is unknown."""
+    """Format a relative change as per cent with its sign; an en dash if unknown."""
     share = _known(share)
     if share is None:
         return UNKNOWN
@@ -124,17 +124,17 @@ def signed_percent_text(share: float | None) -> str:
 
 
 def count_text(value: int | None) -> str:
-    """Write a count with narrow spaces between thousands; an en dash where it is unknown."""
+    """Format a count with narrow spaces between thousands; an en dash if unknown."""
     return UNKNOWN if value is None else f"{value:,}".replace(",", "\u202f")
 
 
 def unit_text(unit: str) -> str:
-    """The unit with its signs: ``kg m^2`` becomes ``kg·m²``, and an unknown one stays."""
+    """Typographic unit: ``kg m^2`` becomes ``kg·m²``; other units get superscripts only."""
     return _UNITS.get(unit, unit.replace("^2", "²").replace("^3", "³"))
 
 
 def unit_power(size: float) -> int:
-    """Power of ten to take out of an axis whose largest value is `size`; none for plain numbers."""
+    """Power of ten to factor out of an axis whose largest value is `size`; 0 for plain numbers."""
     known = _known(size)
     if known is None or known <= 0.0 or 0.05 <= known < 1000.0:
         return 0
@@ -142,12 +142,12 @@ def unit_power(size: float) -> int:
 
 
 def scaled_unit(unit: str, power: int) -> str:
-    """The unit behind the power of ten that was taken out, such as ``10⁻⁵ kg·m²``."""
+    """Unit with the power of ten that was factored out, such as ``10⁻⁵ kg·m²``."""
     return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
 
 
 def _known(value: float | None) -> float | None:
-    """The number as a float; None where it is missing, not finite or beyond all floats."""
+    """The number as a float; None if missing, not finite or beyond the range of floats."""
     if value is None:
         return None
     try:
@@ -158,18 +158,18 @@ def _known(value: float | None) -> float | None:
 
 
 _LEAST_EXPONENT = -300
-"""What is smaller is written as so little of this: its own power of ten has no inverse."""
+"""Smallest power of ten that is factored out; the inverse of a smaller one would overflow."""
 
 
 def _exponent(size: float) -> int:
-    """Power of ten to take out: none for what is easily read, else one that leaves one digit."""
+    """Power of ten to factor out: 0 for easily read numbers, else the one that leaves one digit."""
     if size == 0.0 or 1e-3 <= size < 1e5:
         return 0
     return max(math.floor(math.log10(size)), _LEAST_EXPONENT)
 
 
 def _leading(size: float) -> int:
-    """Digits before the point, at least one; negative counts zeros behind it."""
+    """Number of digits before the point; for a size below 0.1, minus the zeros after the point."""
     return math.floor(math.log10(size)) + 1 if size > 0.0 else 1
 
 

@@ -1,4 +1,4 @@
-"""Terms that the final model omits and that could change its parameters, in the result."""
+"""Result entries and warnings on omitted terms and on effects confounded with a parameter."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ONE_TORQUE = ("coulomb_friction", "load_torque")
 
 
 def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
-    """One entry of each term: what it promises and what it could change.
+    """Result entry of each omitted term: predicted gain, and parameter changes it could cause.
 
     Args:
         final: Fit of the final model.
@@ -39,11 +39,11 @@ def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str
 
 
 def confounded_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
-    """One entry of each effect that a parameter may be taken for.
+    """Result entry of each effect that is confounded with a parameter.
 
     Args:
         final: Fit of the final model.
-        omitted: What could change its parameters.
+        omitted: Terms that could change its parameters.
     """
     return [
         {
@@ -60,7 +60,7 @@ def confounded_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[
 
 
 def _changes(final: Fit, term: OmittedTerm) -> dict[str, float]:
-    """Change of each declared parameter with a term [its unit]."""
+    """Change of each nominal-model parameter caused by a term [its unit]."""
     slopes = dict(
         zip(final.coordinates.names, final.coordinates.slopes(final.position), strict=True)
     )
@@ -68,12 +68,12 @@ def _changes(final: Fit, term: OmittedTerm) -> dict[str, float]:
 
 
 def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]) -> list[str]:
-    """Parameters that the runs determine only if an effect beside the model is absent.
+    """Warnings on parameters that are identifiable only if a confounded effect is absent.
 
     Args:
         final: Fit of the final model.
-        share: Effective share of the samples.
-        omitted: What could change its parameters.
+        share: Effective sample fraction.
+        omitted: Terms that could change its parameters.
     """
     known = identified(final, share)
     messages = [
@@ -94,7 +94,7 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
 
 
 def _confounded(final: Fit, term: OmittedTerm) -> str:
-    """What the parameter may be instead, and what would tell."""
+    """Warning on one confounded parameter: the alternative, and the measurement that decides."""
     values = dict(zip(final.coordinates.names, final.values, strict=True))
     name = term.parameter
     there = dict(zip(final.coordinates.names, final.position, strict=True))
@@ -128,13 +128,13 @@ def _confounded(final: Fit, term: OmittedTerm) -> str:
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
-    """That structure is left which no effect explains, and what it does to the intervals.
+    """Warning on unexplained structure in the residual, and on its effect on the intervals.
 
     Args:
         final: Fit of the final model.
         omitted: The terms.
     """
-    # An unknown gain of a sensor is said where it is found.
+    # An unknown sensor gain (a term without a predicted gain) is reported where it is detected.
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
         return []

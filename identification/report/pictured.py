@@ -1,4 +1,4 @@
-"""Which effects have a picture, in which balance and against what."""
+"""Plot selection for each effect: equation, drivers and labels."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ __all__ = [
 ]
 
 UNITS: Final = ("V", "N m")
-"""Of what the two balances miss: column 0 is the armature loop, column 1 the shaft."""
+"""Units of the missing terms: column 0 is the electrical equation, column 1 the mechanical one."""
 
 WORDS: Final = ("missing voltage", "missing torque")
 AGAINST: Final = ("current", "motion")
-"""What a voltage and a torque are turned against."""
+"""Direction that a positive missing voltage or torque opposes, for the axis label."""
 
 CHANGES: Final = {
     "Ra": (0, "change of Ra", "ohm"),
     "Kt": (0, "change of Kt", "N m/A"),
     "b": (1, "change of b", "N m s/rad"),
 }
-"""Coefficients whose change is drawn: in which balance it shows, in words, and its unit.  A change
-of L shows in the few samples behind a step of the voltage, too few for a smoother."""
+"""Coefficients whose change is plotted: column of the equation, axis label and unit.  A change of L
+shows only in the few samples after a voltage step, too few for the smoother."""
 
 
 def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
-    """What to say of the effects that have no picture; empty where all have one."""
+    """Report sentence on the effects that cannot be plotted; empty if all can."""
     names = [term.name.replace("_", " ") for term in terms if not has_a_picture(term)]
     if not names:
         return ""
@@ -51,19 +51,19 @@ def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
 
 
 def has_a_picture(term: AbstractTerm) -> bool:
-    """Whether the effect is a voltage or a torque in the motor, and not one of the log."""
+    """Whether the effect acts in the motor and not in a sensor."""
     return term.equation != "sensor"
 
 
 def has_a_curve(term: AbstractTerm) -> bool:
-    """Whether the effect is a function of its drivers, and of nothing that went before."""
+    """Whether the effect is a static function of its drivers and does not depend on time."""
     kinds = (AbstractTorque, AbstractVoltage)
     plain = isinstance(term, kinds) or getattr(term, "coefficient", "") in CHANGES
     return has_a_picture(term) and plain and not term.states and "time" not in drivers_of(term)
 
 
 def drivers_of(term: AbstractTerm) -> tuple[str, ...]:
-    """What to draw the effect against; a constant is drawn against the speed."""
+    """Drivers to plot the effect against; a constant effect is plotted against the speed."""
     if term.name == "demagnetization":
         return ("peak_temperature",)
     if term.name == "viscous_temperature":
@@ -73,14 +73,14 @@ def drivers_of(term: AbstractTerm) -> tuple[str, ...]:
 
 
 def carrier_of(term: AbstractTerm) -> str:
-    """The driver that only gives an effect of two drivers its sign; empty where there is none."""
+    """Driver that only gives an effect of two drivers its sign; empty if there is none."""
     carrier = "speed" if term.equation == "mechanical" else "current"
     plain = isinstance(term, AbstractTorque | AbstractVoltage)
     return carrier if plain and len(term.drivers) == 2 and carrier in term.drivers else ""
 
 
 def column_of(term: AbstractTerm, found: Along) -> int:
-    """The balance in which an effect is drawn: the one that it is listed under, or acts in."""
+    """Column of the equation in which an effect is plotted: 0 electrical, 1 mechanical."""
     if isinstance(term, AbstractTorque) or getattr(term, "coefficient", "") in ("b", "J"):
         return 1
     if term.equation == "mechanical":

@@ -1,4 +1,4 @@
-"""What the residuals of all runs of one role say together."""
+"""Residual correlation analysis, pooled over all runs of one role."""
 
 from __future__ import annotations
 
@@ -24,21 +24,22 @@ __all__ = ["ResidualCheck", "channel_whiteness", "coloured_channels", "residual_
 Array = NDArray[np.float64]
 
 _CHANCE = 1e-4
-"""Share of reports in which white noise may be called coloured."""
+"""False alarm rate of the test for an autocorrelated residual, for each channel [-]."""
 _SHORTEST = 8
-"""Pieces with fewer samples say nothing about lags."""
+"""Shortest segment that is used [samples]; shorter ones carry no information on lags."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualCheck:
-    """Correlations of one channel's residual over all runs of one role.
+    """Residual correlations of one channel over all runs of one role.
 
     Args:
         channel: ``current`` or ``speed``.
-        own: With its own past.
-        voltage: With the voltage.
-        own_before: With its own past, for the declared model; None where that is the final one.
-        voltage_before: With the voltage, for the declared model.
+        own: Autocorrelation.
+        voltage: Cross-correlation with the voltage.
+        own_before: Autocorrelation for the nominal model; None if that is the final model.
+        voltage_before: Cross-correlation with the voltage for the nominal model; None if that is
+            the final model.
     """
 
     channel: str
@@ -49,7 +50,7 @@ class ResidualCheck:
 
 
 def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
-    """Correlations of current and speed residuals, pooled over `runs`; empty without runs."""
+    """Pooled residual correlations of current and speed; channels without data are omitted."""
     checks = []
     for channel in ("current", "speed"):
         after = _pieces(runs, channel, "after")
@@ -71,10 +72,11 @@ def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
 
 
 def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
-    """Channels whose final residual leaves the band of white noise more often than chance allows.
+    """Channels whose final residual is significantly autocorrelated.
 
-    Counted are lags, not their size: over a million samples a correlation of 0.003 is significant
-    at one lag, and means nothing to anyone.
+    A binomial test counts the lags outside the confidence band; the size of the correlation does
+    not enter.  Over a million samples, a correlation of 0.003 at one lag is significant but
+    irrelevant.
     """
     return [
         check.channel
@@ -89,7 +91,7 @@ def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
 
 
 def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:
-    """Portmanteau test of one run's residual; None where the run is too short for one.
+    """Portmanteau test of one run's residual; None if the run is too short.
 
     Args:
         run: The run.
@@ -106,9 +108,9 @@ def _residual(run: RunTraces, channel: str, stage: str) -> Array:
 
 
 def _pieces(runs: Sequence[RunTraces], channel: str, stage: str) -> tuple[list[Array], list[Array]]:
-    """Residuals and voltages between pauses of the record.
+    """Residuals and voltages of the segments between gaps of the record.
 
-    A sample that was not used has no residual; zero takes it out of every sum of products.
+    An unused sample has no residual; it is set to zero, which removes it from all sums of products.
     """
     residuals: list[Array] = []
     voltages: list[Array] = []

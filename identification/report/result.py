@@ -1,10 +1,10 @@
-"""The numbers of result.json: how draws become PARAMETER and QUANTITY, and how the file is written.
+"""Entries of result.json from posterior draws (PARAMETER, QUANTITY), and writing of the file.
 
     {"mean", "sd", "q05", "median", "q95", "unit"}            QUANTITY
     {"mean", "sd", "q05", "median", "q95", "unit", "identified"}   PARAMETER
 
-JSON knows neither NaN nor infinity.  What is unknown is null, and it becomes null here and nowhere
-else.  The interval from q05 to q95 holds 90 % with equal tails.
+JSON has neither NaN nor infinity, so an unknown number is null.  The interval from q05 to q95 is
+the equal-tailed 90 % interval.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _QUANTILES: Final = (0.05, 0.5, 0.95)
 
 
 def finite_or_null(value: object) -> Any:
-    """The same value in plain Python, with every number that is not finite turned to None.
+    """Convert to plain Python types, with None for every number that is not finite.
 
     Args:
-        value: Anything made of mappings, sequences, NumPy arrays and scalars, strings, None.
+        value: Mappings, sequences, NumPy arrays and scalars, strings and None, in any nesting.
 
     Returns:
         Dicts, lists, str, int, float, bool and None, ready for JSON.
@@ -64,16 +64,16 @@ def finite_or_null(value: object) -> Any:
 def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
     """QUANTITY from draws.
 
-    A metric can be undefined for some draws: an unstable loop has no settling time.  Numbers are
-    then those of the draws that have one, and ``defined_fraction`` says which share of the draws
-    that is; a quantity that no draw has is null throughout.
+    A metric can be undefined for some draws: an unstable loop has no settling time.  The statistics
+    then cover the draws for which it is defined, and ``defined_fraction`` is the fraction of these
+    draws.  If no draw defines the metric, all statistics are null.
 
     Args:
         draws: (n_draw,) in `unit`; NaN or infinity where undefined.
         unit: Unit as the contract spells it.
 
     Returns:
-        Mean, standard deviation, quantiles, unit, and ``defined_fraction`` where it is below 1.
+        Mean, standard deviation, quantiles, unit, and ``defined_fraction`` if it is below 1.
     """
     values = np.asarray(draws, dtype=np.float64).ravel()
     finite = values[np.isfinite(values)]
@@ -88,12 +88,12 @@ def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
 
 
 def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, Any]:
-    """PARAMETER from draws of the posterior.
+    """PARAMETER from posterior draws.
 
     Args:
         draws: (n_draw,) in `unit`.
         unit: Unit as the contract spells it.
-        identified: Whether the data determine the parameter.
+        identified: Whether the data identify the parameter.
 
     Returns:
         QUANTITY with ``identified``.
@@ -102,7 +102,7 @@ def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, 
 
 
 def known_only_from(entry: Mapping[str, Any]) -> str:
-    """The option whose value a PARAMETER rests on, runs not determining it; empty for most."""
+    """Origin of the known value that alone identifies a PARAMETER; empty if there is none."""
     prior = entry.get("prior") or {}
     if not (entry.get("identified") and prior.get("used")) or prior.get("identified_by_runs"):
         return ""
@@ -110,17 +110,17 @@ def known_only_from(entry: Mapping[str, Any]) -> str:
 
 
 def result_text(result: Mapping[str, Any]) -> str:
-    """The result as JSON text; numbers keep their full precision, keys keep their order."""
+    """Result as JSON text; numbers keep their full precision, keys keep their order."""
     return json.dumps(finite_or_null(result), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_result(path: Path, result: Mapping[str, Any]) -> None:
-    """Write result.json to `path`, complete or not at all."""
+    """Write result.json to `path` atomically."""
     write_text(path, result_text(result))
 
 
 def result_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) that every result.json obeys."""
+    """JSON Schema (2020-12) of result.json."""
     text = (
         resources.files("identification.report").joinpath("result.schema.json").read_text("utf-8")
     )

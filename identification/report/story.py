@@ -1,4 +1,4 @@
-"""How an effect was found, as entries of the result and as the story of the report."""
+"""Result entries and report text of the effect search."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ __all__ = ["effect_entries", "searched_entries", "story_of"]
 Array = NDArray[np.float64]
 
 _LARGEST_LOG: Final = 14.0
-"""Logarithm of the largest factor that is written, a million."""
+"""Logarithm of the largest factor that is written, about a million."""
 
 
 def effect_entries(
     outcome: Outcome | None, final: Fit, draws: Mapping[str, Array], known: Mapping[str, bool]
 ) -> list[dict[str, Any]]:
-    """The effects of the final model, strongest evidence first.
+    """Result entries of the effects in the final model, strongest evidence first.
 
     Args:
-        outcome: What the search found; None where none was made.
+        outcome: Outcome of the effect search; None if none was made.
         final: Fit of the final model.
         draws: Draws of its posterior by name.
-        known: Which parameters are identified.
+        known: Whether each parameter is identified.
     """
     terms = {term.name: term for term in final.simulator.model.terms}
     estimates = dict(zip(final.coordinates.names, final.values, strict=True))
@@ -71,8 +71,8 @@ def effect_entries(
 
 
 def _settings(term: AbstractTerm) -> dict[str, Any]:
-    """Fields of the term, from which it can be made again."""
-    # Every term is a dataclass; the abstract class cannot say so.
+    """Fields of the term, from which it can be reconstructed."""
+    # Every term is a dataclass; the abstract class cannot express that.
     return {field.name: getattr(term, field.name) for field in fields(cast(Any, term))}
 
 
@@ -87,7 +87,7 @@ def _evidence(found: Found) -> dict[str, Any]:
 
 
 def searched_entries(outcome: Outcome | None) -> list[dict[str, Any]]:
-    """Everything that was looked at, in the order of the search."""
+    """Result entries of all candidates, in the order of the search."""
     return [
         {
             "name": s.name,
@@ -121,14 +121,14 @@ def story_of(
     terms: Sequence[MissingTerm] = (),
     traces: Sequence[MissingTrace] = (),
 ) -> Story | None:
-    """The story for the report; None where no search was made.
+    """Account of the effect search for the report; None if no search was made.
 
     Args:
-        outcome: What the search found.
+        outcome: Outcome of the effect search.
         result: Content of result.json.
         final: Fit of the final model.
-        terms: Pictures of what was missing against its drivers.
-        traces: The same over time.
+        terms: Plot data of the missing terms against their drivers.
+        traces: Plot data of the missing terms over time.
     """
     if outcome is None:
         return None
@@ -155,7 +155,7 @@ def story_of(
 
 
 def _where(trace: Mapping[str, Any]) -> str:
-    """In which equation the filter finds something missing, and how much."""
+    """Sentence on the equations that lack a voltage or torque, with its standard deviation."""
     parts = []
     for equation, word in (("electrical", "voltage"), ("mechanical", "torque")):
         found = trace.get(equation)
@@ -174,7 +174,7 @@ def _where(trace: Mapping[str, Any]) -> str:
 
 
 def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
-    """The signal whose curve explains most of the missing term; empty where none explains half."""
+    """Driver that explains most of the missing term; empty if it explains half or less."""
     shares = {name: entry["share"] or 0.0 for name, entry in drivers.items()}
     best = max(shares, key=lambda name: shares[name], default="")
     return best if best and shares[best] > 0.5 else ""
@@ -215,17 +215,17 @@ def _change(fall: float) -> str:
 
 
 def _percent(fall: float) -> str:
-    """Change of a root mean square from the fall of its logarithm, in per cent."""
+    """Relative change of an RMS value in per cent, from the fall of its logarithm."""
     return f"{100 * abs(1 - _power(-fall)):.1f} %"
 
 
 def _power(exponent: float) -> float:
-    """Factor of a logarithm, bounded: no error grows by more than anybody reads."""
+    """Exponential function; the exponent is bounded because larger factors need no exact value."""
     return math.exp(min(exponent, _LARGEST_LOG))
 
 
 def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
-    """How far the declared parameters had been off because the effects were in them."""
+    """Sentence on the bias of the nominal-model parameters that the missing effects caused."""
     moved = sorted(
         (
             (name, shift["relative"])
@@ -248,7 +248,7 @@ def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
 
 
 def _off(relative: Mapping[str, Any]) -> str:
-    """Such as ``13 % too high (12.9 to 13.1 %)``."""
+    """Bias as text, such as ``13 % too high (12.9 to 13.1 %)``."""
     ends = sorted(100 * abs(relative[key]) for key in ("q05", "q95"))
     middle = 100 * abs(relative["median"])
     digits = max(0, min(3, 1 - math.floor(math.log10(max(ends[1] - ends[0], 1e-3)))))
@@ -259,13 +259,13 @@ def _off(relative: Mapping[str, Any]) -> str:
 
 
 def _equation(name: str, terms: Mapping[str, AbstractTerm]) -> str:
-    """Where a kind enters: as the final model has it, else as the catalogue lists it."""
+    """Equation that an effect enters, from the final model or else from the catalogue."""
     kind = terms.get(name, CATALOGUE.get(name))
     return str(getattr(kind, "equation", "any"))
 
 
 def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Candidate]:
-    """The effects of the final model, then the first look at each other kind, best first."""
+    """Effects of the final model, then the first trial of each other effect type, best first."""
     alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
     rows: dict[str, Candidate] = {}
     for found in outcome.effects:

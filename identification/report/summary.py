@@ -1,4 +1,4 @@
-"""The result in plain words, and its few numbers that one looks for first."""
+"""Summary of the result in plain words, and its key figures."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Entry = Mapping[str, Any]
 
 _DOWN_TO_NOISE = 1.02
 NEAR_NOISE = 1.10
-"""Simulation error over the noise above which a model lacks something."""
+"""Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
 _NAMED = 2
 _HALF = 0.5
-"""Error over the movement of a channel from which no noise ratio makes a fit good."""
+"""NRMSE above which a fit is poor regardless of its noise ratio [-]."""
 _WIDE = 0.2
-"""Width of the 90 % interval over the median from which a figure of the loop is no prediction."""
+"""Relative width of the 90 % interval above which a closed-loop figure is no prediction [-]."""
 
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """One number with its label and a word on what it means; ``tone`` is good, fair or bad."""
+    """One number with its label and a remark; ``tone`` is good, fair, bad or plain."""
 
     label: str
     value: str
@@ -41,11 +41,11 @@ class KeyFigure:
 
 
 def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
-    """What was done, what was found, how good it is and what it means for the loop.
+    """Summary of the data, the effects, the fit quality, the parameters and the closed loop.
 
     Args:
         result: Content of result.json.
-        coloured: Channels whose residual is no white noise on the deciding runs.
+        coloured: Channels whose residual is not white on the deciding runs.
     """
     sentences = [
         _forced(result),
@@ -61,11 +61,11 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
 
 
 def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
-    """Noise ratios, identified parameters, and the loop cold and hot.
+    """Noise ratios, number of identified parameters, and closed-loop figures cold and hot.
 
     Args:
         result: Content of result.json.
-        coloured: Channels whose residual is no white noise on the deciding runs.
+        coloured: Channels whose residual is not white on the deciding runs.
     """
     role, errors = _deciding_errors(result)
     figures = [
@@ -113,7 +113,7 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
 
 
 def _forced(result: Entry) -> str:
-    """The mark of a fit that the checks would have refused."""
+    """Warning on a forced fit, which the checks would have refused."""
     if not result.get("forced"):
         return ""
     return (
@@ -141,7 +141,7 @@ def _campaign(runs: Sequence[Entry]) -> str:
 
 
 def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
-    """Whether a run holds the same samples as one that was fitted."""
+    """Whether a run holds the same samples as a training run."""
     place = run.get("same_as")
     return place is not None and runs[place]["role"] == "training"
 
@@ -169,7 +169,7 @@ def _effects(result: Entry) -> str:
 
 
 def _shifted(result: Entry) -> str:
-    """The parameters that the missing effects had spoilt most."""
+    """Sentence on the parameters that the missing effects biased most."""
     shifts = (result["diagnosis"].get("shifts") or {}).items()
     medians = {
         name: shift["relative"]["median"]
@@ -214,7 +214,7 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
 
 
 def _unexplained(errors: Entry) -> str:
-    """Channels of which the simulation is off by half their movement or more, with the error."""
+    """Channels whose NRMSE exceeds one half, with the error."""
     told = [
         f"the {channel} (off by {percent_text(errors[channel]['nrmse'], 3)} of its movement)"
         for channel in ("current", "speed")
@@ -224,7 +224,7 @@ def _unexplained(errors: Entry) -> str:
 
 
 def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
-    """What an error means, given what else the residuals say."""
+    """Interpretation of the noise ratio together with the other residual tests."""
     remaining = result["diagnosis"].get("remaining") or {}
     failed = {check["role"] for check in remaining.get("checks", []) if not check["passed"]}
     if failed == {"validation"}:
@@ -235,7 +235,7 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
     if worst > NEAR_NOISE and (failed or not remaining):
         return "something is at work that the model does not contain, in the motor or in a sensor"
     if worst <= NEAR_NOISE and coloured:
-        # Where the noise is estimated from the same residuals, a ratio of 1 proves nothing.
+        # If the noise is estimated from the same residuals, a ratio of 1 proves nothing.
         return (
             f"yet the residual of {_list(coloured)} is not white, so either the sensor is slow or "
             "the model misses something (see Residuals)"
@@ -275,7 +275,7 @@ def _identified(result: Entry) -> str:
 
 
 def _given(result: Entry) -> str:
-    """Values of the user that are in the intervals, beside what the runs say."""
+    """Sentence on known values of the user that the intervals include."""
     entries: Entry = result["parameters"]
     used = [name for name, entry in entries.items() if (entry.get("prior") or {}).get("used")]
     if not used:
@@ -310,9 +310,9 @@ def _loop(result: Entry) -> str:
 
 
 def _is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
-    """Whether a figure of the loop is wide since some parameter was not measured.
+    """Whether a closed-loop figure is uncertain because a parameter is not identified.
 
-    Where all are, a wide interval is a measurement all the same.
+    If all parameters are identified, a wide interval is still a measurement.
     """
     if all(entry["identified"] for entry in result["parameters"].values()):
         return False
@@ -324,7 +324,10 @@ def _is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
 
 
 def _deciding_errors(result: Entry) -> tuple[str, Entry]:
-    """Errors of the final model on runs it has not seen, else on its own."""
+    """Errors of the final model on the validation runs; on the training runs if there are none.
+
+    Validation runs that are all identical to training runs do not count.
+    """
     after: Entry = result["errors"]["after"]
     validation = after.get("validation")
     checked = [run for run in result["runs"] if run["role"] == "validation"]

@@ -1,10 +1,10 @@
-"""Small drawings as text: a frame that maps data to the page, axes, lines and bands.
+"""SVG plots as text: a frame that maps data to drawing coordinates, axes, lines and bands.
 
     frame = Frame((52, 8, 400, 180), (0.0, 1.0), (0.0, 2.0))
     svg(460, 220, title, description, axes(frame, "time [s]", "speed [rad/s]") + line(frame, x, y))
 
-A drawing carries no colour: every mark has a class, and the style sheet of the report gives it one
-for light, dark and print.  Text is escaped here, since names of files reach it.
+Marks have a class and no colour; the style sheet of the report colours each class for light, dark
+and print.  Text is escaped here because it includes file names.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ Array = NDArray[np.float64]
 
 _LARGEST: Final = 1e300
 _LEAST: Final = 1e-300
-"""Largest end and least width of an axis, within which its arithmetic neither over- nor
-underflows."""
+"""Largest axis limit and smallest axis width that cause neither overflow nor underflow."""
 _FINEST: Final = 1e15
-"""Size of a number over the step between ticks from which rounding hides the step."""
+"""Axis limit over tick step above which rounding hides the step."""
 _FAR: Final = 1e5
-"""Drawing units beyond which nothing is seen, and to which a line is led."""
+"""Largest coordinate drawn [drawing units]; lines are clipped to it, dots and text beyond it
+omitted."""
 
 _identifiers: Iterator[int] = itertools.count(1)
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A rectangle of the page that shows a range of the data.
+    """Rectangle of the drawing that shows a range of the data.
 
     Args:
         box: Left, top, width and height in drawing units.
-        x_range: Data at the left and right edge.
-        y_range: Data at the bottom and top edge.
+        x_range: Data values at the left and right edge.
+        y_range: Data values at the bottom and top edge.
 
     Raises:
         ValueError: A range is not finite.
@@ -71,18 +71,18 @@ class Frame:
             raise ValueError(f"its axes would span {self.x_range} and {self.y_range}")
 
     def x(self, values: ArrayLike) -> Array:
-        """Drawing coordinates of data along the horizontal axis, same shape."""
+        """Horizontal drawing coordinates of data, same shape."""
         left, _, width, _ = self.box
         return left + width * _share(values, self.x_range)
 
     def y(self, values: ArrayLike) -> Array:
-        """Drawing coordinates of data along the vertical axis, same shape; up is up."""
+        """Vertical drawing coordinates of data, same shape; larger values are higher."""
         _, top, _, height = self.box
         return top + height * (1.0 - _share(values, self.y_range))
 
 
 def span(*arrays: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
-    """Range of all finite values of the arrays, widened by `margin` on both sides."""
+    """Range of all finite values of the arrays, widened on both sides by the fraction `margin`."""
     values = np.concatenate([np.ravel(np.asarray(array, dtype=np.float64)) for array in arrays])
     values = values[np.isfinite(values)]
     if values.size == 0:
@@ -90,13 +90,13 @@ def span(*arrays: ArrayLike, margin: float = 0.05) -> tuple[float, float]:
     low, high = np.clip([values.min(), values.max()], -_LARGEST, _LARGEST).tolist()
     room = margin * (high - low) if high > low else 0.05 * abs(high) or 0.5
     if high - low + 2.0 * room < _LEAST:
-        # Denormal numbers: their tick marks have no inverse.
+        # Subnormal numbers: the reciprocal of their tick step overflows.
         return (low - 0.5, high + 0.5)
     return (low - room, high + room)
 
 
 def ticks(low: float, high: float, about: int = 5) -> Array:
-    """Round numbers (n_tick,) between `low` and `high`, in steps of 1, 2 or 5 times a ten."""
+    """Round numbers (n_tick,) from `low` to `high`, in steps of 1, 2 or 5 times a power of ten."""
     if not high > low:
         return np.array([low])
     raw = (high - low) / max(about, 1)
@@ -110,10 +110,10 @@ def ticks(low: float, high: float, about: int = 5) -> Array:
 
 
 def tick_words(low: float, high: float, about: int = 5) -> list[tuple[float, str]]:
-    """At least two ticks with their numbers, which have the digits that tell them apart."""
+    """Tick values and labels, at least two if possible, with enough digits to tell them apart."""
     values = ticks(low, high, about)
     while values.size < 2 and high > low and about < 40:
-        # One number on an axis tells no scale.
+        # A single tick label gives no scale.
         about *= 2
         values = ticks(low, high, about)
     largest = max(abs(low), abs(high))
@@ -128,17 +128,17 @@ def tick_words(low: float, high: float, about: int = 5) -> list[tuple[float, str
 
 
 def svg(width: float, height: float, title: str, description: str, body: str) -> str:
-    """A complete drawing that scales with its place on the page.
+    """Complete SVG element that scales with its container.
 
     Args:
-        width: Drawing units.
-        height: Drawing units.
-        title: Name of the picture, read out by a screen reader.
-        description: What it shows, in a sentence with the numbers that matter.
-        body: Marks.
+        width: Width [drawing units].
+        height: Height [drawing units].
+        title: Title of the figure, read out by a screen reader.
+        description: One-sentence description with the key numbers.
+        body: SVG marks.
 
     Returns:
-        Text of the element.
+        SVG text.
     """
     key = f"svg{next(_identifiers)}"
     return (
@@ -149,7 +149,7 @@ def svg(width: float, height: float, title: str, description: str, body: str) ->
 
 
 def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
-    """A polyline through drawing coordinates; it breaks where a coordinate is not finite."""
+    """Polyline through drawing coordinates, interrupted where a coordinate is not finite."""
     pieces = []
     finite = np.isfinite(x) & np.isfinite(y)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
@@ -161,12 +161,12 @@ def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
 
 
 def line(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "line") -> str:
-    """A line through data (n_point,)."""
+    """Line through data (n_point,)."""
     return path(frame.x(x), frame.y(y), kind)
 
 
 def band(frame: Frame, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str = "band") -> str:
-    """The area between two curves over the same x, (n_point,) each."""
+    """Area between two curves over the same x, (n_point,) each."""
     across = frame.x(x)
     return path(
         np.concatenate([across, across[::-1]]),
@@ -177,7 +177,7 @@ def band(frame: Frame, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str 
 
 
 def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
-    """Points (n_point,) as one path of strokes without length, which round caps turn to dots."""
+    """Points (n_point,) as one path of zero-length strokes, which round caps turn into dots."""
     places = np.column_stack([frame.x(x), frame.y(y)])
     seen = (np.abs(places) <= _FAR).all(axis=1)
     marks = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places[seen])
@@ -185,7 +185,7 @@ def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
 
 
 def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = False) -> str:
-    """A word at a point of the page; `turned` writes it upwards.  Nothing off the page."""
+    """Text at a point of the drawing, vertical if `turned`; empty if the point is not visible."""
     if not (abs(x) <= _FAR and abs(y) <= _FAR):
         return ""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
@@ -193,16 +193,16 @@ def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = Fa
 
 
 def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:
-    """Grid, tick labels and axis labels around a frame.
+    """Frame with grid, tick labels and axis labels.
 
     Args:
-        frame: Where.
-        x_label: With unit; neither label nor ticks' numbers below the frame where empty.
-        y_label: With unit; ticks keep their numbers where empty.
-        about: Wanted number of ticks along x and along y.
+        frame: Plot area.
+        x_label: Label with unit; if empty, the tick labels are omitted as well.
+        y_label: Label with unit; if empty, the tick labels remain.
+        about: Approximate number of ticks along x and along y.
 
     Returns:
-        Marks.
+        SVG marks.
     """
     left, top, width, height = frame.box
     bottom = top + height

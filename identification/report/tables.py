@@ -1,4 +1,4 @@
-"""Rows of the report's tables, as text, from the result and the runs."""
+"""Rows of the report tables as text, from the result and the runs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _SOURCES = {
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter of the final model; ``shift`` is how far the declared model was off."""
+    """One parameter of the final model; ``shift`` is the relative error of the nominal model."""
 
     name: str
     meaning: str
@@ -67,7 +67,7 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run: what it covers and how well it is simulated, channel by channel."""
+    """One run: its extent and its simulation error in each channel."""
 
     name: str
     role: str
@@ -84,7 +84,7 @@ class RunRow:
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One channel on one role's runs, before and after: RMSE, NRMSE and noise ratio."""
+    """One channel on the runs of one role, before and after: RMSE, NRMSE and noise ratio."""
 
     role: str
     channel: str
@@ -96,9 +96,9 @@ class ErrorRow:
 
 @dataclass(frozen=True)
 class FeedbackTable:
-    """Metrics of one controller: a column a temperature, a row a metric.
+    """Closed-loop metrics of one controller: one column per temperature, one row per metric.
 
-    `statements` says for each temperature whether the loop is stable, where the result says so.
+    `statements` says for each temperature whether the loop is stable, if the result states it.
     """
 
     controller: str
@@ -126,12 +126,12 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
 
 
 def run_rows(data: ReportData) -> list[RunRow]:
-    """One row a run, in the order given."""
+    """One row per run, in the given order."""
     return [_run_row(run, data.result["noise"]) for run in data.runs]
 
 
 def error_rows(result: Entry) -> list[ErrorRow]:
-    """Errors before and after, validation first since it decides."""
+    """Errors of the nominal and the final model, validation runs first because they decide."""
     rows = []
     for role in ("validation", "training"):
         for channel, unit in (("current", "A"), ("speed", "rad/s")):
@@ -149,7 +149,7 @@ def error_rows(result: Entry) -> list[ErrorRow]:
 
 
 def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
-    """One table a controller, temperatures from cold to hot."""
+    """One table per controller, temperatures from cold to hot."""
     tables = []
     for controller in dict.fromkeys(str(entry["controller"]) for entry in feedback):
         entries = sorted(
@@ -250,21 +250,21 @@ def _error_texts(entry: Entry) -> tuple[str, str, str]:
 
 
 def _change(before: float | None, after: float | None) -> str:
-    """Change of the RMSE; nothing to say where both models are the same."""
+    """Relative change of the RMSE; unknown if both models have the same error."""
     if not before or after is None or before == after:
         return UNKNOWN
     return signed_percent_text(after / before - 1.0)
 
 
 def _shift(declared: Entry, final: Entry) -> str:
-    """How far the declared model was off, in per cent of the final value."""
+    """Deviation of the nominal model, in per cent of the final value."""
     if declared["median"] is None or not final["median"]:
         return UNKNOWN
     return signed_percent_text((declared["median"] - final["median"]) / abs(final["median"]))
 
 
 def _shift_bounds(name: str, result: Entry) -> str:
-    """The interval of the shift; empty where the result has none."""
+    """90 % interval of the shift; empty if the result has none."""
     shift = (result["diagnosis"].get("shifts") or {}).get(name)
     if shift is None or None in (shift["relative"]["q05"], shift["relative"]["q95"]):
         return ""

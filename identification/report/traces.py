@@ -1,7 +1,7 @@
-"""Time series for the page: each run as panels over one time axis, decimated and packed.
+"""Time series of each run for the interactive plots: panels over one time axis, min-max decimated.
 
-A panel is a speed, a current, a residual, a voltage or a temperature; the script of the page
-unpacks it and draws it.
+A panel shows a speed, a current, a residual, a voltage or a temperature.  The script of the page
+decodes and plots it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 _MOST_BUCKETS = 700
 _ALL_BUCKETS = 5600
-"""Buckets of all runs together: many runs share the size of the page."""
+"""Buckets of all runs together, which limits the size of the page."""
 
 
 def run_payload(
     run: RunTraces, run_count: int, noise: Mapping[str, float | None]
 ) -> dict[str, Any]:
-    """What the page needs to draw one run.
+    """Plot data of one run.
 
     Args:
         run: The run.
@@ -67,7 +67,7 @@ def _channel(
     channels: tuple[Array, Array, Array | None],
     buckets: int,
 ) -> list[dict[str, Any]]:
-    """The channel and its residual, over the same samples."""
+    """Panels of the channel and of its residual."""
     measured, after, before = channels
     name, unit, noise = label
     shown = [("measured", "measured", measured), ("simulated", "after", after)]
@@ -91,7 +91,7 @@ def _panel(
     kept = extremes([values for _, _, values in series], buckets)
     if smooth is not None:
         kept = with_corners(kept, smooth, 2 * buckets)
-    # A line that ends before a pause and begins after it needs a missing point between the two.
+    # A NaN in the middle of a gap interrupts the plotted line there.
     pauses = np.searchsorted(kept, gaps(time), side="right")
     pauses = np.unique(pauses[(pauses > 0) & (pauses < kept.size)])
     middles = 0.5 * (time[kept[pauses - 1]] + time[kept[pauses]])

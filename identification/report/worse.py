@@ -1,4 +1,4 @@
-"""Validation runs that the added effects predict worse than the nominal model does."""
+"""Warnings on validation runs that the effects predict worse than the nominal model does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ __all__ = ["worse_warnings"]
 
 _CODE: Final = "effects_predict_worse"
 _WORSE: Final = 1.05
-"""Rise of an error that is no scatter of the noise, which is the same for both models."""
+"""Error ratio above which an increase is reported; both models see the same noise, so it is not
+scatter."""
 _CHANNELS: Final = ("current", "speed")
 
 
@@ -24,11 +25,11 @@ def worse_warnings(
     noise: NDArray[np.float64],
     effects: Sequence[str],
 ) -> list[str]:
-    """A warning for each run and channel whose error the effects raise.
+    """One warning for each run and channel whose error increases with the effects.
 
     Args:
         before: Validation records simulated by the nominal model.
-        after: The same by the final model.
+        after: The same records simulated by the final model.
         noise: (2,) standard deviation of the noise of current and speed [A, rad/s].
         effects: Names of the effects of the final model.
     """
@@ -48,7 +49,7 @@ def worse_warnings(
 
 
 def _errors(simulated: Sequence[Simulated]) -> NDArray[np.float64]:
-    """(2,) root mean square error of current and speed; zero where nothing counts."""
+    """(2,) RMS error of current and speed [A, rad/s]; zero if all samples have zero weight."""
     squares = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
     counts = np.sum([np.sum(s.record.weight, axis=0) for s in simulated], axis=0)
     return np.asarray(np.sqrt(squares / np.maximum(counts, 1.0)))
