@@ -1,10 +1,10 @@
-"""From the files of a bench to runs in SI units, checked.
+"""Run file reader: parse, convert to SI units and check measured runs.
 
     run = read_run("run1.csv")
     run = read_run("scope.csv", mapping={"current_A": {"column": "CH2", "scale": 10.0}})
 
-`read_run` gives a `Run` or raises a `RunFileError` that says what to do; docs/run-files.md tells
-what is accepted.
+`read_run` returns a `Run` or raises a `RunFileError` whose message names the fix.
+docs/run-files.md lists the accepted formats.
 """
 
 from __future__ import annotations

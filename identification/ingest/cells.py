@@ -1,4 +1,4 @@
-"""What a single cell of a table is: a number, nothing, or something else."""
+"""Cell parsing: split a line into cells and classify each as number, missing value or text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = [
     "split_cells",
 ]
 
-# No two parts can match the same digits: a cell of a megabyte costs no more than its length.
+# No two parts of a pattern match the same digits: matching time is linear in the cell length.
 _POINT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(
@@ -29,15 +29,15 @@ _CLOCK = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d[\d:.,TZ +-]*|\d{1,2}\.\d{1,2}\.
 
 
 def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -> list[str]:
-    """Cut one line into its cells, without the blanks around them.
+    """Split one line into cells, stripped of surrounding blanks.
 
     Args:
-        line: The line without its end.
-        delimiter: One character; a space stands for any run of blanks and tabs.
+        line: The line without its line end.
+        delimiter: One character; a space stands for one or more blanks and tabs.
         units_in_brackets: With a space as delimiter, keep ``speed [rpm]`` together.
 
     Returns:
-        The cells; a line whose quotation marks do not pair up is one cell.
+        The cells; a line with unbalanced quotation marks is a single cell.
     """
     if delimiter == " ":
         words = _WORDS_WITH_UNITS if units_in_brackets else _WORDS_AND_QUOTES
@@ -52,7 +52,7 @@ def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -
 
 
 def number_text(cell: str, decimal: str) -> str | None:
-    """Text of a number as `float` takes it, or None where the cell is no plain number.
+    """Number text in the syntax of `float`, or None if the cell is not a plain number.
 
     `float` alone would also accept ``1_000``, ``nan`` and digits of other scripts.
     """
@@ -62,24 +62,27 @@ def number_text(cell: str, decimal: str) -> str | None:
 
 
 def is_number(cell: str, delimiter: str) -> bool:
-    """Whether the cell is a number in either decimal sign that the delimiter leaves free."""
+    """Return True if the cell is a number with a decimal point or comma.
+
+    A decimal comma is accepted only if the comma is not the delimiter.
+    """
     if _POINT.fullmatch(cell):
         return True
     return delimiter != "," and _COMMA.fullmatch(cell) is not None
 
 
 def is_number_word(cell: str) -> bool:
-    """Whether the cell is what programs write for a missing or infinite number."""
+    """Return True if the cell is a common spelling of a missing or infinite number."""
     return _NOT_FINITE.fullmatch(cell) is not None
 
 
 def is_clock(cell: str) -> bool:
-    """Whether the cell is a date or a time of day."""
+    """Return True if the cell is a date or a time of day."""
     return _CLOCK.fullmatch(cell) is not None
 
 
 def expected_instead(cell: str, unit: str) -> str:
-    """Say what is wrong with a cell that is no number, and what to do."""
+    """Message for a cell that is not a number: the fault and the fix."""
     wrong = f"{quoted(cell)} is not a number"
     if is_clock(cell):
         return f"{wrong}; dates and clock times are not read, write the time in seconds"

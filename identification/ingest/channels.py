@@ -1,8 +1,7 @@
-"""Which column is which channel, decided without guessing.
+"""Assignment of columns to channels, without guessing.
 
-The user's mapping comes first, then exact canonical names, then names with a unit.  A channel
-with no column, with two, or with a column whose unit is missing, unknown or another quantity's is
-an error whose message is the mapping to type.
+The user's mapping has priority, then exact canonical names, then names with a unit.  A missing or
+ambiguous column, or a missing, unknown or wrong unit, is an error whose message shows the fix.
 """
 
 from __future__ import annotations
@@ -38,14 +37,14 @@ __all__ = ["Channel", "assign_channels", "similar_columns"]
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel and the column it comes from.
+    """One channel and its source column.
 
     Args:
         name: Canonical name.
-        column: Where the cells are.
+        column: Source column.
         unit: Unit of the cells after scale and offset.
-        scale: Factor on the cell.
-        offset: What is added after the factor, in `unit`.
+        scale: Factor applied to the cell.
+        offset: Offset added after the factor, in `unit`.
     """
 
     name: str
@@ -62,14 +61,15 @@ def assign_channels(
 
     Args:
         columns: All columns of the table.
-        mapping: What the user said, by canonical name.
-        file: What messages call the file.
+        mapping: User-defined mapping by canonical name.
+        file: Name of the file in messages.
 
     Returns:
-        Channels by canonical name; optional ones that have no column are left out.
+        Channels by canonical name, without the optional ones that have no column.
 
     Raises:
-        MissingColumn: A required channel has no column; the message covers all of them.
+        MissingColumn: Required channels have no column; one message covers all of them.
+        RunFileError: A column is duplicated or ambiguous, or its unit is missing, unknown or wrong.
     """
     mapped = {
         name: _mapped(entry, columns, file)
@@ -94,7 +94,7 @@ def assign_channels(
 
 
 def similar_columns(name: str, columns: list[Column]) -> list[Column]:
-    """Columns that look as if they could be the channel; for messages only."""
+    """Columns that resemble the channel; for messages only."""
     quantity = CHANNEL_QUANTITIES[name]
     return [
         column
@@ -123,7 +123,7 @@ def _mapped(entry: ChannelMapping, columns: list[Column], file: str) -> Channel:
 
 
 def _mapped_unit(entry: ChannelMapping, column: Column, file: str) -> Unit:
-    """The unit that the user gave, else the header's, else SI."""
+    """Unit from the mapping, else from the header if the cell is not scaled, else SI."""
     si = canonical_unit(entry.channel)
     if entry.unit is not None:
         return entry.unit
@@ -141,7 +141,7 @@ def _mapped_unit(entry: ChannelMapping, column: Column, file: str) -> Unit:
 
 
 def _candidates(name: str, columns: list[Column], file: str) -> list[Column]:
-    """Columns named as the channel; the canonical name leaves no room for another."""
+    """Columns whose name matches the channel; an exact canonical name excludes all others."""
     exact = [column for column in columns if column.canonical == name]
     if len(exact) > 1:
         raise _duplicate(exact, file)
@@ -149,7 +149,7 @@ def _candidates(name: str, columns: list[Column], file: str) -> list[Column]:
         return exact
     quantity = CHANNEL_QUANTITIES[name]
     named = [column for column in columns if quantity in column.quantities]
-    # A name that may also be another quantity is this one only if nothing else is.
+    # An ambiguous name counts only if no column has an unambiguous one.
     sure = [column for column in named if len(column.quantities) == 1]
     if name in OPTIONAL_CHANNELS and not sure:
         return [column for column in named if "time" not in column.quantities]
@@ -170,7 +170,7 @@ def _only(name: str, candidates: list[Column], file: str) -> Channel:
 
 
 def _unit(name: str, column: Column, file: str) -> Unit:
-    """The unit in the header of a column, which has to be one of the channel's quantity."""
+    """Unit from the header of a column, checked against the quantity of the channel."""
     quantity = CHANNEL_QUANTITIES[name]
     accepted = accepted_spellings(quantity)
     if column.has_disputed_unit:
@@ -221,7 +221,7 @@ def _unknown_unit(name: str, column: Column, accepted: str, file: str) -> RunFil
 def _missing(
     names: list[str], free: list[Column], columns: list[Column], file: str
 ) -> RunFileError:
-    """One error for all channels that have no column, each with what it might be."""
+    """One error for all channels without a column, each with its similar columns."""
     similar = {name: similar_columns(name, free) for name in names}
     found = "; ".join(
         f"{name} may be {listed(c.title for c in columns)}" if columns else f"{name} has none"

@@ -1,10 +1,11 @@
-"""Samples at which a sensor was at its limit.
+"""Clipping detection: samples at which a sensor saturated.
 
-A sensor at its limit writes the same highest (or lowest) number again and again, in a signal that
-otherwise never stands still for as long.  Where the signal carries noise, that alone tells: noise
-does not stop.  Where it carries none, it has to arrive there with a jolt, since a simulated speed
-settles softly to its last digit; and a voltage without noise is never judged, since a drawn ramp
-ends on its plateau just so.  A motor at rest, which reads zero for long, is left out.
+A saturated sensor repeats its highest or lowest value for longer than the signal stays constant
+anywhere else.  In a noisy signal this is sufficient evidence, because noise never pauses.  A
+noise-free signal must also enter the limit with a step of the usual size, because a simulated speed
+settles smoothly to its last digit.  A noise-free voltage is never reported, because a programmed
+ramp enters its plateau the same way.  Standstill, where the signal reads zero for long, is
+excluded.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _LEFT_OUT = "a sensor at its limit does; these samples are left out"
 _TOLD = {
     "voltage_V": "a drive at its limit does, which is no fault; it is taken as logged",
 }
-"""What is said of a channel at a limit, where its samples are not left out."""
+"""End of the warning for channels whose clipped samples are not left out of the fit."""
 
 
 def find_clipped(
@@ -45,11 +46,11 @@ def find_clipped(
 
     Args:
         channels: Channel name to (n_sample,), in SI units.
-        places: Where the samples stand.
+        places: Source locations of the samples.
 
     Returns:
-        Channel name to (n_sample,), True at the limit, for channels that have such samples; and
-        a warning for each limit.
+        Channel name to boolean (n_sample,), True at the limit, for channels with such samples; and
+        one warning for each limit.
     """
     clipped: dict[str, Mask] = {}
     warnings = []
@@ -72,7 +73,7 @@ def find_clipped(
 
 
 def _is_clipped(name: str, signal: Array, at_limit: Mask) -> bool:
-    """Whether the samples at one extreme look like a limit."""
+    """Return True if the samples at one extreme look like sensor saturation."""
     span = float(np.ptp(signal))
     limit = float(signal[int(np.argmax(at_limit))])
     below = int(signal.size - at_limit.sum())
@@ -93,28 +94,28 @@ def _is_clipped(name: str, signal: Array, at_limit: Mask) -> bool:
 
 
 def _stays(flags: Mask) -> NDArray[np.intp]:
-    """Stretches of True as rows of first and one past last sample, (n_stay, 2)."""
+    """Index ranges of consecutive True values, first and one past the last, (n_stay, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return edges.reshape(-1, 2)
 
 
 def _longest_repeat(signal: Array, at_limit: Mask) -> int:
-    """Largest number of equal samples in a row away from the limit."""
+    """Largest number of consecutive equal samples away from the limit."""
     same = (np.diff(signal) == 0.0) & ~at_limit[1:]
-    # The other extreme may be a limit as well, and is no measure of how still the signal stands.
+    # Exclude the other extreme, which may be a limit as well.
     other = np.min(signal) if at_limit[int(np.argmax(signal))] else np.max(signal)
     same &= signal[1:] != other
-    # Nor is a motor at rest, whose encoder reads exactly zero.
+    # Exclude standstill, where an encoder reads exactly zero.
     same &= np.abs(signal[1:]) > _REST * np.ptp(signal)
     stays = _stays(same)
     return 1 + (int((stays[:, 1] - stays[:, 0]).max()) if stays.size else 0)
 
 
 def _has_noise(signal: Array) -> bool:
-    """Whether the signal carries noise above its own resolution.
+    """Return True if the signal carries noise above its quantisation step.
 
-    Differences of high order wipe out a smooth curve and grow by nearly 2 an order for noise; the
-    median over all samples leaves out the jumps of a stepped one.
+    Differences of high order cancel a smooth signal and grow by a factor of nearly 2 per order for
+    white noise.  The median over all samples ignores the jumps of a stepped signal.
     """
     if signal.size < 4 * _ORDER:
         return False
@@ -123,13 +124,13 @@ def _has_noise(signal: Array) -> bool:
     if higher < _GROWTH * np.median(np.abs(lower)):
         return False
     levels = np.diff(np.unique(signal))
-    # A standard normal's median is 0.67; the binomial is the noise gain of the difference.
+    # Median |x| of a standard normal: 0.67.  The binomial is the difference's noise gain.
     noise = higher / (0.67 * math.sqrt(math.comb(2 * _ORDER, _ORDER)))
     return bool(noise > np.min(levels))
 
 
 def _arrives_with_a_jolt(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:
-    """Whether the last step before most long stays is of the usual size."""
+    """Return True if the median step into the limit is comparable to the usual step."""
     step = np.abs(np.diff(signal))
     moving = step[~at_limit[1:] & (step > 0.0)]
     entries = long[long[:, 0] > 0, 0]

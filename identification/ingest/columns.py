@@ -1,4 +1,4 @@
-"""Header rows read column by column: names, unit, and what the two say together."""
+"""Column descriptions: names, quantity and unit of each column from its header rows."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from identification.ingest.units import Unit, find_unit
 
 __all__ = ["Column", "read_columns"]
 
-# What loggers put into a units row where there is no unit.
+# Entries of a units row that mean no unit.
 _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, as its header rows describe it.
+    """One column of a table as described by its header rows.
 
     Args:
-        index: Position in the table, from 0.
-        texts: Its cells in the rows of names, from top to bottom, blank ones left out.
-        quantities: What its names may stand for; several where the unit has to decide.
-        unit_texts: Units as written: in the name, in the units row; at most one of each.
-        canonical: Its canonical channel name, where the header is exactly that.
+        index: Position in the table, counted from 0.
+        texts: Non-blank cells of its name rows, from top to bottom.
+        quantities: Quantities that its names may stand for; if several, the unit decides.
+        unit_texts: Units as written in the names and in the units rows, without duplicates.
+        canonical: Canonical channel name if the header is exactly that name.
     """
 
     index: int
@@ -34,42 +34,42 @@ class Column:
 
     @property
     def title(self) -> str:
-        """What messages and mappings call the column."""
+        """Name of the column in messages and mappings."""
         return self.texts[0] if self.texts else f"column {self.index + 1}"
 
     @property
     def label(self) -> str:
-        """The title, fit for one line of a message."""
+        """Title, sanitised for one line of a message."""
         return plain(self.title)
 
     @property
     def unit(self) -> Unit | None:
-        """Its unit, or None where it has none that is in the table and undisputed."""
+        """Unit, or None if it is missing, unknown or contradictory."""
         units = {find_unit(text) for text in self.unit_texts}
         return units.pop() if len(units) == 1 else None
 
     @property
     def has_disputed_unit(self) -> bool:
-        """Whether the name and the units row give different units."""
+        """True if the name and the units row give different units."""
         return len({find_unit(text) for text in self.unit_texts}) > 1
 
     def is_called(self, title: str) -> bool:
-        """Whether a mapping that says `title` means this column."""
+        """Return True if `title` in a mapping refers to this column."""
         wanted = " ".join(title.split())
         return any(" ".join(text.split()) == wanted for text in (*self.texts, self.title))
 
 
 def read_columns(header: tuple[tuple[str, ...], ...]) -> list[Column]:
-    """Read the header rows of a table.
+    """Describe the columns of a table from its header rows.
 
-    A row of units is one below the first in which most cells are units; all others are rows of
-    names, such as a long and a short one.
+    A header row below the first is a units row if at least half of its filled cells are units.  All
+    other rows hold names, such as a long and a short one.
 
     Args:
-        header: Header rows from top to bottom, all of the same number of cells.
+        header: Header rows from top to bottom, all with the same number of cells.
 
     Returns:
-        The columns from left to right.
+        Columns from left to right.
     """
     names = [row for at, row in enumerate(header) if at == 0 or not is_units_row(row)]
     units = [row for at, row in enumerate(header) if at > 0 and is_units_row(row)]
@@ -95,7 +95,7 @@ def _column(index: int, names: list[tuple[str, ...]], units: list[tuple[str, ...
 
 
 def _decided_by_unit(column: Column) -> Column:
-    """A name that may be two quantities is the one that its unit measures."""
+    """Resolve a name with several quantities by its unit."""
     unit = column.unit
     if unit is None or unit.quantity not in column.quantities or len(column.quantities) == 1:
         return column

@@ -1,11 +1,12 @@
-"""How a text table is written: its delimiter, its header rows and where the samples begin.
+"""Dialect detection for text tables: delimiter, header rows and first sample line.
 
-The samples decide, not the header: for each delimiter the lines are counted that then look like
-samples (numbers in most cells and in the first one, as many cells as the other such lines), and
-the delimiter with most of them wins.  The header is what stands directly above the first sample
-with the same number of cells; title lines of an oscilloscope or a logger above it are skipped.
-A line is never skipped below the first line of names: something between names and samples that
-has numbers in it is a damaged sample and an error, not a header.
+The samples determine the dialect.  A line counts as a sample if its first cell is blank, a number
+or a clock time and at least two and more than half of its filled cells are numbers.  Each candidate
+delimiter is scored by the summed fraction of numeric cells over the sample lines with the most
+frequent number of cells; the highest score wins.  The header rows are the lines directly above the
+first sample with the same number of cells; title lines of an oscilloscope or a logger above them
+are skipped.  Below the first line of names no line is skipped: a line that contains numbers between
+names and samples is a damaged sample and raises an error.
 """
 
 from __future__ import annotations
@@ -33,23 +34,23 @@ __all__ = ["COMMENT_MARKS", "Layout", "sniff"]
 COMMENT_MARKS = ("#", "%", "//")
 
 _PREVIEW_LINES = 1000
-# Of a text without samples, as far as a header is looked for.
+# Limit of the search for a header in a text without samples.
 _SEARCHED_CHARACTERS = 100_000
-# In this order where two delimiters do equally well.
+# Order of preference if two delimiters have the same score.
 _DELIMITERS = ("\t", ";", ",", " ")
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How the table of one file is written.
+    """Layout of the table in one file.
 
     Args:
-        delimiter: One character; a space stands for any run of blanks and tabs.
-        fields: Cells of each sample line, an empty last one included.
+        delimiter: One character; a space stands for one or more blanks and tabs.
+        fields: Number of cells of each sample line, including an empty last one.
         header: Header rows from top to bottom, each with `fields` cells.
-        header_line: Line of the file with the first header row.
-        first_line: Line of the file with the first sample.
+        header_line: Line number of the first header row.
+        first_line: Line number of the first sample.
     """
 
     delimiter: str
@@ -60,18 +61,19 @@ class Layout:
 
 
 def sniff(block: Block, name: str, limits: Limits) -> Layout:
-    """Find the layout from the first block of a file.
+    """Detect the layout from the first block of a file.
 
     Args:
-        block: Beginning of the file.
-        name: What messages call the file.
+        block: First block of the file.
+        name: Name of the file in messages.
         limits: Largest number of columns.
 
     Returns:
         The layout of the table.
 
     Raises:
-        FileTooLarge: More columns than the limit.
+        FileTooLarge: The table has more columns than the limit.
+        RunFileError: The block holds no samples, no header or no unambiguous decimal sign.
     """
     lines, comments, forced = _preview(block, name)
     found = _best_delimiter(lines, (forced,) if forced else _DELIMITERS)
@@ -98,7 +100,7 @@ def sniff(block: Block, name: str, limits: Limits) -> Layout:
 
 
 def _preview(block: Block, name: str) -> tuple[list[Line], list[Line], str | None]:
-    """Lines that are not blank, comment lines without their mark, and a ``sep=`` line's sign."""
+    """Non-blank lines, comment lines without their marks, and the delimiter of a ``sep=`` line."""
     raw = block.text.split(b"\n", _PREVIEW_LINES)
     if len(raw) > _PREVIEW_LINES or block.terminated:
         raw.pop()
@@ -120,7 +122,7 @@ def _preview(block: Block, name: str) -> tuple[list[Line], list[Line], str | Non
 
 
 def _decoded(text: bytes) -> str:
-    """UTF-8, else the encoding of western Windows, which only the header can show."""
+    """Decode as UTF-8, else as Windows-1252, which affects header texts only."""
     try:
         return text.decode("utf-8")
     except UnicodeDecodeError:
@@ -128,7 +130,7 @@ def _decoded(text: bytes) -> str:
 
 
 def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
-    """Join a quoted cell with line breaks in it, as spreadsheets write headers."""
+    """Join the lines of a quoted cell that contains line breaks, as spreadsheets write them."""
     joined: list[tuple[int, str]] = []
     at = 0
     while at < len(texts):
@@ -144,7 +146,7 @@ def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
 
 
 def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str, int, int] | None:
-    """The delimiter with most of the preview in numbers, its fields and the first sample."""
+    """Delimiter with the highest score, its number of fields and the index of the first sample."""
     best: tuple[float, str, int, int] | None = None
     for delimiter in delimiters:
         rows = [split_cells(line.text, delimiter) for line in lines]
@@ -161,7 +163,7 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
 
 
 def _share_of_numbers(cells: list[str], delimiter: str) -> float:
-    """Share of the filled cells that are numbers; 0 where the line is no sample."""
+    """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
     filled = [cell for cell in cells if cell]
     numbers = sum(1 for c in filled if is_number(c, delimiter) or is_number_word(c))
     begins = not cells[:1] or not cells[0] or _begins_a_sample(cells[0], delimiter)
@@ -175,7 +177,7 @@ def _begins_a_sample(cell: str, delimiter: str) -> bool:
 
 
 def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name: str) -> None:
-    """Refuse ``1,234`` where nothing in the preview says if that is 1.234 or 1234."""
+    """Reject ``1,234`` if no number in the preview shows whether it means 1.234 or 1234."""
     if delimiter == ",":
         return
     unclear: tuple[Line, str] | None = None
@@ -200,7 +202,7 @@ def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name:
 
 
 def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileError:
-    """The error for a text in which no delimiter gives lines of numbers."""
+    """Error for a text in which no delimiter yields lines of numbers."""
     searched = 0
     for line in (*lines, *comments):
         searched += len(line.text)

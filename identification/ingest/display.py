@@ -1,7 +1,7 @@
-"""Texts out of a stranger's file, made fit for one line of a message.
+"""Sanitised display of untrusted file content in one-line messages.
 
-A cell may hold a megabyte, a line break or a terminal's escape sequence; none of that may reach
-the reader of an error.
+A cell may hold a megabyte, a line break or a terminal escape sequence; none of these may reach an
+error message.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ _LONGEST = 60
 
 
 def plain(text: str, longest: int = _LONGEST) -> str:
-    """Text without control characters, cut to `longest` characters."""
+    """Text with control characters escaped, truncated to `longest` characters."""
     cut = text if len(text) <= longest else text[: longest - 3] + "..."
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in cut)
 
 
 def quoted(text: str) -> str:
-    """Text as `plain` gives it, between single quotation marks."""
+    """Text as `plain` returns it, in single quotation marks."""
     return f"'{plain(text)}'"
 
 
 def listed(texts: Iterable[str], most: int = 12) -> str:
-    """Quoted texts with commas between, the rest beyond `most` counted."""
+    """Comma-separated quoted texts; those beyond `most` are only counted."""
     every = [quoted(text) for text in texts]
     if len(every) <= most:
         return ", ".join(every)

@@ -1,7 +1,8 @@
-"""Sample lines read at once by pandas' C reader, behind checks that make silence impossible.
+"""Fast path: parse a block of sample lines with the C reader of pandas, after strict checks.
 
-Every line has as many fields as the first, a blank is no number, and neither is a word.  A block
-for which that is not so is declined, not repaired: reading it cell by cell then tells why.
+Every line must have the expected number of fields, and every cell must be a number; blanks are
+allowed only in channels logged at a lower rate.  A block that fails a check is declined and not
+repaired; `CellReader` then reads it cell by cell and reports the fault.
 """
 
 from __future__ import annotations
@@ -29,33 +30,33 @@ def read_clean(
     slow: Collection[str],
     decimal: str,
 ) -> list[Array] | None:
-    """Read whole lines that hold nothing but numbers.
+    """Parse whole lines that contain nothing but numbers.
 
     Args:
-        text: Lines in UTF-8.
-        layout: How the table is written.
+        text: Encoded lines.
+        layout: Layout of the table.
         channels: Channels to read.
-        slow: Channels whose cells may be blank.
+        slow: Channels logged at a lower rate, whose cells may be blank.
         decimal: Decimal sign.
 
     Returns:
-        For each channel (n_sample,), NaN where a slow channel is blank; or None where the lines
-        are not as clean as that.
+        (n_sample,) for each channel, NaN at a blank cell of a slow channel; or None if the block
+        fails a check.
     """
     bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
     count = text.count(b"\n") + (not text.endswith(b"\n"))
     if bare is None or not _has_expected_delimiters(bare, count, layout):
         return None
     text = bare
-    # Where every column is read, the total is enough: a line too long means one too short, and a
-    # missing field is a blank, which is no number.
+    # If every column is read, the total count suffices: a line with too many fields implies one
+    # with too few, and a missing field is a blank, which is not a number.
     if (layout.delimiter == " " or len(channels) < layout.fields) and not _has_equal_rows(
         text, count, layout
     ):
         return None
     columns = _parsed(text, layout, channels, {}, decimal)
     blanks = {str(c.column.index): [""] for c in channels if c.name in slow}
-    # Looking for blanks costs time, so it is done only where reading without failed.
+    # Blank handling is slow, so it is tried only after parsing without it has failed.
     if columns is None and blanks and _has_equal_rows(text, count, layout):
         columns = _parsed(text, layout, channels, blanks, decimal)
     if columns is None or columns[0].size != count:
@@ -64,10 +65,10 @@ def read_clean(
 
 
 def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
-    """The text without quotation marks, where each pair encloses exactly one cell.
+    """Text without quotation marks if each pair encloses exactly one cell, else None.
 
-    Marks within a cell and delimiters between marks are declined: without the marks they would
-    read as something else.
+    Marks within a cell and delimiters between marks are declined, because the text would parse
+    differently without the marks.
     """
     codes = np.frombuffer(text, dtype=np.uint8)
     quotes = np.flatnonzero(codes == ord('"'))
@@ -75,7 +76,7 @@ def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
         return None
     opening, closing = quotes[0::2], quotes[1::2]
     edge = np.concatenate(([True], (codes == ord(delimiter)) | (codes == ord("\n")), [True]))
-    # `edge` is one sample ahead: its entry k tells about the character before k.
+    # `edge` is shifted by one: entry k describes the character before k.
     enclosed = edge[opening] & edge[closing + 2]
     edges = np.cumsum(edge)
     empty_between = edges[opening + 1] == edges[closing + 1]
@@ -83,14 +84,14 @@ def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
 
 
 def _has_expected_delimiters(text: bytes, count: int, layout: Layout) -> bool:
-    """Whether the lines have as many delimiters in all as they should have."""
+    """Return True if the block has the expected total number of delimiters."""
     if layout.delimiter == " ":
         return True
     return text.count(layout.delimiter.encode()) == (layout.fields - 1) * count
 
 
 def _has_equal_rows(text: bytes, count: int, layout: Layout) -> bool:
-    """Whether each line has as many fields as the first sample."""
+    """Return True if every line has as many fields as the first sample."""
     codes = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(codes == ord("\n"))
     if ends.size < count:
@@ -138,7 +139,7 @@ def _parsed(
 
 
 def _is_finite(columns: list[Array], channels: tuple[Channel, ...], slow: Collection[str]) -> bool:
-    """Whether all is finite, but for the blanks of a slow channel."""
+    """Return True if all values are finite, except for blanks of a slow channel."""
     return all(
         not np.any(np.isinf(column)) and (channel.name in slow or not np.any(np.isnan(column)))
         for channel, column in zip(channels, columns, strict=True)

@@ -1,8 +1,8 @@
-"""Which lines above the first sample are its header.
+"""Header row detection: select the lines above the first sample that name its columns.
 
-The header is what stands directly above the samples with as many cells as they have: names, and
-perhaps units and a second set of names.  A line with numbers in it between names and samples is a
-damaged sample, and an error.
+Header rows stand directly above the samples and have the same number of cells: column names,
+optionally a row of units and a second row of names.  A line that contains numbers between names and
+samples is a damaged sample and raises an error.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ _MOST_ROWS = 5
 
 @dataclass(frozen=True)
 class Line:
-    """One line of the preview: its number in the file and its text."""
+    """One line of the preview: its line number in the file and its text."""
 
     number: int
     text: str
 
 
 class HeaderRows:
-    """Finds the header rows that belong to samples of a known form.
+    """Search for the header rows above samples of known layout.
 
     Args:
         delimiter: Delimiter of the samples.
-        fields: Cells of each sample.
+        fields: Number of cells of each sample.
         sample: The first sample.
-        name: What messages call the file.
+        name: Name of the file in messages.
     """
 
     def __init__(self, delimiter: str, fields: int, sample: Line, name: str) -> None:
@@ -48,14 +48,15 @@ class HeaderRows:
         """Find the header rows.
 
         Args:
-            lines: The lines above the first sample that are neither blank nor comments.
-            comments: Comment lines without their marks; the header may be among them.
+            lines: Lines above the first sample, without blank lines and comments.
+            comments: Comment lines without their marks, searched if `lines` hold no header.
 
         Returns:
             Each header row with its cells, from top to bottom.
 
         Raises:
-            RunFileError: No line above the samples names their columns.
+            RunFileError: No line above the samples names their columns, a header cell is too long,
+                or a line between names and samples is a damaged sample.
         """
         rows = self._collect(lines)
         if not rows:
@@ -83,7 +84,7 @@ class HeaderRows:
         return rows
 
     def _refuse_long(self, line: Line, cells: list[str]) -> None:
-        """A cell of this length is no name, and messages and mappings would have to repeat it."""
+        """Reject header cells that are too long to be repeated in messages and mappings."""
         for index, cell in enumerate(cells):
             if len(cell) > LONGEST_CELL:
                 raise HeaderTooLong(
@@ -96,7 +97,10 @@ class HeaderRows:
                 )
 
     def _fitted(self, line: Line) -> list[str] | None:
-        """Cells of a header line if they fit the samples, allowing for a trailing delimiter."""
+        """Cells of a header line that match the samples in number, or None.
+
+        A trailing delimiter is tolerated.
+        """
         delimiters = (self._delimiter,) if self._delimiter != " " else (" ", ",", ";", "\t")
         for delimiter in delimiters:
             cells = split_cells(line.text, delimiter, units_in_brackets=True)
@@ -111,7 +115,7 @@ class HeaderRows:
         return None
 
     def _refuse_damaged_sample(self, line: Line, cells: list[str], lines: list[Line]) -> None:
-        """A line with numbers right below names is a sample with something wrong in it."""
+        """Raise if a line with numbers directly below the names is a damaged sample."""
         above = [other for other in lines if other.number < line.number][-1:]
         names = self._fitted(above[0]) if above else None
         if names is None or is_units_row(cells) or any(map(self._is_number, names)):
@@ -129,7 +133,7 @@ class HeaderRows:
         return is_number(cell, self._delimiter)
 
     def _headless(self, lines: list[Line]) -> RunFileError:
-        """The error for samples that no fitting line of names stands above."""
+        """Error for samples that have no matching row of names above them."""
         last = split_cells(lines[-1].text, self._delimiter) if lines else []
         if len(last) < 2 or not any(map(is_channel_name, last)):
             return NoHeader(

@@ -1,4 +1,4 @@
-"""Which line of the file each sample came from."""
+"""Map from sample index to line number in the file."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["SampleLines"]
 
 @dataclass
 class SampleLines:
-    """Line of the file for each sample, kept as stretches without a gap."""
+    """Line number of each sample, stored as ranges of consecutive lines."""
 
     first_samples: list[int] = field(default_factory=list)
     first_lines: list[int] = field(default_factory=list)
     total: int = 0
 
     def extend(self, first_line: int, count: int) -> None:
-        """Add `count` samples on consecutive lines."""
+        """Append `count` samples on consecutive lines, beginning at `first_line`."""
         if not count:
             return
         if not self.total or self.line(self.total - 1) + 1 != first_line:
@@ -26,6 +26,6 @@ class SampleLines:
         self.total += count
 
     def line(self, sample: int) -> int:
-        """Line of the file, counted from 1, that holds a sample."""
+        """Line number, counted from 1, of a sample."""
         at = bisect.bisect_right(self.first_samples, sample) - 1
         return self.first_lines[at] + sample - self.first_samples[at]

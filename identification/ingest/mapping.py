@@ -1,16 +1,16 @@
-"""The user's word on which column is which channel, and in which unit.
+"""User-defined mapping of columns to channels and units.
 
     {"current_A": {"column": "current_sensor_V", "scale": 2.5},
      "speed_rad_s": {"column": "n_ist", "unit": "rpm"},
      "position_rad": null}
 
-``value in SI = (cell * scale + offset) in the given unit``; null leaves an optional channel out.
-The key ``files`` holds mappings of single files by name, which win over what holds for all:
+``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The key
+``files`` holds mappings of single files by name; they override the common mapping:
 
     {"files": {"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}}
 
-Everything in a mapping is checked, and a key that means nothing is an error: a misspelt ``scael``
-would otherwise be a silent factor.
+The whole mapping is validated, and an unknown key is an error: a misspelt ``scael`` would otherwise
+silently drop a scale factor.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ __all__ = ["FILES", "OPTIONAL_CHANNELS", "ChannelMapping", "MappingLike", "read_
 OPTIONAL_CHANNELS = ("temperature_degC", "position_rad")
 
 MappingLike = Mapping[str, object] | str | os.PathLike[str]
-"""A mapping itself, or the path of a JSON file that holds one."""
+"""A mapping, or the path of a JSON file that contains one."""
 
 FILES = "files"
-"""Key of a mapping under which mappings of single files stand, by file name."""
+"""Key of a mapping that holds the mappings of single files, by file name."""
 
 _KEYS = ("column", "unit", "scale", "offset")
 _LARGEST_FILE = 1_000_000
@@ -50,15 +50,15 @@ _HUGE = 1e300
 
 @dataclass(frozen=True)
 class ChannelMapping:
-    """What the user said about one channel.
+    """Mapping of one channel.
 
     Args:
         channel: Canonical name.
-        column: Header text of the column, or None where the channel shall be left out.
-        unit: Unit after scale and offset, or None where none was given.
-        scale: Factor on the cell.
-        offset: What is added after the factor, in `unit`.
-        scaled: Whether scale or offset was given.
+        column: Header text of the column, or None to omit the channel.
+        unit: Unit after scale and offset, or None if not given.
+        scale: Factor applied to the cell.
+        offset: Offset added after the factor, in `unit`.
+        scaled: True if scale or offset was given.
     """
 
     channel: str
@@ -70,17 +70,19 @@ class ChannelMapping:
 
 
 def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[str, ChannelMapping]:
-    """Check a mapping, out of a file where it is a path.
+    """Validate a mapping, read from a JSON file if it is a path.
 
     Args:
-        mapping: The mapping, the path of a JSON file, or None for none.
-        run: Name of the run file that it is for; what ``files`` says of others is checked too.
+        mapping: The mapping, the path of a JSON file, or None.
+        run: Name of the run file to be read; the entries of other files are validated, too.
 
     Returns:
-        What was said about each channel, by canonical name.
+        Mapping of each channel, by canonical name.
 
     Raises:
-        MappingError: A name, a key or a value in it is not accepted.
+        MappingError: A name, a key or a value is not accepted.
+        UnknownUnit: A unit is not in the table.
+        WrongUnit: A unit belongs to another quantity.
     """
     if mapping is None:
         return {}
@@ -139,7 +141,7 @@ def _from_file(path: Path, name: str) -> object:
 
 
 class _RepeatedKey(Exception):
-    """A JSON object has a key twice; json would silently keep the last."""
+    """Duplicate key in a JSON object, of which json would silently keep the last value."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -218,7 +220,7 @@ def _number(channel: str, key: str, value: object, file: str | None) -> float:
     number = math.nan
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _HUGE:
         number = float(value)
-    # Below the smallest normal number digits are lost: the column would come out as steps.
+    # Subnormal numbers lose digits: the scaled column would be quantised.
     is_denormal = 0.0 < abs(number) < sys.float_info.min
     if not math.isfinite(number) or is_denormal or (key == "scale" and number == 0.0):
         wanted = "a finite number other than 0" if key == "scale" else "a finite number"
@@ -232,13 +234,13 @@ def _number(channel: str, key: str, value: object, file: str | None) -> float:
 
 
 def _shown(value: object) -> str:
-    # Python does not print integers of thousands of digits.
+    # Python refuses to print integers of thousands of digits.
     huge = isinstance(value, int) and abs(value) >= _HUGE
     return "(a huge integer)" if huge else quoted(repr(value))
 
 
 def _refuse_shared_columns(mapping: dict[str, ChannelMapping], file: str | None) -> None:
-    """One column cannot be two channels."""
+    """Reject a mapping of one column to two channels."""
     used: dict[str, str] = {}
     for channel, entry in mapping.items():
         if entry.column is None:

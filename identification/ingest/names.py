@@ -1,17 +1,18 @@
-"""What the header of one column says: which quantity, in which unit.
+"""Column header parser: physical quantity and unit of one header cell.
 
-A header is read in these forms, the first that fits:
+The first matching form is used:
 
-    time_s                     a canonical name, exact, in any case
-    rpm, volts                 a unit alone, where it is a word
-    speed [rpm], Strom (mA)    a unit in brackets
-    speed in rpm, t/ms         a unit after ``in`` or a stroke
-    motor_speed_rpm, tempDegC  a unit at the end
+    time_s                         canonical name, case-insensitive
+    rpm, volts                     a unit alone, of at least two characters
+    speed [rpm], Strom (mA)        a unit in brackets
+    speed in rpm; speed, rpm       a unit after ``in`` or a comma
+    motor_speed_rpm, tempDegC      a unit suffix
+    t/ms                           a unit after a slash
 
-The name in front of the unit has to be one of the names below, apart from words that change
-nothing (``motor``, ``measured``).  ``set speed`` or ``1st motor speed`` are no such names: they
-are kept as similar, for the message that asks for a mapping, and never used by themselves.  A
-name may stand for two quantities (``t``, ``theta``); then the unit decides.
+The name in front of the unit must be one of `NAMES`, apart from neutral words (``motor``,
+``measured``).  A header such as ``1st motor speed`` is never assigned automatically; the message
+that asks for a mapping lists it as similar.  Setpoints (``set speed``) are not listed.  A name may
+stand for two quantities (``t``, ``theta``); then the unit decides.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ NAMES = {
     "temperature": ("temperature", "temp", "t", "theta", "ϑ", "temperatur"),
     "angle": ("position", "pos", "angle", "theta", "phi", "φ", "θ", "winkel"),
 }
-"""Names of each quantity, in lower case; docs/run-files.md prints them."""
+"""Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
 
 NEUTRAL_WORDS = frozenset(
     "motor mot dc armature terminal winding shaft rotor sensor measured meas actual act ist".split()
@@ -74,24 +75,24 @@ for _quantity, _names in NAMES.items():
         _QUANTITIES[_name] = _QUANTITIES.get(_name, frozenset()) | {_quantity}
 
 LONGEST_CELL = 1000
-"""Most characters of a header cell; a longer cell is refused with its row and column."""
+"""Longest accepted header cell [characters]; a longer one is rejected with its row and column."""
 
 _CANONICAL = {name.casefold(): name for name in CHANNEL_QUANTITIES}
 _OPENING, _CLOSING = "[({<", "])}>"
-# Neither pattern can begin a match at one character in two ways: the time is linear.
+# Neither pattern can match in two ways from one start position: matching time is linear.
 _BOUNDARY = re.compile(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z°])")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 
 
 @dataclass(frozen=True)
 class HeaderText:
-    """What one header cell says.
+    """Parsed header cell.
 
     Args:
-        quantities: What the name may stand for; empty where the name is none of ours.
-        unit_text: The unit as written, or None where there is none.
-        unit: That unit in the table, or None where it is not there.
-        canonical: The canonical channel name, where the header is exactly that.
+        quantities: Quantities that the name may stand for; empty if the name is unknown.
+        unit_text: Unit as written, or None if there is none.
+        unit: Entry of the unit table, or None if the table does not contain the unit.
+        canonical: Canonical channel name if the header is exactly that name.
     """
 
     quantities: frozenset[str] = frozenset()
@@ -101,9 +102,9 @@ class HeaderText:
 
 
 def read_header(text: str) -> HeaderText:
-    """Read one header cell, in a time proportional to its length.
+    """Parse one header cell in time proportional to its length.
 
-    A cell of more than `LONGEST_CELL` characters says nothing.
+    A cell longer than `LONGEST_CELL` yields an empty result.
     """
     if len(text) > LONGEST_CELL:
         return HeaderText()
@@ -114,7 +115,7 @@ def read_header(text: str) -> HeaderText:
         unit = canonical_unit(channel)
         return HeaderText(quantity, unit.name, unit, channel)
     whole = find_unit(text)
-    # A single letter is a name as often as a unit: V, A, s, t, i.  Those are asked about.
+    # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
     if whole is not None and len(text) > 1:
         return HeaderText(frozenset({whole.quantity}), text, whole)
     for form in (_bracketed, _worded, _suffixed, _stroked):
@@ -125,27 +126,28 @@ def read_header(text: str) -> HeaderText:
 
 
 def is_channel_name(text: str) -> bool:
-    """Whether a header cell names one of the quantities of a run."""
+    """Return True if a header cell names one of the quantities of a run."""
     return bool(read_header(text).quantities)
 
 
 def is_units_row(cells: list[str] | tuple[str, ...]) -> bool:
-    """Whether a header row holds units under names: most of its filled cells are units."""
+    """Return True if at least half of the filled cells of a header row are units."""
     filled = [cell for cell in cells if cell]
     units = sum(1 for cell in filled if find_unit(unbracketed(cell)) is not None)
     return bool(filled) and units * 2 >= len(filled)
 
 
 def unbracketed(cell: str) -> str:
-    """A cell of a units row without its brackets: ``[s]`` gives ``s``."""
+    """Unit without its brackets: ``[s]`` gives ``s``."""
     parts = _cut_at_brackets(" ".join(cell.split()))
     return parts[1] if parts is not None and not parts[0] else cell
 
 
 def similar_to(text: str, quantity: str) -> bool:
-    """Whether a header that is no exact name looks as if it were this quantity.
+    """Return True if a header without an accepted name resembles one of this quantity.
 
-    Set points and limits are left out: nobody should be led to fit a command as a measurement.
+    Setpoints and limits are excluded, so that no message suggests fitting a command as a
+    measurement.
     """
     words = _words(text[:LONGEST_CELL])
     if _OTHER_SIGNAL.intersection(words) or any(word.startswith("set") for word in words):
@@ -153,7 +155,7 @@ def similar_to(text: str, quantity: str) -> bool:
     wanted = [name for name in NAMES[quantity] if len(name) > 2]
     if any(word.startswith(name) for word in words for name in wanted):
         return True
-    # Short names as loggers write them: m1cur, mot_vel.
+    # Abbreviations used by loggers: m1cur, mot_vel.
     return any(part in word for word in words for part in _FRAGMENTS.get(quantity, ()))
 
 
@@ -172,7 +174,7 @@ def _bracketed(text: str) -> HeaderText | None:
 
 
 def _cut_at_brackets(text: str) -> tuple[str, str] | None:
-    """Name and unit of ``speed [rpm]`` or ``n (1/(min))``; None for another form.
+    """Name and unit of ``speed [rpm]`` or ``n (1/(min))``; None for any other form.
 
     Args:
         text: Header text without two blanks in a row.
@@ -180,7 +182,7 @@ def _cut_at_brackets(text: str) -> tuple[str, str] | None:
     if text[-1:] not in tuple(_CLOSING):
         return None
     inner = text[:-1].rstrip()
-    # The unit may end with parentheses of its own.
+    # The unit may itself end with a parenthesis.
     end = max(inner.rfind("("), 0) if inner.endswith(")") else len(inner)
     opening = max(inner.rfind(bracket, 0, end) for bracket in _OPENING)
     is_open = not any(bracket in inner[opening + 1 : end] for bracket in _CLOSING)
@@ -191,7 +193,7 @@ def _cut_at_brackets(text: str) -> tuple[str, str] | None:
 
 def _worded(text: str) -> HeaderText | None:
     for sign in (" in ", ","):
-        # A name of at least one character stands in front.
+        # The name has at least one character.
         at = text.find(sign, 1)
         name, unit = text[:at], text[at + len(sign) :]
         if at > 0 and unit:
@@ -200,14 +202,14 @@ def _worded(text: str) -> HeaderText | None:
 
 
 def _suffixed(text: str) -> HeaderText | None:
-    """The longest ending that is a unit, behind a beginning that is a name.
+    """Longest suffix that is a unit, after a prefix that is an accepted name.
 
-    An ending that would be a unit in another case is kept as one, to be refused by name.
+    A suffix that is a unit only in another case is kept, so that the error can name it.
     """
     wrong_case: HeaderText | None = None
     for boundary in _BOUNDARY.finditer(text):
         name, unit = text[: boundary.start()], text[boundary.end() :]
-        # The unit first: of all endings few are one, and a name takes the time of its length.
+        # Test the unit first: few suffixes are units, and a name costs time linear in its length.
         if find_unit(unit) is not None and _named(name):
             return _with_unit(name, unit)
         if wrong_case is None and unit_in_another_case(unit) is not None and _named(name):
@@ -223,7 +225,7 @@ def _stroked(text: str) -> HeaderText | None:
 
 
 def _with_unit(name: str, unit_text: str) -> HeaderText | None:
-    """A name and a unit; where the name may be several quantities, the unit chooses."""
+    """Combine a name and a unit; the unit resolves a name with several quantities."""
     unit_text = unit_text.strip()
     unit = find_unit(unit_text)
     quantities = _named(name)

@@ -1,4 +1,4 @@
-"""Where a channel stands in a file, for the errors and warnings of the checks."""
+"""Source location (file, row, column) of a channel sample, for errors and warnings."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Error = TypeVar("Error", bound=RunFileError)
 
 @dataclass(frozen=True)
 class Places:
-    """Translates channels and samples into file, row and column.
+    """Locator of a cell: file, row and column of a channel and a sample index.
 
     Args:
-        file: What messages call the file.
+        file: Name of the file in messages.
         columns: Channel name to header text.
-        line: Gives the line of the file of a sample.
+        line: Function from sample index to line number in the file.
     """
 
     file: str
@@ -31,7 +31,7 @@ class Places:
     def error(
         self, kind: type[Error], message: str, channel: str, sample: int, value: object
     ) -> Error:
-        """Make an error of a kind at one cell."""
+        """Make an error of class `kind` located at one cell."""
         return kind(
             message,
             file=self.file,
@@ -43,7 +43,7 @@ class Places:
     def warning(
         self, code: str, message: str, channel: str | None = None, sample: int | None = None
     ) -> RunWarning:
-        """Make a warning about a file, a column or one cell."""
+        """Make a warning located at a file, a column or one cell."""
         return RunWarning(
             code=code,
             message=message,

@@ -1,10 +1,9 @@
-"""Values that no brushed motor has, and values that look like a mistake.
+"""Plausibility checks: reject impossible values and warn of unusual ones.
 
-What cannot be is refused; what is only unusual is said.  A wrong unit cannot be seen from voltage,
-current and speed alone: scaling any of them gives another motor that obeys the same equations.
-So the bounds here are those of machines from an instrument motor to a traction motor.  Of the
-contradictions that physics does offer, wrong signs are left to `polarity`, and a logged position
-that turns slower than the logged speed is used here.
+Voltage, current and speed alone cannot reveal a wrong unit: a scaled channel fits another motor
+that obeys the same equations.  The bounds therefore cover all machines from instrument motors to
+traction motors.  Two checks between channels are possible: `polarity` tests the signs, and this
+module compares a logged position with the integral of the speed.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a channel may hold, in SI units.
+    """Accepted and usual range of a channel, in SI units.
 
     Args:
-        possible: Lowest and highest value that is not refused.
-        usual: Lowest and highest value that is not remarked upon.
-        hint: The usual mistake behind a value outside.
+        possible: Lowest and highest accepted value; a value outside raises an error.
+        usual: Lowest and highest usual value; a value outside gives a warning.
+        hint: Most likely cause of a value outside.
     """
 
     possible: tuple[float, float]
@@ -47,7 +46,7 @@ BOUNDS = {
     "temperature_degC": Bounds((-100.0, 300.0), (-60.0, 200.0), "is it in kelvin or Fahrenheit?"),
     "position_rad": Bounds((-1e12, 1e12), (-1e9, 1e9), "is it in encoder counts?"),
 }
-"""Bounds of every channel but time; docs/run-files.md prints them."""
+"""Bounds of every channel except time; docs/run-files.md prints them."""
 
 _OTHER_UNITS = {
     "voltage_V": "mV",
@@ -56,9 +55,9 @@ _OTHER_UNITS = {
     "temperature_degC": "K",
     "position_rad": "deg",
 }
-"""Unit that is the likeliest where a value is impossible."""
+"""Most likely actual unit of a channel with an impossible value."""
 
-# Room temperature and all that a motor reaches, in kelvin.
+# Range of motor temperatures in kelvin, from cold room to hot winding [K].
 _KELVIN = (250.0, 430.0)
 _SMALLEST_VOLTAGE = 0.1
 _NAMED_RATIOS = ((60.0 / (2.0 * math.pi), "rpm"), (180.0 / math.pi, "degrees per second"))
@@ -66,18 +65,18 @@ _RATIO_TOLERANCE = 0.03
 
 
 def check_values(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
-    """Refuse impossible values and remark on unusual ones.
+    """Reject impossible values and warn of unusual ones.
 
     Args:
         channels: Channel name to (n_sample,), in SI units, without time.
         time: (n_sample,) strictly increasing [s].
-        places: Where the samples stand.
+        places: Source locations of the samples.
 
     Returns:
         Warnings.
 
     Raises:
-        AbsurdValue: A value is outside what can be, or two channels contradict each other.
+        AbsurdValue: A value is outside the possible range, or two channels contradict each other.
     """
     warnings = []
     for name, signal in channels.items():
@@ -94,7 +93,7 @@ def check_values(channels: dict[str, Array], time: Array, places: Places) -> lis
 
 
 def _correction(name: str, places: Places, unit: str) -> str:
-    """The words that read a channel of this file in another unit."""
+    """Command-line option that reads a channel of this file in another unit."""
     return f"--map '{places.file}:{name}={places.columns.get(name, name)} in {unit}'"
 
 
@@ -142,7 +141,7 @@ def _check_bounds(name: str, signal: Array, places: Places) -> list[RunWarning]:
 
 
 def _check_movement(channels: dict[str, Array], places: Places) -> list[RunWarning]:
-    """Say which channel never moves; a steady temperature is what a chamber is for."""
+    """Warn of constant channels, except temperature, which a climate chamber holds constant."""
     return [
         places.warning(
             "constant_channel",
@@ -170,7 +169,7 @@ def _check_small_voltage(voltage: Array, places: Places) -> list[RunWarning]:
 
 
 def _check_same(channels: dict[str, Array], places: Places) -> list[RunWarning]:
-    """Speak up where two channels hold the same numbers: one signal exported twice."""
+    """Warn of two channels with identical values: one signal was exported twice."""
     names = list(channels)
     return [
         places.warning(
@@ -186,14 +185,14 @@ def _check_same(channels: dict[str, Array], places: Places) -> list[RunWarning]:
 
 
 def _check_position(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
-    """Compare the turned angle with the integral of the speed."""
+    """Compare the change of position with the integral of the speed."""
     position = channels["position_rad"]
     speed = channels["speed_rad_s"]
     interval = np.diff(time)
     turned = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * interval)))
     steps = np.diff(position)
     wraps = np.abs(steps) > np.pi
-    # An angle logged from 0 to one turn jumps back; a difference across a gap means nothing.
+    # Exclude wraps of an angle logged over one turn, and differences across a gap.
     sound = ~wraps & (interval <= 2.0 * float(np.median(interval)))
     expected = np.diff(turned)[sound]
     weight = float(np.sum(expected**2))

@@ -1,16 +1,17 @@
-"""Signs that contradict each other: a sensor the wrong way round, or one without a sign.
+"""Polarity check by window-averaged least squares: reversed or unsigned current and speed sensors.
 
-Averaged over a window of length T, the two balances of a motor are exact and linear,
+Averaged over a window of length T, the electrical and mechanical balances of a motor are exact and
+linear if dry friction and load torque are neglected,
 
     v = R i + K w + L (i_end - i_begin) / T
     i = (b w + J (w_end - w_begin) / T) / K
 
-with positive coefficients.  A fit of the first shows a reversed sensor as a negative coefficient.
-A sensor that gives magnitudes only shows in a drive that reverses: the balance is missed by far,
-and fits much better once a sign is put in front of that channel.  That a channel keeps its sign
-while the voltage reverses is no proof by itself: a motor that is braked turns on for a while, and
-the current of a hoist keeps its sign up and down.  Windows rather than samples, since they need
-no derivative and average the noise; two lengths of them, for fast motors and for slow ones.
+with positive coefficients.  A reversed sensor gives a negative coefficient in a fit of the first
+equation.  A sensor that logs magnitudes is detected in runs in which the voltage reverses: the
+balance has a large residual, which drops when the sign of that channel is restored.  A channel that
+keeps its sign while the voltage reverses is not sufficient evidence: a braked motor keeps turning
+for a while, and the current of a hoist has the same sign up and down.  Window averages need no
+derivative and reduce the noise; two window lengths cover fast and slow motors.
 """
 
 from __future__ import annotations
@@ -28,32 +29,33 @@ __all__ = ["check_polarity"]
 
 Array = NDArray[np.float64]
 
-# A sensor does not change its sign within a run, so the beginning of a long one is enough.
+# A sensor keeps its polarity within a run, so the beginning of a long run is sufficient.
 _SAMPLES = 200_000
 _WINDOW_SAMPLES = 16
 _WINDOWS = 100
 _FEWEST_WINDOWS = 15
 
-# A channel counts as never negative, and a voltage as reversing, up to this share of its peak.
+# Largest opposite-sign share of the peak for a channel to count as one-signed.
 _REVERSAL = 0.1
-# Sound runs leave less than this share of the balance unexplained; a magnitude leaves more.
+# Valid runs leave a smaller share of the mean square unexplained; a magnitude leaves more.
 _MISSED = 0.05
 _BETTER = 0.75
-# Smallest share of the voltage, and of standard errors, for a coefficient to be called negative.
+# Smallest contribution to the voltage (rms ratio) and smallest number of standard errors for a
+# coefficient to count as negative.
 _LEAST_SHARE = 0.05
 _LEAST_ERRORS = 10.0
 _MOST_UNEXPLAINED = 0.3
-# Current and speed in proportion leave open which of them carries the voltage.
+# If current and speed are proportional, the fit cannot separate their shares of the voltage.
 _MOST_ALIKE = 0.95
 
 
 def check_polarity(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
-    """Compare the signs of voltage, current and speed.
+    """Check the signs of voltage, current and speed for consistency.
 
     Args:
         channels: Channel name to (n_sample,), in SI units.
         time: (n_sample,) strictly increasing [s].
-        places: Where the samples stand.
+        places: Source locations of the samples.
 
     Returns:
         Warnings.
@@ -95,7 +97,7 @@ def _reversed_warning(name: str, places: Places) -> RunWarning:
 
 
 class _Windows:
-    """Cuts a record into windows of equally many samples."""
+    """Division of a record into windows of equal numbers of samples."""
 
     def __init__(self, time: Array, length: int) -> None:
         self._step = np.diff(time)
@@ -108,13 +110,13 @@ class _Windows:
         return np.diff(np.concatenate(([0.0], area))[self._edges]) / self._duration
 
     def rate(self, signal: Array) -> Array:
-        """Change from begin to end of each window over its length, (n_window,)."""
+        """Difference between the ends of each window, divided by its duration, (n_window,)."""
         return np.diff(signal[self._edges]) / self._duration
 
 
 @dataclass(frozen=True)
 class _Balance:
-    """The balances of one run over windows of one length."""
+    """Electrical and mechanical balance of one run, for one window length."""
 
     windows: _Windows
     voltage: Array
@@ -122,7 +124,7 @@ class _Balance:
     speed: Array
 
     def unsigned(self) -> list[str]:
-        """Channels that hold magnitudes."""
+        """Channels that appear to hold magnitudes."""
         if not _reverses(self.voltage):
             return []
         found = []
@@ -146,7 +148,7 @@ class _Balance:
         return found
 
     def reversed(self) -> list[str]:
-        """Channels of which the voltage balance has a clearly negative coefficient."""
+        """Channels whose coefficient in the voltage balance is significantly negative."""
         current, speed = self.windows.mean(self.current), self.windows.mean(self.speed)
         target = self.windows.mean(self.voltage)
         fit = _fit(target, current, speed, self.windows.rate(self.current))
@@ -179,14 +181,14 @@ def _fits_better(
     as_logged: tuple[Array, Array],
     with_sign: tuple[Array, Array],
 ) -> bool:
-    """Whether a balance is missed as logged, and much less so with a sign put back."""
+    """Return True if the residual is large as logged and much smaller with the sign restored."""
     before = missed(*as_logged)
     return before > _MISSED and missed(*with_sign) < _BETTER * before
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Coefficients of a linear fit, their standard errors, and the share left unexplained."""
+    """Coefficients, standard errors and unexplained share of the mean square of a linear fit."""
 
     values: Array
     errors: Array
@@ -194,7 +196,7 @@ class _Fit:
 
 
 def _fit(target: Array, *regressors: Array) -> _Fit | None:
-    """Least squares of the target; None where the regressors are not independent."""
+    """Ordinary least squares; None if the regressors are linearly dependent."""
     matrix = np.column_stack(regressors)
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     power = float(target @ target)

@@ -1,11 +1,11 @@
-"""Read one run file: the only way from bytes to a `Run`.
+"""Run file reader: convert one file into a checked `Run`.
 
     bytes -> lines -> layout -> columns -> channels -> numbers -> SI units -> checks
              source   dialect   columns    channels    table      here        timing, clipping,
                                                                               plausibility
 
-Each step either says precisely what is wrong, with file, row and column, or hands on something
-that the next step need not check again.
+Each step either raises an error with file, row and column or returns data that later steps need not
+check again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ __all__ = ["FEWEST_ROWS", "read_run"]
 Array = NDArray[np.float64]
 
 FEWEST_ROWS = 10
-"""A run of fewer samples is refused: the seven parameters alone need more numbers."""
+"""Smallest accepted number of samples; fewer carry too little information for seven parameters."""
 
 _SLOW_CHANNELS = ("temperature_degC",)
 
@@ -52,17 +52,17 @@ def read_run(
     """Read and check one run file.
 
     Args:
-        path: The file: a text table as docs/run-files.md describes.
-        name: What messages and the result call it; the path's last part where not given.
-        mapping: Which column is which channel, ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``,
-            or the path of a JSON file that says so.  Without it the header has to say.
-        limits: Largest file that is read.
+        path: Text table in a format of docs/run-files.md.
+        name: Name of the run in messages and in the result; default: the file name.
+        mapping: Columns of the channels, ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``, or
+            the path of a JSON file with such a mapping; default: taken from the header.
+        limits: Size limits of the file.
 
     Returns:
         The run in SI units, with its segments, clipped samples and warnings.
 
     Raises:
-        RunFileError: The file cannot be read as a run; the class and its `code` say why.
+        RunFileError: The file cannot be read as a run; the class and its `code` give the reason.
     """
     file = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
     try:
@@ -70,7 +70,7 @@ def read_run(
     except RunFileError as error:
         if error.file is not None:
             raise
-        # The mapping is at fault, or a check that does not know the file's name.
+        # The error comes from the mapping, or from a check that does not know the file name.
         raise type(error)(
             error.message, file=file, row=error.row, column=error.column, value=error.value
         ) from error
@@ -118,7 +118,7 @@ def _refuse_short(table: Table, layout: Layout, file: str) -> None:
 
 
 def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256: str) -> Run:
-    """Convert to SI units and check; what comes back lacks only the warnings of the header."""
+    """Convert to SI units and check; the run lacks only the warnings about header and file end."""
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
     for name, channel in channels.items():
@@ -152,10 +152,10 @@ def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256:
 def _filled(
     name: str, cells: Array, table: Table, places: Places
 ) -> tuple[Array | None, list[RunWarning]]:
-    """Fill blanks of a channel that is logged more slowly, linearly between its samples.
+    """Fill the blanks of a channel logged at a lower rate by linear interpolation.
 
-    A motor's temperature moves over minutes, so a line between two logged values is closer to it
-    than a step is.  Before the first and after the last value it is held.
+    A motor's temperature changes over minutes, so linear interpolation is closer to it than a
+    sample-and-hold.  Before the first and after the last value the nearest value is held.
     """
     blank = np.isnan(cells)
     if not np.any(blank):
@@ -178,9 +178,9 @@ def _filled(
 
 
 def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
-    """Value in SI, ``(cell * scale + offset + shift) * factor``.
+    """Value in SI units, ``(cell * scale + offset + shift) * factor``.
 
-    Steps that do nothing are left out, which keeps canonical files exact to the last bit.
+    Identity operations are skipped, which keeps canonical files exact to the last bit.
     """
     values = np.ascontiguousarray(cells, dtype=np.float64)
     with np.errstate(over="ignore"):
@@ -229,7 +229,7 @@ def _header_warnings(
 
 
 def _override_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
-    """Say where a mapping gives another unit than the header."""
+    """Warn if a mapping gives another unit than the header."""
     return [
         places.warning(
             "unit_overridden",
@@ -245,7 +245,7 @@ def _override_warnings(channels: dict[str, Channel], places: Places) -> list[Run
 
 
 def _gain_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
-    """Say that the gain of a current sensor rests on the mapping alone."""
+    """Warn that the gain of a current sensor comes from the mapping alone."""
     header, unit = channels["current_A"].column.unit, channels["current_A"].unit
     if header is None or header.quantity == unit.quantity:
         return []

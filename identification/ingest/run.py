@@ -1,7 +1,7 @@
-"""A run: what one bench recorded of one motor, in SI units, checked.
+"""Measured run of one motor, in SI units, checked.
 
-Everything downstream takes a `Run` and may rely on what is said here; nothing downstream parses,
-converts or repairs.
+All later stages take a `Run` and rely on the properties documented here; none of them parses,
+converts or repairs data.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RunWarning:
-    """Something about a run that a reader of the result should know.
+    """Warning about a run, for the reader of the result.
 
-    `code` is a stable word such as ``clipped_channel``; `message` is one sentence with the values.
+    `code` is a stable identifier such as ``clipped_channel``; `message` is one sentence with the
+    values.
     """
 
     code: str
@@ -31,16 +32,17 @@ class RunWarning:
     column: str | None = None
 
     def __str__(self) -> str:
-        """The place and the message on one line, as errors have it: ``run3.csv, column n: ...``.
+        """File, column and message on one line, like an error: ``run3.csv, column n: ...``.
 
-        The row is left out: it is where the matter begins, and most are about the whole column.
+        The row is omitted: it marks only the first occurrence, and most warnings concern the whole
+        column.
         """
         return f"{self.file}{f', column {self.column}' if self.column else ''}: {self.message}"
 
 
 @dataclass(frozen=True)
 class Source:
-    """Column of a file that a channel was read from: ``(cell * scale + offset)`` in `unit`."""
+    """Source column of a channel; its value in `unit` is ``cell * scale + offset``."""
 
     header: str
     unit: str
@@ -53,19 +55,19 @@ class Run:
     """One run of one motor.
 
     Args:
-        name: File name as the user gave it (no directories).
-        sha256: Hash of the bytes that were read, in hexadecimal.
+        name: File name as given by the user, without directories.
+        sha256: SHA-256 of the file content, in hexadecimal.
         time: (n_sample,) strictly increasing [s].
         voltage: (n_sample,) [V].
         current: (n_sample,) [A].
         speed: (n_sample,) [rad/s].
-        temperature: (n_sample,) [degC], or None where the file has none.
-        position: (n_sample,) [rad], or None.
+        temperature: (n_sample,) [degC], or None if not recorded.
+        position: (n_sample,) [rad], or None if not recorded.
         segments: Half-open sample ranges between gaps in the record; a run without gaps has one,
-            ``((0, n_sample),)``.  The state of the motor is continuous within a segment only.
-        clipped: Channel name to boolean (n_sample,), True where the sensor was at its limit.
-        warnings: What was noticed while reading.
-        sources: Channel name to the column that it was read from; empty for a run that was made.
+            ``((0, n_sample),)``.  The motor state is continuous within a segment only.
+        clipped: Channel name to boolean (n_sample,), True where the sensor saturated.
+        warnings: Warnings issued while reading.
+        sources: Channel name to source column; empty for a synthetic run.
     """
 
     name: str
@@ -92,5 +94,5 @@ class Run:
 
     @property
     def sample_rate_hz(self) -> float:
-        """Sampling frequency from the median interval [Hz]."""
+        """Sampling frequency, from the median sampling interval [Hz]."""
         return float(1.0 / np.median(np.diff(self.time)))

@@ -1,7 +1,7 @@
-"""Sample lines read cell by cell, for blocks that the fast way declines.
+"""Cell-by-cell reader of sample lines, for blocks that the fast path declines.
 
-Quoted cells, blank lines and comment lines are understood here, and the first cell that is no
-number is named with its line.  This is far slower than the fast way, some 20 us a line.
+Handles quoted cells, blank lines and comment lines, and reports the first invalid cell with its
+line number.  Much slower than the fast path: about 20 us per line.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ Array = NDArray[np.float64]
 
 
 class CellReader:
-    """Reads lines one cell at a time and remembers what has to hold across blocks.
+    """Cell-by-cell line reader, with the state shared by all blocks of a file.
 
     Args:
-        layout: How the table is written.
+        layout: Layout of the table.
         channels: Channels to read.
-        slow: Channels whose cells may be blank.
-        file: What messages call the file.
+        slow: Channels logged at a lower rate, whose cells may be blank.
+        file: Name of the file in messages.
 
     Attributes:
-        decimal: Decimal sign of the file, or None while no number has shown one.
-        blank_line: First line of blank cells that nothing has followed yet, or None.
+        decimal: Decimal sign of the file, or None until a number has shown it.
+        blank_line: Line number of the first row whose cells are all blank, or None.
     """
 
     def __init__(
@@ -51,20 +51,24 @@ class CellReader:
         self._file = file
 
     def read(self, text: bytes, first_line: int, lines: SampleLines) -> list[Array]:
-        """Read whole lines; the first cell that is no number raises.
+        """Read whole lines; the first invalid cell raises.
 
         Args:
-            text: Lines in UTF-8.
-            first_line: Line of the file at which they begin.
-            lines: Takes the line of every sample.
+            text: Encoded lines.
+            first_line: Line number of the first of them.
+            lines: Receives the line number of every sample.
 
         Returns:
-            For each channel (n_sample,), NaN where a slow channel is blank.
+            (n_sample,) for each channel, NaN at a blank cell of a slow channel.
+
+        Raises:
+            RunFileError: A line has the wrong number of fields or an unclosed quotation mark, or a
+                cell is blank or not a finite number.
         """
         columns = [array("d") for _ in self._channels]
         whole = text.decode("utf-8", "replace")
         numbers = itertools.count(first_line)
-        # Not splitlines(): it also ends lines at form feeds and exotic separators.
+        # Not splitlines(), which also splits at form feeds and other Unicode separators.
         for number, line in zip(numbers, whole.removesuffix("\n").split("\n"), strict=False):
             stripped = line.strip()
             if not stripped or stripped.startswith(COMMENT_MARKS):
@@ -81,7 +85,7 @@ class CellReader:
         return [np.frombuffer(c, dtype=np.float64) if c else np.empty(0) for c in columns]
 
     def split(self, line: str) -> list[str]:
-        """Cut a line into its cells, at least one."""
+        """Split a line into its cells, at least one."""
         return split_cells(line, self._layout.delimiter) or [""]
 
     def _check_fields(self, line: str, cells: list[str], number: int) -> None:
@@ -101,7 +105,7 @@ class CellReader:
             )
 
     def refuse_blank_above(self) -> None:
-        """A line of blank cells is fine at the end of a table, not within it."""
+        """Reject blank rows above a sample; they may only end the table."""
         if self.blank_line is not None:
             raise MissingValue(
                 "all cells are blank; expected a sample, remove the line or fill it",

@@ -1,9 +1,9 @@
-"""Bytes of a file as blocks of whole text lines, with bounded memory.
+"""Streaming line reader: a file as blocks of whole text lines, in bounded memory.
 
-Whatever the file is, no more than one block and one line is held here: the size, the number of
-lines and the length of a line are checked while reading, so that a file of zeros or a line of a
-gigabyte is refused long before it is a problem.  Every block comes out in UTF-8 with line feeds as
-line ends, whatever the file has.
+Memory use is limited to about two chunks of 8 MiB and one partial line.  File size, number of lines
+and line length are checked while reading, so that a file of zeros or a line of a gigabyte is
+rejected early.  Line ends become line feeds and UTF-16 becomes UTF-8; other encodings pass
+unchanged.
 
     digest = hashlib.sha256()
     for block in read_blocks(Path("run1.csv"), "run1.csv", Limits(), digest):
@@ -36,13 +36,13 @@ _CHUNK_BYTES = 8 << 20
 
 @dataclass(frozen=True)
 class Limits:
-    """How much of a file is read before it is refused.
+    """Size limits of a run file; a larger file is rejected.
 
     Args:
         bytes: Size of the file [bytes].
-        rows: Lines of the file.
-        columns: Columns of the table.
-        line_bytes: Length of one line [bytes]; a line of twice this length is always refused.
+        rows: Number of lines of the file.
+        columns: Number of columns of the table.
+        line_bytes: Length of one line [bytes]; a line of twice this length is always rejected.
     """
 
     bytes: int = 2_000_000_000
@@ -56,8 +56,8 @@ class Block:
     """Consecutive whole lines of a file.
 
     Args:
-        text: UTF-8 with line feeds as line ends.
-        first_line: Line of the file, counted from 1, at which `text` begins.
+        text: Bytes of the lines, with line feeds as line ends.
+        first_line: Line number, counted from 1, of the first line in `text`.
         terminated: False for the last block of a file whose last line has no line end.
     """
 
@@ -66,7 +66,7 @@ class Block:
     terminated: bool = True
 
     def from_line(self, line: int) -> Block:
-        """The rest of the block from a line of the file on."""
+        """Remainder of the block, beginning at a line number of the file."""
         at = 0
         for _ in range(line - self.first_line):
             at = self.text.find(b"\n", at) + 1
@@ -74,13 +74,13 @@ class Block:
 
 
 class Digest(Protocol):
-    """What a hash of the standard library does."""
+    """Interface of a hash object of the standard library."""
 
     def update(self, data: bytes, /) -> None:
-        """Take more bytes into the hash."""
+        """Add bytes to the hash."""
 
 
-# The first bytes of files that people send in place of a text table.
+# Signatures of binary formats that users submit in place of a text table.
 _SIGNATURES = (
     (b"PK\x03\x04", "a zip archive or an Excel workbook"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
@@ -109,20 +109,23 @@ def read_blocks(path: Path, name: str, limits: Limits, digest: Digest) -> Iterat
     """Read a file as blocks of whole lines.
 
     Args:
-        path: File to read; it has to be an ordinary file.
-        name: What messages call it.
-        limits: Where reading stops with an error.
-        digest: Takes every byte that is read, in order.
+        path: File to read; it must be a regular file.
+        name: Name of the file in messages.
+        limits: Size limits.
+        digest: Hash that receives every byte read, in order.
 
     Yields:
-        Blocks in the order of the file, at least one.
+        Blocks in file order, at least one.
 
     Raises:
-        UnreadableFile: It is not there, no ordinary file, or not readable.
-        EmptyFile: It has no byte.
+        UnreadableFile: The file is missing, not a regular file, or not readable.
+        EmptyFile: The file has no bytes.
+        FileTooLarge: The file exceeds the limit of bytes or rows.
+        LineTooLong: A line exceeds the limit.
+        NotText: The content is binary, in UTF-32, or contains a NUL byte.
     """
     try:
-        # Asked before it is opened: a pipe to which nobody writes would be waited for.
+        # Check before opening: opening a pipe without a writer blocks.
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise UnreadableFile("is not a regular file; give the path of a file", file=name)
         with path.open("rb") as file:
@@ -143,7 +146,7 @@ def read_blocks(path: Path, name: str, limits: Limits, digest: Digest) -> Iterat
 
 
 def _chunks(file: BinaryIO, name: str, limits: Limits, digest: Digest) -> Iterator[bytes]:
-    """Read, count and hash; the size that the system reports may change while reading."""
+    """Read and hash chunks; count the bytes, because a file may grow while it is read."""
     size = os.fstat(file.fileno()).st_size
     total = 0
     while True:
@@ -163,7 +166,7 @@ def _chunks(file: BinaryIO, name: str, limits: Limits, digest: Digest) -> Iterat
 
 
 class _Splitter:
-    """Turns chunks of any encoding and line end into blocks of whole lines."""
+    """Splitter of chunks of any encoding and line end into blocks of whole lines."""
 
     def __init__(self, name: str, limits: Limits) -> None:
         self._name = name
@@ -173,7 +176,7 @@ class _Splitter:
         self._decoder: codecs.IncrementalDecoder | None = None
 
     def split(self, chunks: Iterator[bytes]) -> Iterator[Block]:
-        """Cut the chunks after the last line end of each."""
+        """Split each chunk after its last line end."""
         held = carry = b""
         first = True
         for raw in chunks:
@@ -189,12 +192,12 @@ class _Splitter:
             held = text[:cut] or held
         if self._decoder is not None:
             carry += self._decoder.decode(b"", True).encode()
-        # A last line without line end comes with the lines before it, to be judged by them.
+        # Keep an unterminated last line with the lines before it, which show how long it should be.
         if held or carry:
             yield self._block(held + carry, terminated=not carry)
 
     def _begin(self, chunk: bytes) -> bytes:
-        """Find encoding and line end from the first chunk."""
+        """Detect the encoding and the line end from the first chunk."""
         for signature, what in _SIGNATURES:
             if chunk.startswith(signature):
                 raise NotText(f"this is {what}, not a text table; {_EXPORT}", file=self._name)
@@ -203,7 +206,7 @@ class _Splitter:
         if chunk.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             little = chunk.startswith(codecs.BOM_UTF16_LE)
             codec = "utf-16-le" if little else "utf-16-be"
-            # A broken character becomes a sign that no number holds, and is met with its row.
+            # Broken characters become replacement characters, so the error names their row.
             self._decoder = codecs.getincrementaldecoder(codec)("replace")
         elif _looks_binary(chunk[:65536]):
             raise NotText(f"the bytes are not text; {_EXPORT}", file=self._name)
@@ -221,7 +224,7 @@ class _Splitter:
         block = Block(text, self._line, terminated)
         self._refuse_nul(block)
         for start in range(0, len(text) - self._limits.line_bytes, self._limits.line_bytes):
-            # A stretch of that length without a line end is within a line at least as long.
+            # A range of this length without a line end lies within a line of at least this length.
             if text.find(b"\n", start, start + self._limits.line_bytes) < 0:
                 raise self._too_long(self._line + text.count(b"\n", 0, start))
         self._line += text.count(b"\n")
@@ -254,6 +257,6 @@ class _Splitter:
 
 
 def _looks_binary(head: bytes) -> bool:
-    """Half a percent of control characters, or a quarter of NUL bytes."""
+    """Return True if over 0.5 % of the bytes are control characters or over 25 % are NUL."""
     control = len(head) - len(head.translate(None, delete=_CONTROL))
     return control * 200 > len(head) or head.count(0) * 4 > len(head)

@@ -1,4 +1,4 @@
-"""The samples of a file, block by block: fast where a block is clean, exact where it is not."""
+"""Sample table reader: fast path for clean blocks, cell by cell for all others."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Table", "TableReader"]
 
 Array = NDArray[np.float64]
 
-# Lines before an unterminated last one that show how long its last cell should be.
+# Lines before an unterminated last line that determine the usual length of its last cell.
 _LINES_BEFORE = 20
 _BYTES_BEFORE = 20_000
 _PIECE_BYTES = 100_000
@@ -29,13 +29,13 @@ _PIECE_BYTES = 100_000
 
 @dataclass(frozen=True)
 class Table:
-    """What the sample lines hold.
+    """Cells of the sample lines.
 
     Args:
-        cells: Channel name to (n_sample,), the numbers as written; NaN only where a channel that
-            may be logged more slowly was left blank.
-        lines: Line of the file of each sample.
-        cut_line: Line that ends without a line end and was left out as cut off, or None.
+        cells: Channel name to (n_sample,), as written; NaN only at a blank cell of a channel logged
+            at a lower rate.
+        lines: Line number of each sample.
+        cut_line: Line number of a truncated last line that was dropped, or None.
     """
 
     cells: dict[str, Array]
@@ -44,13 +44,13 @@ class Table:
 
 
 class TableReader:
-    """Reads the blocks of one table in order.
+    """Reader of the blocks of one table, in order.
 
     Args:
-        layout: How the table is written.
+        layout: Layout of the table.
         channels: Channels to read, by canonical name.
-        slow: Channels whose cells may be blank.
-        file: What messages call the file.
+        slow: Channels logged at a lower rate, whose cells may be blank.
+        file: Name of the file in messages.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class TableReader:
         self._cut_line: int | None = None
 
     def add(self, block: Block) -> None:
-        """Read one more block of whole lines."""
+        """Read the next block of whole lines."""
         if block.terminated:
             self._read(block.text, block.first_line)
             return
@@ -77,7 +77,7 @@ class TableReader:
         self._read_unterminated(block.text[cut:], line, before)
 
     def table(self) -> Table:
-        """All samples that were added."""
+        """All samples read so far; the reader gives up its copy."""
         cells = {}
         for channel, parts in zip(self._channels, self._parts, strict=True):
             cells[channel.name] = np.concatenate(parts) if parts else np.empty(0)
@@ -87,7 +87,7 @@ class TableReader:
     def _read(self, text: bytes, first_line: int) -> None:
         columns = self._clean(text)
         if columns is None and len(text) > _PIECE_BYTES:
-            # One bad line must not make a whole block slow.
+            # One bad line must not slow down the whole block.
             for piece in _pieces(text):
                 self._take(self._clean(piece), piece, first_line)
                 first_line += piece.count(b"\n")
@@ -95,7 +95,7 @@ class TableReader:
         self._take(columns, text, first_line)
 
     def _take(self, columns: list[Array] | None, text: bytes, first_line: int) -> None:
-        """Take the columns of clean lines, or read lines that are not clean cell by cell."""
+        """Append parsed columns, or read the lines cell by cell if the fast path declined them."""
         if columns is None:
             columns = self._cells.read(text, first_line, self._lines)
         else:
@@ -105,7 +105,7 @@ class TableReader:
             parts.append(column)
 
     def _clean(self, text: bytes) -> list[Array] | None:
-        """Columns of a clean block; the first one with a decimal sign settles it for the file."""
+        """Columns of a clean block; the first decimal sign found applies to the whole file."""
         known = self._cells.decimal
         for decimal in (known,) if known else (".", ","):
             columns = read_clean(text, self._layout, self._channels, self._slow, decimal)
@@ -116,10 +116,11 @@ class TableReader:
         return None
 
     def _read_unterminated(self, text: bytes, line: int, before: list[bytes]) -> None:
-        """Read a last line without line end; one that was cut off is left out.
+        """Read a last line without line end; drop it if it is truncated.
 
-        A number whose last digits are missing still reads as a number, so a last cell shorter
-        than all before it counts as cut off too: one sample lost is better than one wrong.
+        A number without its last digits is still a number.  The line therefore counts as truncated
+        if its last cell is shorter than that of every compared line: losing one sample is better
+        than using a wrong one.
         """
         usual = min((len(self._last_cell(other)) for other in before), default=0)
         if len(self._last_cell(text)) < usual:
@@ -128,7 +129,7 @@ class TableReader:
         try:
             self._read(text, line)
         except (RaggedRow, NotANumber, MissingValue, UnclosedQuote):
-            # Whole lines that are wrong must not pass as cut off.
+            # A complete line with an error must not pass as truncated.
             if self._cells.blank_line is not None or self._is_whole(text):
                 raise
             self._cut_line = line
@@ -137,7 +138,7 @@ class TableReader:
         return self._cells.split(text.decode("utf-8", "replace"))[-1]
 
     def _is_whole(self, text: bytes) -> bool:
-        """Whether a line has all its fields and its last number is one."""
+        """Return True if a line has all its fields and its last cell, if used, is a number."""
         cells = self._cells.split(text.decode("utf-8", "replace"))
         last = len(cells) - 1
         used = any(channel.column.index == last for channel in self._channels)
@@ -146,7 +147,7 @@ class TableReader:
 
 
 def _pieces(text: bytes) -> Iterator[bytes]:
-    """Cut whole lines into pieces of whole lines."""
+    """Split whole lines into pieces of whole lines."""
     start = 0
     while start < len(text):
         end = text.find(b"\n", start + _PIECE_BYTES) + 1 or len(text)

@@ -1,8 +1,8 @@
-"""Checks of the time base: it runs forward, and it is said where it stumbles.
+"""Time base checks: monotonic time, gaps and sampling jitter.
 
-A repeated or backward time is an error: any repair would have to invent a time.  A gap is not: the
-samples around it are good, so the run is cut into segments there, within which the motor's state
-is continuous.
+A repeated or decreasing time is an error, because a repair would have to invent a time.  A gap is
+accepted, because the samples around it are valid: the run is split there into segments with a
+continuous motor state.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ __all__ = ["GAP_FACTOR", "check_time", "find_segments"]
 Array = NDArray[np.float64]
 
 GAP_FACTOR = 5.0
-"""An interval this many times the median one is a gap."""
+"""An interval longer than this multiple of the median interval is a gap."""
 
-# Where more than this share of all intervals are that long, the logger is irregular by design.
+# If a larger share of the intervals is that long, the sampling is irregular by design.
 _MOST_GAPS = 0.1
 _RMS_JITTER = 0.02
 _LARGEST_JITTER = 0.5
@@ -30,15 +30,15 @@ _FAST_S = 1e-7
 
 
 def check_time(time: Array, places: Places) -> None:
-    """Refuse a time that does not increase.
+    """Reject a time that does not increase strictly.
 
     Args:
         time: (n_sample,) [s].
-        places: Where the samples stand.
+        places: Source locations of the samples.
 
     Raises:
-        RepeatedTime: A time equal to the one above it.
-        BackwardTime: A time before the one above it.
+        RepeatedTime: A time equals the previous one.
+        BackwardTime: A time is less than the previous one.
     """
     wrong = np.flatnonzero(np.diff(time) <= 0.0)
     if not wrong.size:
@@ -67,14 +67,14 @@ def check_time(time: Array, places: Places) -> None:
 def find_segments(
     time: Array, places: Places
 ) -> tuple[tuple[tuple[int, int], ...], list[RunWarning]]:
-    """Cut a run at its gaps and say how regular its sampling is.
+    """Split a run at its gaps and check the regularity of its sampling.
 
     Args:
         time: (n_sample,) strictly increasing [s].
-        places: Where the samples stand.
+        places: Source locations of the samples.
 
     Returns:
-        Half-open sample ranges, and warnings.
+        Half-open sample ranges of the segments, and warnings.
     """
     interval = np.diff(time)
     median = float(np.median(interval))
@@ -107,7 +107,7 @@ def _jitter_warning(
     rms = float(np.sqrt(np.mean(deviation**2)))
     if rms <= _RMS_JITTER and abs(float(deviation[worst])) <= _LARGEST_JITTER:
         return []
-    # `deviation` lacks the gaps; count those before it to find the sample again.
+    # `deviation` omits the gaps; add those before the worst interval to get its sample index.
     sample = worst + int(np.searchsorted(gaps - np.arange(gaps.size), worst, side="right")) + 1
     return [
         places.warning(

@@ -1,13 +1,13 @@
-"""Units that a run file may be written in: a closed table, and nothing outside it.
+"""Closed table of the units accepted in run files.
 
-A general unit parser is the obvious choice and the wrong one here: it reads ``Nm`` as a number
-times a metre, ``U/min`` as enzyme units and ``C`` as coulomb, and none of that is seen until a
-parameter comes out wrong.  This table knows the spellings that motor logs use, each for one
-quantity, and everything else is an error that lists what is accepted.
+A general unit parser would be unsafe here: it reads ``Nm`` as a number times a metre, ``U/min`` as
+enzyme units and ``C`` as coulomb, and the error shows only in a wrong parameter.  This table holds
+the spellings used in motor logs, each for one quantity.  Any other spelling is an error that lists
+the accepted ones.
 
-A unit turns a cell into SI by ``value = (cell + shift) * factor``; only temperatures shift.
-Spellings are compared without spaces.  Words ("RPM", "Celsius") may have any case, symbols not:
-``MA`` and ``MV`` would be mega, so they are refused instead of read as milli.
+Conversion to SI: ``value = (cell + shift) * factor``; only temperatures have a shift.  Spellings
+are compared without spaces.  Words ("RPM", "Celsius") are case-insensitive.  Symbols are
+case-sensitive: ``MA`` and ``MV`` would mean mega, so they are rejected and not read as milli.
 
     find_unit("U/min").factor      ->  0.10471975511965977
     find_unit("oz-in")             ->  None
@@ -47,12 +47,12 @@ class Unit:
     """One accepted unit: ``value in SI = (cell + shift) * factor``.
 
     Args:
-        name: The spelling used in messages and in mappings.
-        quantity: What it measures, one of the values of `CHANNEL_QUANTITIES`.
+        name: Spelling used in messages and mappings.
+        quantity: Physical quantity, one of the values of `CHANNEL_QUANTITIES`.
         factor: SI units per unit.
-        shift: What is added to the cell before the factor, in the unit itself.
-        symbols: Spellings whose case matters.
-        words: Spellings in lower case that are accepted in any case.
+        shift: Offset added to the cell before the factor [this unit].
+        symbols: Case-sensitive spellings.
+        words: Case-insensitive spellings, in lower case.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Unit:
 
     @property
     def spellings(self) -> tuple[str, ...]:
-        """All accepted spellings, the name first."""
+        """All accepted spellings; `name` comes first."""
         return tuple(dict.fromkeys((self.name, *self.symbols, *self.words)))
 
 
@@ -120,20 +120,21 @@ UNITS = (
     Unit("deg", "angle", _TURN / 360.0, symbols=("°",), words=("degree", "degrees")),
     Unit("rev", "angle", _TURN, words=("turn", "turns", "revolution", "revolutions")),
 )
-"""The whole table; docs/run-files.md prints it and a test keeps the two equal."""
+"""All accepted units; docs/run-files.md prints them and a test keeps both equal."""
 
 
 def normalise_unit(text: str) -> str:
-    """Bring a unit's text to the form in which the table is compared.
+    """Normalise the text of a unit for comparison with the table.
 
-    Compatibility characters are unified (``℃``, ``µ`` as sign or Greek letter, superscript
-    minus one), spaces and carets dropped, and every product sign made a full stop.  A text that is
-    longer than any spelling comes out empty: Unicode sorts combining characters in quadratic time.
+    Compatibility characters are unified (``℃``, ``µ`` as sign or Greek letter, superscript minus
+    one), spaces and carets are dropped, and product signs become full stops.  A text longer than
+    any spelling returns empty, because Unicode normalisation sorts combining characters in
+    quadratic time.
     """
     text = "".join(text.split())
     if len(text) > _LONGEST:
         return ""
-    # The ordinal sign is what a Spanish keyboard gives for a degree; NFKC would make it an o.
+    # Spanish keyboards type the ordinal sign for a degree; NFKC would turn it into the letter o.
     text = unicodedata.normalize("NFKC", text.replace("º", "°"))
     text = text.replace("\u2212", "-").replace("^", "").replace("·", ".").replace("*", ".")
     return "".join(text.split())
@@ -142,27 +143,27 @@ def normalise_unit(text: str) -> str:
 _LONGEST = 40
 _EXACT = {normalise_unit(s): unit for unit in UNITS for s in (unit.name, *unit.symbols)}
 _ANY_CASE = {normalise_unit(word).casefold(): unit for unit in UNITS for word in unit.words}
-# Names with more than one letter after the prefix, such as rpm or rad/s, are words as well.
 _OTHER_CASE = {name.casefold(): unit for name, unit in reversed(_EXACT.items())}
+# These symbols are unambiguous in any case.
 _ANY_CASE |= {name: _EXACT[name] for name in ("rpm", "krpm", "rad/s", "rev/s", "deg/s", "rad")}
 
 
 def find_unit(text: str) -> Unit | None:
-    """Look a spelling up in the table; None where it is not there."""
+    """Unit of a spelling, or None if the table does not contain it."""
     key = normalise_unit(text)
     return _EXACT.get(key) or _ANY_CASE.get(key.casefold())
 
 
 def unit_in_another_case(text: str) -> Unit | None:
-    """Look up the unit that the text would be in another case, such as mA for ``MA``."""
+    """Unit whose spelling differs from the text only in case, such as mA for ``MA``."""
     return _OTHER_CASE.get(normalise_unit(text).casefold())
 
 
 def canonical_unit(channel: str) -> Unit:
-    """Give the SI unit of a channel of `CHANNEL_UNITS`."""
+    """SI unit of a channel of `CHANNEL_UNITS`."""
     return _EXACT[normalise_unit(CHANNEL_UNITS[channel])]
 
 
 def accepted_spellings(quantity: str) -> str:
-    """List the unit names of one quantity for a message, such as ``s, ms, us, ns, min``."""
+    """Unit names of one quantity for a message, such as ``s, ms, us, ns, min``."""
     return ", ".join(unit.name for unit in UNITS if unit.quantity == quantity)

@@ -1,4 +1,4 @@
-"""Write a run as a canonical run file."""
+"""Run file writer in the canonical format."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ __all__ = ["write_run"]
 
 
 def write_run(run: Run, path: str | os.PathLike[str]) -> None:
-    """Write a run in canonical columns and SI units, so that it reads back bit for bit.
+    """Write a run in canonical columns and SI units; the values read back bit for bit.
 
     Args:
-        run: What to write; segments, clipped samples and warnings are found again on reading.
+        run: Run to write; segments, clipped samples and warnings are recomputed on reading.
         path: File to write.
     """
     columns = {
@@ -29,5 +29,5 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     with open(path, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(present)
-        # Python writes the shortest text that reads back as the same number.
+        # Python writes the shortest decimal that reads back as the same float.
         writer.writerows(zip(*present.values(), strict=True))
