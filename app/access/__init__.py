@@ -1,1 +1,1 @@
-"""Who may call: keys, the sessions of the web page, and the gate in front of every route."""
+"""Access control: API keys, browser sessions, authentication, rate limits and quotas."""

@@ -1,11 +1,12 @@
-"""The gate: no route answers without a key unless it is named here.
+"""Authentication middleware: every path needs a key unless it is listed as public here.
 
-The gate stands in front of the router and not in the routes, so that a route that someone adds, or
-forgets, is closed.  It also stands before any byte of a body is read.
+The check is outside the router, so that a new route is protected by default, and it runs before any
+byte of a body is read.
 
-A call shows its key as ``Authorization: Bearer KEY``.  The web page shows it once and then carries
-a cookie; since a browser sends cookies on its own, whatever changes something must come from the
-page's own site, which the browser says in headers that no page can forge.
+API calls send the key as ``Authorization: Bearer KEY``.  The web page sends the key once and then
+uses a session cookie.  Because browsers send cookies automatically, requests that change data must
+come from a page of this service (CSRF protection); browsers report the origin in headers that no
+page can forge.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ __all__ = ["COOKIE", "PUBLIC_PATHS", "Gate", "session_of"]
 
 COOKIE = "motorid_session"
 PUBLIC_PATHS = frozenset({LOGIN_PATH, *HEALTH_PATHS})
-"""Paths that answer without a key: health, metrics, and the page that asks for one."""
+"""Paths that need no key: health, metrics and the login page."""
 
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 class Gate:
-    """Lets through who shows a valid key, and tells the layers below who calls.
+    """Middleware that admits requests with a valid key or session and records the client.
 
     Args:
-        app: The layer below.
+        app: Inner ASGI application.
         access: Keys and sessions.
-        no_auth: Let everyone through, into the default workspace.
+        no_auth: Admit everyone to the default workspace.
     """
 
     def __init__(self, app: ASGIApp, access: AccessService, *, no_auth: bool) -> None:
@@ -47,12 +48,12 @@ class Gate:
         self.no_auth = no_auth
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
+        """Forward a request, or reject it."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
         if scope["type"] != "http":
-            # There are no web sockets; closing before accepting answers 403.
+            # WebSockets are not supported; closing before accepting answers 403.
             await send({"type": "websocket.close", "code": 1008})
             return
         headers = Headers(scope=scope)
@@ -94,10 +95,10 @@ class Gate:
 
 
 def session_of(headers: Headers) -> str | None:
-    """What the session's cookie holds, or None without one.
+    """Value of the session cookie, or None if there is none.
 
-    The standard library's reader of cookies takes a time that grows with the square of the
-    backslashes in a quoted value, before any key is asked for (CVE-2024-7592).
+    The cookie parser of the standard library takes quadratic time in the number of backslashes of a
+    quoted value, before any authentication (CVE-2024-7592).
     """
     for part in headers.get("cookie", "").split(";"):
         name, _, value = part.strip().partition("=")
@@ -107,17 +108,17 @@ def session_of(headers: Headers) -> str | None:
 
 
 def _refuse_other_sites(method: str, headers: Headers) -> None:
-    """Refuse what a page of another site sends, however it is authorised.
+    """Reject requests that a page of another site sent, even if authenticated.
 
-    Browsers say where a request comes from; other programs send neither header and cannot be
-    talked into a request by a page.
+    Browsers report the origin of a request.  Other programs send neither header, and no page can
+    make them send a request.
     """
     if method in _SAFE_METHODS:
         return
     site = headers.get("sec-fetch-site")
     origin = headers.get("origin")
     if site is not None:
-        # Said by all browsers of today; the origin may be withheld even from one's own site.
+        # All current browsers send it; Origin may be missing even on same-origin requests.
         is_foreign = site not in ("same-origin", "none")
     else:
         own = headers.get("host", "").lower()

@@ -1,7 +1,7 @@
-"""Quotas: how much one workspace may keep and have waiting.
+"""Workspace quotas on stored runs and waiting fits.
 
-Each is asked in the transaction that would exceed it, with the workspace held for its length, so
-that two calls at the same moment cannot both take the last place.
+Each quota is checked in the transaction that adds the data, under a lock on the workspace, so that
+two concurrent calls cannot both use the last free place.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from app.tables import FitRow, RunRow
 __all__ = ["Quotas"]
 
 _HELD = 0x6D6F746F
-"""First half of the names of the locks that PostgreSQL keeps for workspaces."""
+"""First 32-bit key of the PostgreSQL advisory locks on workspaces."""
 
 
 @dataclass(frozen=True)
 class Quotas:
-    """What each workspace may have; 0 is no limit.
+    """Quotas of each workspace; 0 means unlimited.
 
     Args:
-        stored_bytes: Bytes of its run files [bytes].
-        runs: Its runs.
-        waiting_fits: Its fits that have not begun.
+        stored_bytes: Total size of its run files [bytes].
+        runs: Number of runs.
+        waiting_fits: Number of fits that have not started.
     """
 
     stored_bytes: int = 0
@@ -35,16 +35,16 @@ class Quotas:
     waiting_fits: int = 0
 
     def check_run(self, session: Session, workspace: str, size: int) -> None:
-        """Refuse a run for which a workspace has no place.
+        """Reject a run that would exceed a quota.
 
         Args:
-            session: A session that writes, or only reads where nothing is kept yet.
-            workspace: The workspace.
+            session: Write session, or read session for a check before anything is stored.
+            workspace: Name of the workspace.
             size: Size of the run file [bytes].
 
         Raises:
-            BytesQuota: Its files would have more bytes than it may keep.
-            RunsQuota: It has as many runs as it may.
+            BytesQuota: The run files would exceed the quota of bytes.
+            RunsQuota: The quota of runs is reached.
         """
         if not self.stored_bytes and not self.runs:
             return
@@ -63,16 +63,16 @@ class Quotas:
             )
 
     def check_fits(self, session: Session, workspace: str, number: int) -> None:
-        """Refuse fits for which a workspace has no place in the queue.
+        """Reject fits that would exceed the quota of waiting fits.
 
         Args:
-            session: A session that writes.
-            workspace: The workspace.
-            number: How many fits would be added.
+            session: Write session.
+            workspace: Name of the workspace.
+            number: Number of fits to add.
 
         Raises:
-            WaitingQuota: More fits would wait than may.
-            BatchQuota: The same, were there no others.
+            WaitingQuota: The waiting fits would exceed the quota.
+            BatchQuota: The new fits alone exceed the quota.
         """
         if not self.waiting_fits:
             return
@@ -94,6 +94,6 @@ class Quotas:
 
 
 def _hold(session: Session, workspace: str) -> None:
-    """Have others of this workspace wait until the session ends; SQLite has one writer anyway."""
+    """Lock the workspace until the transaction ends; SQLite allows only one writer anyway."""
     if session.get_bind().dialect.name == "postgresql":
         session.execute(select(func.pg_advisory_xact_lock(_HELD, func.hashtext(workspace))))

@@ -1,13 +1,13 @@
-"""Rate: how many calls a key may make, counted in a token bucket.
+"""Rate limit per API key: token bucket.
 
     bucket = Bucket(rate_per_s=50.0, burst=500)
-    bucket.take(now)       None, or the time after which the next call is let through [s]
+    bucket.take(now)       None, or the time until the next call is accepted [s]
 
-A key holds up to `burst` calls and gets `rate_per_s` new ones a second.  The buckets are in the
-memory of this process: where several servers share one database each has its own, so that a key may
-make as many times the calls as there are servers.  A restart fills them.
+A bucket holds up to `burst` tokens, one per call, and gains `rate_per_s` tokens per second.  The
+buckets are kept in the memory of this process: several servers on one database each grant the full
+rate, and a restart refills the buckets.
 
-Health asks for no key and so has no bucket; nor has a service that runs without keys.
+Calls without a key have no bucket: health checks, and all calls to a service without keys.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ __all__ = ["Bucket", "RateLimit"]
 
 @dataclass
 class Bucket:
-    """What one key may still call.
+    """Token bucket of one key.
 
     Args:
-        rate_per_s: Calls that it gets each second.
-        burst: Most calls that it holds.
-        left: Calls that it holds.
-        filled: When that was [s].
+        rate_per_s: Refill rate [tokens/s].
+        burst: Capacity [tokens].
+        left: Current number of tokens.
+        filled: Time of the last update, monotonic clock [s].
     """
 
     rate_per_s: float
@@ -45,10 +45,10 @@ class Bucket:
     filled: float
 
     def take(self, now: float) -> float | None:
-        """Take one call; None, or the time until there is one [s].
+        """Take one token; return None, or the time until one is available [s].
 
         Args:
-            now: The time of a clock that never jumps [s].
+            now: Current time of a monotonic clock [s].
         """
         elapsed = max(0.0, now - self.filled)
         self.left = min(float(self.burst), self.left + elapsed * self.rate_per_s)
@@ -60,21 +60,21 @@ class Bucket:
 
     @property
     def full_in_s(self) -> float:
-        """Time until it is full again [s]."""
+        """Time until the bucket is full [s]."""
         return (self.burst - self.left) / self.rate_per_s
 
 
 class RateLimit:
-    """Refuses the calls of a key that makes too many, and tells each call how many are left.
+    """Middleware that enforces the rate limit of each key and reports the remaining calls.
 
-    It stands behind the gate, so that it counts only who was let in.
+    This layer is inside the gate, so that it counts only authenticated calls.
 
     Args:
-        app: The layer below.
-        rate_per_s: Calls a second and key; 0 lets everything through.
-        burst: Most calls at once.
-        metrics: Where refusals are counted.
-        clock: A clock that never jumps [s].
+        app: Inner ASGI application.
+        rate_per_s: Calls per second and key; 0 disables the limit.
+        burst: Capacity of a bucket [calls].
+        metrics: Metrics that count the rejected calls.
+        clock: Monotonic clock [s].
     """
 
     def __init__(
@@ -94,13 +94,13 @@ class RateLimit:
         self._buckets: dict[str, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on if its key may make another call."""
+        """Forward a request if a token of its key is available."""
         caller = scope.get("state", {}).get("caller")
         key_id = caller.key_id if isinstance(caller, Caller) else None
         if scope["type"] != "http" or key_id is None or self._rate_per_s == 0.0:
             await self.app(scope, receive, send)
             return
-        # Only the thread of the event loop comes here, and it does not wait in between.
+        # Thread-safe: only the event loop runs this code, and it does not await here.
         bucket = self._bucket(key_id)
         wait_s = bucket.take(self._clock())
         headers = self._headers(bucket)
@@ -129,7 +129,7 @@ class RateLimit:
         return self._buckets[key_id]
 
     def _headers(self, bucket: Bucket) -> dict[str, str]:
-        """The fields of draft-ietf-httpapi-ratelimit-headers."""
+        """Header fields of draft-ietf-httpapi-ratelimit-headers."""
         window_s = math.ceil(self._burst / self._rate_per_s)
         left, full_in_s = math.floor(bucket.left), math.ceil(bucket.full_in_s)
         return {

@@ -1,4 +1,4 @@
-"""Keys and sessions in the database."""
+"""Database queries for keys and sessions."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ __all__ = [
 
 
 def add_key(session: Session, key: KeyRow) -> None:
-    """Keep a key."""
+    """Store a key."""
     session.add(key)
 
 
 def all_keys(session: Session) -> Sequence[KeyRow]:
-    """Every key, oldest first."""
+    """All keys, oldest first."""
     return session.scalars(select(KeyRow).order_by(KeyRow.created_at, KeyRow.id)).all()
 
 
 def key_by_digest(session: Session, digest: str, now: float) -> KeyRow | None:
-    """The key with this hash, unless it was revoked or has expired."""
+    """Key with this hash, unless revoked or expired."""
     query = select(KeyRow).where(KeyRow.digest == digest, _is_open(now))
     return session.scalars(query).one_or_none()
 
 
 def open_keys(session: Session, key_ids: Collection[str], now: float) -> set[str]:
-    """Those of some keys that were neither revoked nor have expired."""
+    """Subset of the keys that are neither revoked nor expired."""
     query = select(KeyRow.id).where(KeyRow.id.in_(key_ids), _is_open(now))
     return set(session.scalars(query))
 
 
 def revoke(session: Session, key_id: str, now: float) -> bool:
-    """Revoke a key; False where there is none that was not revoked before."""
+    """Revoke a key; False if it does not exist or is already revoked."""
     changed = session.execute(
         update(KeyRow)
         .where(KeyRow.id == key_id, KeyRow.revoked_at.is_(None))
@@ -57,17 +57,17 @@ def revoke(session: Session, key_id: str, now: float) -> bool:
 
 
 def note_use(session: Session, key_id: str, at: float) -> None:
-    """Write down when a key was last used."""
+    """Store the time at which a key was last used."""
     session.execute(update(KeyRow).where(KeyRow.id == key_id).values(last_used_at=at))
 
 
 def add_session(session: Session, row: SessionRow) -> None:
-    """Keep a session of a browser."""
+    """Store a browser session."""
     session.add(row)
 
 
 def key_by_session(session: Session, digest: str, now: float) -> KeyRow | None:
-    """The key behind a session, unless the session ended or the key opens nothing any more."""
+    """Key of a session, unless the session has ended or the key is revoked or expired."""
     query = (
         select(KeyRow)
         .join(SessionRow, SessionRow.key_id == KeyRow.id)
@@ -77,16 +77,16 @@ def key_by_session(session: Session, digest: str, now: float) -> KeyRow | None:
 
 
 def remove_session(session: Session, digest: str) -> None:
-    """End a session."""
+    """Delete a session."""
     session.execute(delete(SessionRow).where(SessionRow.digest == digest))
 
 
 def remove_expired_sessions(session: Session, now: float) -> None:
-    """Forget the sessions that have ended."""
+    """Delete expired sessions."""
     session.execute(delete(SessionRow).where(SessionRow.expires_at <= now))
 
 
 def _is_open(now: float) -> ColumnElement[bool]:
-    """That a key was neither revoked nor has expired."""
+    """SQL condition for a key that is neither revoked nor expired."""
     expires = or_(KeyRow.expires_at.is_(None), KeyRow.expires_at > now)
     return and_(KeyRow.revoked_at.is_(None), expires)

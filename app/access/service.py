@@ -1,11 +1,11 @@
-"""Keys: made, listed, revoked, and asked for at each call.
+"""API keys and browser sessions: create, list, revoke and authenticate.
 
     key, secret = access.create_key("bench", workspace="motors")
     access.caller_of_key(secret).workspace          "motors"
 
-A key is 256 random bits, shown once.  Only its SHA-256 is kept: against a secret that cannot be
-guessed a slow hash protects nothing more, and each call would pay for it.  A browser shows its key
-once and then carries a cookie, of which again only the hash is kept.
+A key has 256 random bits and is shown once.  Only its SHA-256 is stored: a slow hash adds no
+protection to a secret that cannot be guessed, and would slow down each call.  A browser sends its
+key once and then uses a session cookie, of which also only the hash is stored.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _WORKSPACE = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
 @dataclass(frozen=True)
 class Caller:
-    """Who calls.
+    """Authenticated client.
 
     Args:
-        workspace: What the caller may see: everything in it and nothing else.
-        key_id: Id of the key that was shown, or None where no key is asked for.
+        workspace: Workspace that the client can access; it has access to no other.
+        key_id: Id of the key, or None if the service runs without keys.
     """
 
     workspace: str
@@ -57,15 +57,15 @@ class AccessService:
     def create_key(
         self, name: str, workspace: str = DEFAULT_WORKSPACE, *, days: float | None = None
     ) -> tuple[KeyRow, str]:
-        """Make a key.
+        """Create a key.
 
         Args:
-            name: What the list shows, such as the bench that will use it.
-            workspace: What the key opens.
-            days: Days after which it opens nothing any more; None for never.
+            name: Label in the list of keys, such as the bench that will use it.
+            workspace: Workspace that the key gives access to.
+            days: Days until the key expires; None for no expiry.
 
         Returns:
-            The key, and its secret, which is not kept and cannot be shown again.
+            The key, and its secret, which is not stored and cannot be shown again.
 
         Raises:
             OptionError: The name, the workspace or the number of days is not accepted.
@@ -99,15 +99,15 @@ class AccessService:
         return key, secret
 
     def list_keys(self) -> Sequence[KeyRow]:
-        """Every key, revoked ones included, oldest first."""
+        """All keys, including revoked ones, oldest first."""
         with self._database.reading() as session:
             return repository.all_keys(session)
 
     def revoke_key(self, key_id: str) -> None:
-        """Have a key open nothing any more, and end the sessions it opened.
+        """Revoke a key and thereby end its sessions.
 
         Raises:
-            OptionError: There is no such key, or it is revoked already.
+            OptionError: There is no such key, or it is already revoked.
         """
         with self._database.writing() as session:
             known = is_id("key", key_id) and repository.revoke(session, key_id, time.time())
@@ -118,10 +118,10 @@ class AccessService:
             )
 
     def caller_of_key(self, secret: str) -> Caller:
-        """Who a key stands for.
+        """Client authenticated by a key.
 
         Raises:
-            BadKey: The key is not known, was revoked or has expired.
+            BadKey: The key is unknown, revoked or expired.
         """
         if len(secret) <= _LONGEST_SECRET:
             with self._database.reading() as session:
@@ -131,22 +131,22 @@ class AccessService:
         raise BadKey("the key is not valid; make one with `motorid keys create`")
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:
-        """Those of some keys that open something still: neither revoked nor expired."""
+        """Subset of the keys that are neither revoked nor expired."""
         with self._database.reading() as session:
             return repository.open_keys(session, key_ids, time.time())
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
-        """Let a browser in that shows a key.
+        """Open a browser session with a key.
 
         Args:
             secret: The key.
-            lifetime_s: Time after which the session ends [s].
+            lifetime_s: Lifetime of the session [s].
 
         Returns:
-            What the browser's cookie holds.
+            Value of the session cookie.
 
         Raises:
-            BadKey: The key is not known, was revoked or has expired.
+            BadKey: The key is unknown, revoked or expired.
         """
         caller = self.caller_of_key(secret)
         token = _SESSION_PREFIX + secrets.token_urlsafe(32)
@@ -167,10 +167,10 @@ class AccessService:
             repository.remove_session(session, _digest(token))
 
     def caller_of_session(self, token: str) -> Caller:
-        """Who a browser's cookie stands for.
+        """Client authenticated by a session cookie.
 
         Raises:
-            BadKey: The session ended, or its key was revoked.
+            BadKey: The session is unknown or has ended, or its key was revoked or has expired.
         """
         if len(token) <= _LONGEST_SECRET:
             with self._database.reading() as session:
@@ -180,10 +180,10 @@ class AccessService:
         raise BadKey("the session has ended; show the key again")
 
     def write_uses(self) -> None:
-        """Write down when keys were last used.
+        """Store the times at which keys were last used.
 
-        Calls only note it in memory: none of them waits for a write, and the list of keys may be
-        some minutes late.
+        Calls record the time in memory only, so that no call waits for a write; the stored times
+        may lag by some minutes.
         """
         used, self._used = self._used, {}
         if used:
