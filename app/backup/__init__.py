@@ -1,1 +1,1 @@
-"""Backup and restore: the database and the files that belong to it, as one, checked by hash."""
+"""Backup and restore of the database with its files, verified by hash."""

@@ -1,11 +1,11 @@
-"""Where a backup lies: a directory, or one .tar file of the same content.
+"""Backup formats: a directory, or one .tar file with the same content.
 
-    SHA256SUMS                       hash and name of each file below, as sha256sum -c reads it
-    motorid.sqlite3                  the database
-    runs/RUN_ID                      the bytes of each run
-    fits/FIT_ID/ATTEMPT/NAME         the outputs of each fit that succeeded
+    SHA256SUMS                       hash and name of each file below, in sha256sum -c format
+    motorid.sqlite3                  database
+    runs/RUN_ID                      bytes of each run
+    fits/FIT_ID/ATTEMPT/NAME         outputs of each successful fit
 
-The sums are written last: a backup without them was interrupted.
+The checksums are written last: a backup without them is incomplete.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _OUTPUT = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,100}")
 
 
 def is_name(name: str) -> bool:
-    """Whether a file of this name can be part of a backup, and so can be put nowhere else."""
+    """Return True if a name is allowed in a backup; no allowed name leaves the target directory."""
     match name.split("/"):
         case ["motorid.sqlite3" | "SHA256SUMS"]:
             return True
@@ -54,7 +54,7 @@ def is_name(name: str) -> bool:
 
 
 def copied(source: BinaryIO, into: BinaryIO) -> str:
-    """Copy all bytes and give their SHA-256."""
+    """Copy all bytes and return their SHA-256."""
     digest = hashlib.sha256()
     while block := source.read(_BLOCK_BYTES):
         digest.update(block)
@@ -63,19 +63,19 @@ def copied(source: BinaryIO, into: BinaryIO) -> str:
 
 
 class AbstractTarget(abc.ABC):
-    """A backup that is being written."""
+    """Backup being written."""
 
     @abc.abstractmethod
     def add(self, name: str, source: BinaryIO) -> str:
-        """Take the bytes of a file in under a name, and give their SHA-256."""
+        """Store a file under a name and return its SHA-256."""
 
     @abc.abstractmethod
     def finish(self, sums: str) -> None:
-        """Add the sums; the backup is complete and on the disk."""
+        """Store the checksums and sync to disk; the backup is complete."""
 
     @abc.abstractmethod
     def discard(self) -> None:
-        """Remove what was written, so that the place is as it was before."""
+        """Remove everything written to the target."""
 
 
 class _Folder(AbstractTarget):
@@ -98,7 +98,7 @@ class _Folder(AbstractTarget):
         sync_directory(self._directory)
 
     def discard(self) -> None:
-        # Only what a backup has: someone may have put something beside it.
+        # Remove only backup files: the directory may contain others by now.
         for part in ("runs", "fits"):
             shutil.rmtree(self._directory / part, ignore_errors=True)
         with contextlib.suppress(OSError):
@@ -109,7 +109,7 @@ class _Folder(AbstractTarget):
 
 
 class _Hashing(io.RawIOBase):
-    """A file that hashes what is read of it."""
+    """File that hashes the bytes read from it."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -150,15 +150,15 @@ class _Tar(AbstractTarget):
         with contextlib.suppress(OSError):
             self._file.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
-            # What is still to be written finds no more space than what was.
+            # Closing flushes the buffer, which fails again on a full disk.
             self._stream.close()
 
 
 def target(path: Path) -> AbstractTarget:
-    """A new backup at a path: one file where it ends with .tar, else a directory.
+    """Create a new backup at a path: one file for .tar, else a directory.
 
     Raises:
-        OptionError: Something is there already, or it cannot be written.
+        OptionError: The path already exists or cannot be written.
     """
     is_empty = path.is_dir() and not any(path.iterdir())
     if (path.exists() or path.is_symlink()) and (path.suffix == ".tar" or not is_empty):
@@ -176,11 +176,11 @@ def target(path: Path) -> AbstractTarget:
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
-    """The files of a backup, one after the other, names as they stand in it.
+    """Open a backup for iteration over the names and contents of its files.
 
     Raises:
-        InputError: It is no backup, or cannot be read.
-        OSError: No space is left for what is made of it.
+        InputError: The path is not a backup or cannot be read.
+        OSError: No space is left on the restore target.
     """
     try:
         if path.is_dir():
@@ -192,7 +192,7 @@ def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
         raise InputError("is no complete .tar file of 'motorid backup'", file=str(path)) from error
     except OSError as error:
         if is_full(error):
-            # That of what is read into.
+            # The restore target is full; the backup is not at fault.
             raise
         raise InputError(
             f"cannot be read ({error.strerror}); expected a backup of 'motorid backup'",

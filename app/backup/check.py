@@ -1,7 +1,8 @@
-"""Whether a database that came from a backup may be used: its schema, its ids, its files.
+"""Validation of a database from a backup: schema, ids and files.
 
-A backup can be made by anyone, sums and all.  Ids become paths, of which retention removes some, so
-none is believed; and a trigger or a view would make other things of later statements than they say.
+A backup may be forged, including its checksums.  Ids become paths, some of which retention deletes,
+so every id is validated.  Triggers and views are rejected, because they could change the effect of
+later statements.
 """
 
 from __future__ import annotations
@@ -32,19 +33,19 @@ _IDS: tuple[tuple[str, str, Kind], ...] = (
 
 
 def check_database(file: Path, found: Mapping[str, str], backup: Path) -> None:
-    """See that a database is whole and names nothing but the files that came with it.
+    """Check that a database is intact and refers only to the files of the backup.
 
     Args:
-        file: The database; the other files of the backup lie beside it.
-        found: SHA-256 of each file of the backup by its name.
-        backup: Where it came from, for messages.
+        file: The database, extracted with the other files of the backup.
+        found: Name to SHA-256 of each file of the backup.
+        backup: Path of the backup, for messages.
 
     Raises:
-        InputError: It is damaged, not one of motorid's, or does not fit the files.
+        InputError: The database is damaged, not a motorid database, or inconsistent with the files.
     """
     try:
         with contextlib.closing(sqlite3.connect(file)) as database:
-            # No function of SQLite that a schema names is called unless it is harmless.
+            # With trusted_schema off, a schema can call only harmless SQL functions.
             database.execute("PRAGMA trusted_schema=OFF")
             wrong = next(_faults(database, file.parent, found), None)
     except sqlite3.DatabaseError as error:
@@ -56,7 +57,7 @@ def check_database(file: Path, found: Mapping[str, str], backup: Path) -> None:
 def _faults(
     database: sqlite3.Connection, directory: Path, found: Mapping[str, str]
 ) -> Iterator[str]:
-    """What is wrong, the most basic first."""
+    """Faults found, the most basic first."""
     yield from _strange_schema(database)
     verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
     if verdict != "ok":
@@ -78,7 +79,7 @@ def _strange_schema(database: sqlite3.Connection) -> Iterator[str]:
     indexes = {str(i.name) for table in Tables.metadata.tables.values() for i in table.indexes}
     missing = set(tables)
     for kind, name in database.execute("SELECT type, name FROM sqlite_master"):
-        # SQLite makes indexes for keys; an older version of motorid may have had fewer of its own.
+        # SQLite creates indexes for keys; an older motorid may have created fewer of its own.
         is_index = kind == "index" and (name in indexes or name.startswith("sqlite_autoindex_"))
         if not is_index and (kind != "table" or name not in missing):
             yield f"{DATABASE} has a {kind} {name[:100]!r} that motorid does not make"

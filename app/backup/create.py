@@ -1,11 +1,11 @@
-"""Makes a backup while the service runs.
+"""Online backup of the data directory while the service runs.
 
-First the database is copied, at one consistent state, by SQLite itself; then the files that its
-rows name.  Those are written once and never changed, so what is copied later is still what the
-row meant.  Whatever a caller deletes in between is struck from the copy of the database.  Sessions
-of browsers stay out of it, keys are in it as hashes.
+SQLite's backup API first copies the database at one consistent state; then the files that its rows
+refer to are copied.  These files are written once and never changed, so a later copy still matches
+its row.  Rows whose files were deleted meanwhile are removed from the database copy.  Browser
+sessions are left out; keys are included as hashes.
 
-A fit that waits or runs is in the backup as such, and begins anew where that is restored.
+Waiting and running fits are included and start again after a restore.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _BUSY_S = 60.0
 
 @dataclass(frozen=True)
 class Saved:
-    """What is in a backup.
+    """Content of a backup.
 
     Args:
         runs: Number of runs.
-        fits: Number of fits, with or without outputs.
-        files: Number of files, the database included.
+        fits: Number of fits that have outputs.
+        files: Number of files, including the database.
     """
 
     runs: int
@@ -45,10 +45,10 @@ class Saved:
 
 
 def database_file(settings: Settings) -> Path:
-    """The SQLite file of a data directory.
+    """SQLite file of a data directory.
 
     Raises:
-        OptionError: The database is another one, which has tools of its own for this.
+        OptionError: Another database is configured, which needs its own backup tool.
     """
     if settings.database_url is not None:
         raise OptionError(
@@ -63,13 +63,13 @@ def back_up(settings: Settings, place: Path) -> Saved:
     """Write a backup.
 
     Args:
-        settings: Where the data directory is.
-        place: A directory that is not there or empty, or a file that ends with .tar.
+        settings: Settings with the data directory.
+        place: Directory that is missing or empty, or a new file that ends with .tar.
 
     Raises:
-        OptionError: There is no database, or the place is taken.
-        InputError: A file of the data directory is gone or is not what it was.
-        DamagedDatabase: The database is damaged, or missing beside stored files.
+        OptionError: There is no database, or the target already exists.
+        InputError: A file of the data directory is missing or was changed.
+        DamagedDatabase: The database is damaged, or missing while stored files exist.
     """
     source = database_file(settings)
     storage = Storage(settings.data_dir, settings.node)
@@ -83,7 +83,7 @@ def back_up(settings: Settings, place: Path) -> Saved:
     try:
         sums = _fill(into, source, storage)
     except BaseException:
-        # The same command can be given again once its reason is gone.
+        # Clean up, so that the same command can be repeated after the cause is fixed.
         into.discard()
         raise
     runs = sum(name.startswith("runs/") for name in sums)
@@ -105,11 +105,11 @@ def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str
 
 
 def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
-    """A copy of a database at one moment, while others write to it."""
+    """Consistent copy of a database while others write to it, without sessions."""
     copy = sqlite3.connect(file)
     try:
         with contextlib.closing(sqlite3.connect(source, timeout=_BUSY_S)) as live:
-            # Page by page, whatever is on them: a restore would find out when it is too late.
+            # The copy includes damaged pages, so check it now rather than at a restore.
             live.backup(copy)
         verdict = str(copy.execute("PRAGMA quick_check(1)").fetchone()[0])
     except sqlite3.DatabaseError as error:
@@ -120,7 +120,7 @@ def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
         copy.close()
         raise DamagedDatabase(source, f"is damaged ({' '.join(verdict.split())[:200]})")
     copy.execute("PRAGMA foreign_keys=ON")
-    # One file, whatever journal the service has.
+    # Single file, independent of the journal mode of the service.
     copy.execute("PRAGMA journal_mode=DELETE")
     copy.execute("DELETE FROM sessions")
     copy.commit()
@@ -128,7 +128,7 @@ def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
 
 
 class _Files:
-    """The files that the rows of a copied database name, on their way into a backup."""
+    """Transfer of the files that a database copy refers to into a backup."""
 
     def __init__(
         self, source: Path, copy: sqlite3.Connection, storage: Storage, into: AbstractTarget
@@ -169,7 +169,8 @@ class _Files:
             name, path = f"fits/{fit_id}/{attempt}/{output}", directory / output
             digest = self._add(name, path)
             if digest is not None:
-                # What was copied before the fit was deleted has no row; a sweep removes it.
+                # If the fit was deleted meanwhile, its copied files have no row; a sweep after the
+                # restore removes them.
                 self._sums[name] = digest
             elif output in expected:
                 self._strike("fits", fit_id, path)
@@ -181,10 +182,10 @@ class _Files:
                 )
 
     def _add(self, name: str, path: Path) -> str | None:
-        """Copy a file and give its SHA-256, or None where there is none.
+        """Copy a file and return its SHA-256, or None if it is missing.
 
         Raises:
-            InputError: It cannot be opened, or is no regular file.
+            InputError: The file cannot be opened or is not a regular file.
         """
         try:
             source = open_regular(path)
@@ -200,7 +201,11 @@ class _Files:
             return self._into.add(name, source)
 
     def _strike(self, table: str, row_id: str, path: Path) -> None:
-        """Take a row out of the copy that was deleted since."""
+        """Delete from the copy a row that was meanwhile deleted from the live database.
+
+        Raises:
+            InputError: The live database still has the row, so its file is lost.
+        """
         query = f"SELECT 1 FROM {table} WHERE id = ?"  # noqa: S608  one of two names
         with contextlib.closing(sqlite3.connect(self._source, timeout=_BUSY_S)) as live:
             is_known = live.execute(query, (row_id,)).fetchone() is not None

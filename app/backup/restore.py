@@ -1,10 +1,10 @@
-"""Makes a data directory from a backup: all of it, checked, or nothing.
+"""Restore of a data directory from a backup: complete and verified, or not at all.
 
-Everything is written into a directory of its own and checked there: each file against its hash, the
-database by SQLite's own test and by its schema and ids, each run against the hash of its upload.
-Only then is it moved to its place.  That directory lies beside the place and becomes it; where the
-place is there already, empty, it may be a mount point, which cannot be replaced: then all is
-written inside of it and moved up.
+All files are extracted into a temporary directory and verified there: each file against its hash,
+the database by SQLite's integrity check and by its schema and ids, and each run against the hash of
+its upload.  The temporary directory is then renamed to the data directory.  An existing, empty data
+directory may be a mount point, which cannot be replaced; in this case the temporary directory lies
+inside it, and its content is moved up.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from identification.errors import InputError, OptionError
 __all__ = ["restore"]
 
 _LONGEST_SUMS = 1 << 30
-_OF_THE_VOLUME = ("lost+found",)  # made with an ext4 file system, at its root
+_OF_THE_VOLUME = ("lost+found",)  # at the root of an ext4 file system
 _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 
 
 def restore(settings: Settings, backup: Path) -> Saved:
-    """Write a data directory from a backup.
+    """Create a data directory from a backup.
 
     Args:
-        settings: Where the data directory shall be; nothing but an empty directory may be there.
-        backup: A directory or .tar file of `motorid backup`.
+        settings: Settings with the data directory, which must be missing or empty.
+        backup: Directory or .tar file written by `motorid backup`.
 
     Raises:
-        OptionError: Something is there already, or it cannot be written.
-        InputError: The backup is not complete, or not what it was.
+        OptionError: The data directory is not empty or cannot be written.
+        InputError: The backup is incomplete or was changed.
     """
-    # A link is followed first: what it names is the place.
+    # Resolve symbolic links: restore to the directory that they point to.
     place = Path(os.path.realpath(database_file(settings).parent))
     is_there = place.exists()
     if is_there:
@@ -81,7 +81,7 @@ def _check_empty(place: Path, besides: Path | None = None) -> None:
 
 
 def _move_up(partial: Path, place: Path) -> None:
-    """Move what was restored to its place, or nothing of it."""
+    """Move the restored entries into the data directory, all or none."""
     _check_empty(place, besides=partial)
     moved = []
     try:
@@ -91,7 +91,7 @@ def _move_up(partial: Path, place: Path) -> None:
         sync_directory(place)
         partial.rmdir()
     except BaseException:
-        # Back into the directory that is removed as a whole.
+        # Move back into the temporary directory, which is removed as a whole.
         for entry in moved:
             os.rename(place / entry.name, entry)
         raise
