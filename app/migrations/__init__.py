@@ -1,8 +1,8 @@
-"""Versions of the tables, oldest first; Alembic brings a database to the newest."""
+"""Schema versions, oldest first; Alembic upgrades a database to the newest."""
 
 from __future__ import annotations
 
 __all__ = ["NEWEST"]
 
 NEWEST = "0004"
-"""The version that the code needs; a test compares it with the files beside this one."""
+"""Schema version that the code requires; a test compares it with the files in versions/."""

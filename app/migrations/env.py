@@ -1,4 +1,4 @@
-"""Run by Alembic: applies the versions over the connection that `app.database` hands in."""
+"""Alembic environment: apply the migrations on the connection supplied by `app.database`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Keys, sessions, runs, batches and fits.
+"""Create the tables of keys, sessions, runs, batches and fits.
 
-Written out rather than taken from `app.tables`: a version that was released stays what it was when
-the tables move on.
+Written out and not taken from `app.tables`: a released version must not change with the tables.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make all tables."""
+    """Create all tables."""
     _keys_and_sessions()
     _runs()
     _batches()
@@ -26,7 +25,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Remove all tables."""
+    """Drop all tables."""
     for table in ("fit_runs", "fits", "batches", "runs", "sessions", "keys"):
         op.drop_table(table)
 

@@ -1,4 +1,4 @@
-"""Fits of one motor are found without reading those of all others."""
+"""Add an index to find the fits of one motor without scanning all fits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _INDEX = "ix_fits_motor"
 
 
 def upgrade() -> None:
-    """Add the index."""
+    """Create the index."""
     op.create_index(_INDEX, "fits", ["workspace", "motor", "created_at"])
 
 

@@ -1,4 +1,4 @@
-"""How often the server of a fit was killed, apart from the number of attempts."""
+"""Add a count of server kills per fit, separate from the number of attempts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Add the column; what was interrupted before is not counted."""
+    """Add the column; earlier interruptions are not counted."""
     count = sa.Column("interruptions", sa.Integer, nullable=False, server_default="0")
     op.add_column("fits", count)
 

@@ -1,4 +1,4 @@
-"""When keys expire and were used, and when runs were sent again."""
+"""Add expiry and last use of keys, and the time of repeated uploads of runs."""
 
 from __future__ import annotations
 
