@@ -1,1 +1,1 @@
-"""Two doors to the library: the command line and the HTTP service."""
+"""User interfaces of the library: the command line and the HTTP service."""

@@ -1,13 +1,13 @@
-"""Arguments of the command line: options that take several words, mappings and values by name.
+"""Command-line argument parsing: multi-value options, column mappings and NAME=VALUE settings.
 
---validation a.csv b.csv            the same as --validation a.csv --validation b.csv
+--validation a.csv b.csv            same as --validation a.csv --validation b.csv
 --temperature -40 25 125
 --controller P:1 PI:2,0.5
 --set Ra25=0.59 Kt25=0.071
 --known Kt25=0.048+-5% L=2.9e-3
 --nameplate voltage=12 no_load_speed=3000rpm
 --map 'current_A=CH2 * 2.5 + 0.1 in mA'
---map 'run3.csv:current_A=CH2 * -1'     of that file alone
+--map 'run3.csv:current_A=CH2 * -1'     for that file only
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def _is_word(word: str) -> bool:
 
 
 class SeveralWords(typer.core.TyperCommand):
-    """A command of which some options take all the words that can belong to them.
+    """Command whose options may take a variable number of values.
 
-    Click takes a fixed number of words for an option.  Here words that follow become options of
-    their own before click sees them; everything else is click's.
+    Click supports only a fixed number of values per option.  Here each further value becomes a
+    repeated option before click parses the arguments.
     """
 
     several: ClassVar[dict[str, Callable[[str], bool]]] = {
@@ -54,15 +54,15 @@ class SeveralWords(typer.core.TyperCommand):
     }
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Spread the words, then parse as click does."""
+        """Repeat the option for each value, then parse with click."""
         return super().parse_args(ctx, list(self.spread(args)))
 
     @classmethod
     def spread(cls, words: Sequence[str]) -> Iterable[str]:
-        """Words with each value behind its own ``--option=``.
+        """Arguments with each value written as ``--option=value``.
 
         Args:
-            words: What stands behind the command's name.
+            words: Arguments after the command name.
         """
         place = 0
         while place < len(words):
@@ -75,7 +75,8 @@ class SeveralWords(typer.core.TyperCommand):
                     yield from words[place:]
                     return
                 continue
-            # The first value is taken as it is: if it is wrong, the message says why.
+            # The first value is not tested here: if it is invalid, click's message gives the
+            # reason.
             yield f"{word}={words[place]}"
             place += 1
             while place < len(words) and belongs(words[place]):
@@ -84,10 +85,10 @@ class SeveralWords(typer.core.TyperCommand):
 
 
 def decimal(word: object) -> float:
-    """A number of an option, for typer.
+    """Typer parser of a decimal number.
 
     Raises:
-        BadParameter: The word is none.
+        BadParameter: The text is not a number.
     """
     try:
         return decimal_of(str(word))
@@ -98,10 +99,10 @@ def decimal(word: object) -> float:
 
 
 def whole(word: object) -> int:
-    """A whole number of an option, for typer.
+    """Typer parser of an integer.
 
     Raises:
-        BadParameter: The word is none.
+        BadParameter: The text is not an integer.
     """
     try:
         return whole_of(str(word))
@@ -112,13 +113,13 @@ def whole(word: object) -> int:
 
 
 def values_by_name(settings: Sequence[str]) -> dict[str, float]:
-    """Values of ``NAME=VALUE`` words.
+    """Parse ``NAME=VALUE`` settings.
 
     Args:
-        settings: Such as ``Ra25=0.59``.
+        settings: Texts such as ``Ra25=0.59``.
 
     Raises:
-        OptionError: A word has another form, a name is unknown or given twice, or a value is no
+        OptionError: A text has another form, a name is unknown or repeated, or a value is not a
             finite number.
     """
     from identification.quantities import DECLARED_PARAMETERS
@@ -148,19 +149,19 @@ def values_by_name(settings: Sequence[str]) -> dict[str, float]:
 
 
 def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] | None:
-    """The mapping of columns to channels from a file and from words, which win over the file.
+    """Mapping of columns to channels from a file and from ``--map`` texts, which override the file.
 
     Args:
         file: JSON file of a mapping, or None.
-        settings: Words such as ``current_A=CH2 * 2.5 in mA``; an empty header leaves an optional
-            channel out, and ``run3.csv:`` in front means that file alone.
+        settings: Texts such as ``current_A=CH2 * 2.5 in mA``; an empty header omits an optional
+            channel, and the prefix ``run3.csv:`` restricts the text to that file.
 
     Returns:
-        A mapping for `read_run`, or None where nothing was said.
+        Mapping for `read_run`, or None if neither was given.
 
     Raises:
-        OptionError: A word has another form.
-        MappingError: What the file or a word says is not accepted.
+        OptionError: A text has another form.
+        MappingError: The content of the file or of a text is not accepted.
     """
     if file is None and not settings:
         return None
@@ -180,14 +181,14 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
 
 
 def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Path]) -> None:
-    """Refuse a mapping of a file that is not among the runs, as of a misspelt name.
+    """Reject mapping entries for files that are not among the runs, such as misspelt names.
 
     Args:
-        mapping: Which column is which channel, or None.
-        files: The runs.
+        mapping: Mapping of columns to channels, or None.
+        files: Run files.
 
     Raises:
-        OptionError: A file is mapped and not read.
+        OptionError: An entry refers to a file that is not read.
     """
     from identification.ingest.mapping import FILES
 
@@ -222,7 +223,7 @@ def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | None]
 
 
 def _cut_at(word: str, text: str) -> tuple[str, str | None]:
-    """What stands before and after the last but one word, if that is the given one."""
+    """Texts before and after the last but one word, if that is `word`; else the text and None."""
     parts = text.rsplit(maxsplit=2)
     if len(parts) == 3 and parts[1] == word:
         return parts[0], parts[2]

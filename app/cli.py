@@ -1,11 +1,10 @@
-"""The command line: what may be typed, and what a shell gets back.
+"""Command-line interface: definition of commands and options, and exit statuses.
 
     motorid fit run1.csv run2.csv --validation run3.csv --out out/motor
     motorid feedback --result out/motor/result.json --temperature 25 125 --controller PI:2,0.5
 
-Here stand the words of the commands; the work is done in `app.commands` and `app.serving`, which
-are imported when a command needs them.  So ``motorid --help`` answers at once
-and ``motorid fit`` never loads the web framework.
+The work is done in `app.commands` and `app.serving`, which are imported when a command needs them.
+So ``motorid --help`` responds immediately and ``motorid fit`` never loads the web framework.
 """
 
 from __future__ import annotations
@@ -45,10 +44,10 @@ __all__ = ["app", "main"]
 
 
 class _Commands(typer.core.TyperGroup):
-    """The group of all commands, which leaves an interruption to `main`."""
+    """Command group that leaves interruptions to `main`."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; click would turn Ctrl-C and a closed pipe into statuses of its own."""
+        """Run a command; click would map Ctrl-C and a closed pipe to its own exit statuses."""
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, BrokenPipeError) as error:
@@ -119,8 +118,8 @@ def fit(
 ) -> None:
     """Identify a motor: write DIR/result.json, DIR/report.html and DIR/posterior.nc.
 
-    Give the runs in the order in which they were recorded.  Words that follow --validation up to
-    the next option are validation runs, so training runs go before it, or after another option.
+    List the runs in recording order.  All words after --validation up to the next option are
+    validation runs, so put the training runs before it or after another option.
     """
     from app import commands
 
@@ -158,10 +157,10 @@ def predict(
     mapping: MappingFile = None,
     map: MapWords = None,  # noqa: A002  the option's name
 ) -> None:
-    """Simulate a run from its voltage and temperature, as its sensors would log it.
+    """Simulate the sensor readings of a run from its voltage and temperature.
 
-    Writes time_s,current_A,speed_rad_s, a row for each sample.  Current and speed of the run serve
-    for the state at its start only.
+    Writes columns time_s,current_A,speed_rad_s with one row per sample.  The measured current and
+    speed are used for the initial state only.
     """
     from app import commands
 
@@ -186,7 +185,7 @@ def feedback(
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Metrics of the closed speed loop: rise, settling, overshoot, margins, hot and cold."""
+    """Compute speed loop metrics, hot and cold: rise, settling, overshoot, margins."""
     from app import commands
 
     commands.feedback(
@@ -233,11 +232,11 @@ def batch(
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fit many motors: DIR/MOTOR/ for each, DIR/results.csv and DIR/fleet.html for all.
+    """Fit many motors: write DIR/MOTOR/ for each, DIR/results.csv and DIR/fleet.html for all.
 
-    Paths in the manifest are relative to it; in CSV, several are separated by semicolons.  Options
-    given here are for motors about which the manifest says nothing else.  A motor whose result is
-    there is not fitted again, and one that fails does not stop the others.
+    Paths in the manifest are relative to it; in CSV, separate several paths by semicolons.  Options
+    given here are defaults that the manifest overrides.  A motor whose result is up to date is not
+    fitted again, and a motor that fails does not stop the others.
     """
     from app import commands
     from app.batch.command import run_batch
@@ -306,7 +305,7 @@ def serve(
         bool, typer.Option("--no-auth", help="Answer without a key; on a loopback address only.")
     ] = False,
 ) -> None:
-    """The HTTP service.  Settings not given here come from MOTORID_ variables."""
+    """Run the HTTP service.  Settings not given here come from MOTORID_ variables."""
     from app import serving
 
     serving.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
@@ -319,7 +318,7 @@ def backup(
     ],
     data_dir: DataDir = None,
 ) -> None:
-    """Save the service's database, runs and results; it may run meanwhile."""
+    """Back up the service's database, runs and results, even while the service runs."""
     from app import serving
 
     serving.back_up(place, data_dir)
@@ -332,7 +331,7 @@ def restore(
     ],
     data_dir: DataDir = None,
 ) -> None:
-    """Make a data directory from a backup, after checking each file; it overwrites nothing."""
+    """Create a data directory from a backup after checking every file; nothing is overwritten."""
     from app import serving
 
     serving.restore(place, data_dir)
@@ -349,7 +348,7 @@ def create_key(
     ] = None,
     data_dir: DataDir = None,
 ) -> None:
-    """Make a key.  It is printed once and cannot be shown again."""
+    """Create an API key.  It is printed once and cannot be shown again."""
     from app import serving
 
     serving.create_key(name, workspace, days, data_dir)
@@ -357,7 +356,7 @@ def create_key(
 
 @keys.command("list")
 def list_keys(data_dir: DataDir = None) -> None:
-    """All keys with workspaces, expiry and last use; never the keys themselves."""
+    """List all keys with workspace, expiry and last use, but not their secrets."""
     from app import serving
 
     serving.list_keys(data_dir)
@@ -368,7 +367,7 @@ def revoke_key(
     key: Annotated[str, typer.Argument(help="Id of the key, as the list shows it.")],
     data_dir: DataDir = None,
 ) -> None:
-    """Have a key open nothing any more."""
+    """Revoke a key and end its sessions."""
     from app import serving
 
     serving.revoke_key(key, data_dir)
@@ -378,10 +377,10 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        words: What stands behind ``motorid``; that of the process where not given.
+        words: Arguments after ``motorid``; default: those of the process.
 
     Returns:
-        The exit status.
+        Exit status.
     """
     prepare_streams()
     came = Signals()
@@ -393,6 +392,6 @@ def main(words: Sequence[str] | None = None) -> int:
         return failed(came.raised or stopped.reason)
     except SystemExit as left:
         return left.code if isinstance(left.code, int) else 1
-    except BaseException as error:  # noqa: BLE001  the last line: no traceback at a user
+    except BaseException as error:  # noqa: BLE001  last resort: no traceback for users
         return failed(came.raised or error)
     return status if isinstance(status, int) else 0

@@ -1,7 +1,7 @@
-"""What the commands do: files in, library called, files and tables out.
+"""Implementation of the commands: read files, call the library, write files and tables.
 
-Everything that can be wrong with the words is found before the first long computation: options,
-then runs, then whether the directory can be written.
+All input is checked before the first long computation: first the options, then the runs, then the
+output directory.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ class Show:
     """What goes to standard output.
 
     Args:
-        as_json: A JSON document for scripts, and nothing else.
-        quiet: Nothing at all; a JSON document is still printed if asked for.
+        as_json: Print only a JSON document for scripts.
+        quiet: Print nothing, except a requested JSON document.
     """
 
     as_json: bool = False
@@ -66,16 +66,16 @@ def fit_options(
     nameplate: Sequence[str] | None = None,
     **others: Any,
 ) -> FitOptions:
-    """Options of a fit from the words of the command line, all checked.
+    """Fit options from command-line values, validated.
 
     Args:
-        no_posterior: Whether intervals come from the fit's covariance.
-        no_effects: Whether the nominal model is final.
-        temperature: Temperatures of the feedback metrics [degC]; the default ones where empty.
-        controller: Controllers of the feedback metrics; the default one where empty.
-        known: Known values, ``NAME=VALUE[+-SPREAD[%]]``.
-        nameplate: Nameplate data, ``KEY=VALUE,...``; several are one.
-        others: Further fields of `FitOptions`, under their own names.
+        no_posterior: Take the intervals from the fit's covariance.
+        no_effects: Keep the nominal model as the final model.
+        temperature: Temperatures of the feedback metrics [degC]; default if empty.
+        controller: Controllers of the feedback metrics; default if empty.
+        known: Known parameter values, ``NAME=VALUE[+-SPREAD[%]]``.
+        nameplate: Nameplate data, ``KEY=VALUE,...``; several texts are joined.
+        others: Other fields of `FitOptions`, by name.
 
     Raises:
         OptionError: A value is not accepted.
@@ -102,8 +102,8 @@ def fit(
     """Fit a motor, write its results and show them.
 
     Raises:
-        InputError: A run, an option or the directory is at fault.
-        ComputationError: The calculation did not succeed.
+        InputError: A run, an option or the output directory is not accepted.
+        ComputationError: The computation failed.
     """
     with console.progress_bar(show.quiet) as progress:
         result = identify_into(out, training, validation, options, mapping, progress)
@@ -124,17 +124,17 @@ def identify_into(
     """Read runs, identify the motor and write its files.
 
     Args:
-        out: Directory of the files; it is made if it is not there.
-        training: Run files to fit.
-        validation: Run files to check on.
-        options: What the user chose.
-        mapping: Which column is which channel.
-        progress: Told the stage and the share of the job that is done.
+        out: Output directory; created if missing.
+        training: Training run files.
+        validation: Validation run files.
+        options: Fit options.
+        mapping: Mapping of columns to channels.
+        progress: Callback for the stage and the completed fraction.
 
     Returns:
-        The content of result.json.
+        Content of result.json.
     """
-    # Here and below: what reads, fits and draws takes seconds to load, and not all need it.
+    # Local imports, here and below: reading, fitting and plotting modules take seconds to load.
     from identification.ingest import read_run
 
     files = [*training, *validation]
@@ -160,7 +160,7 @@ def identify_into(
 
 
 def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], training: int) -> None:
-    """Refuse validation runs with the bytes of a training run: they would check nothing."""
+    """Reject validation runs identical to a training run, which would validate nothing."""
     fitted = dict(zip(hashes[:training], files, strict=False))
     for file, found in zip(files[training:], hashes[training:], strict=True):
         if found in fitted:
@@ -178,10 +178,10 @@ def predict(
     declared: bool,
     mapping: Mapping[str, object] | None,
 ) -> None:
-    """Simulate a run by a result and write the table.
+    """Simulate a run with the model of a result and write the table.
 
     Raises:
-        InputError: The result, the run or the file to write is at fault.
+        InputError: The result, the run or the output file is not accepted.
     """
     from identification.ingest import read_run
 
@@ -208,10 +208,10 @@ def feedback(
     *,
     show: Show,
 ) -> None:
-    """Compute the feedback list, write it and show it.
+    """Compute the feedback metrics, write them and show them.
 
     Raises:
-        InputError: A parameter, temperature, controller or the file to write is at fault.
+        InputError: A parameter, temperature, controller or the output file is not accepted.
     """
     entries = feedback_metrics(draws, temperatures, controllers)
     if out is not None:
@@ -226,11 +226,11 @@ def feedback(
 
 
 def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array]:
-    """Draws of the declared parameters, from a result or from the words of ``--set``.
+    """Draws of the nominal model's parameters, from a result or from ``--set`` values.
 
     Raises:
-        OptionError: Both were given or neither, or a word is not accepted.
-        InputError: The result is at fault.
+        OptionError: Both or neither were given, or a ``--set`` value is not accepted.
+        InputError: The result is not accepted.
     """
     if (result is None) == (not settings):
         raise OptionError(
@@ -250,7 +250,7 @@ def read_result(path: Path) -> dict[str, Any]:
     """Content of a result.json.
 
     Raises:
-        InputError: The file cannot be read or is no result of ``motorid fit``.
+        InputError: The file cannot be read or is not a result of ``motorid fit``.
     """
     try:
         with open_regular(path) as file:
@@ -281,12 +281,12 @@ def read_result(path: Path) -> dict[str, Any]:
 
 
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:
-    """Training and validation runs of a campaign of data/.
+    """Training and validation runs of a campaign in data/.
 
     Args:
         name: Folder of the campaign.
-        data: Where the campaigns are; the data/ of the checkout, or of the working directory,
-            where not given.
+        data: Folder of the campaigns; default: data/ of the working directory, then of the
+            checkout.
 
     Raises:
         OptionError: There is no such campaign.
@@ -306,5 +306,5 @@ def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]
 
 
 def _cell(value: float) -> float | str:
-    """A number in the shortest text that reads back as it; nothing between two segments."""
+    """Shortest decimal that reads back as the same number; empty for NaN, between two segments."""
     return value if value == value else ""  # noqa: PLR0124  only NaN differs from itself

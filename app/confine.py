@@ -1,7 +1,7 @@
-"""Limits that a process puts on itself before it touches what a stranger sent.
+"""Resource limits that a process sets on itself before it handles untrusted input.
 
-Used by the processes that read uploads and those that compute fits; nothing here can be undone
-by the process that called it.
+Used by the processes that read uploads and those that compute fits.  A process cannot lift the
+limits again.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _SECRETS = ("MOTORID_DATABASE_URL", "PGPASSWORD")
 
 @dataclass(frozen=True)
 class Limits:
-    """How much a process may use.
+    """Resource limits of a process.
 
     Args:
         memory_bytes: Address space [bytes].
         cpu_s: Processor time [s].
-        wall_s: Time [s].
-        files: Open files.
+        wall_s: Wall-clock time [s].
+        files: Number of open files.
     """
 
     memory_bytes: int
@@ -38,7 +38,11 @@ class Limits:
 
 
 def confine(limits: Limits) -> None:
-    """Bound this process for good: it may write no file, and ends when it exceeds a limit."""
+    """Limit this process permanently.
+
+    The process is killed when its processor or wall-clock time is used up.  Allocations beyond the
+    memory limit, opening more files and writing to any file fail.
+    """
     for kind, most in (
         (resource.RLIMIT_AS, limits.memory_bytes),
         (resource.RLIMIT_NOFILE, limits.files),
@@ -46,18 +50,18 @@ def confine(limits: Limits) -> None:
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(kind, (most, most))
-    # One second between the signal that can be told from a crash and the one that cannot be caught.
+    # SIGXCPU, which the parent can tell from a crash, comes 1 s before SIGKILL.
     resource.setrlimit(resource.RLIMIT_CPU, (limits.cpu_s, limits.cpu_s + 1))
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, limits.wall_s)
 
 
 def die_with_parent(parent: int) -> None:
-    """Have the kernel end this process when the thread that started it ends.
+    """Have the kernel kill this process when its parent thread ends (Linux).
 
     Args:
-        parent: Process that started this one; if it is gone already, this process ends here, since
-            the kernel tells only of what happens after it was asked.
+        parent: Id of the parent process.  If it has already ended, this process exits at once,
+            because the kernel signals only later ends.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -66,22 +70,22 @@ def die_with_parent(parent: int) -> None:
 
 
 def prefer_as_victim() -> None:
-    """Have the kernel end this process before the server where memory runs out."""
+    """Have the kernel kill this process before the server when memory runs out (Linux)."""
     try:
         Path("/proc/self/oom_score_adj").write_text("1000")
     except OSError:
-        # Not Linux, or not allowed: the machine's own choice stands.
+        # Not Linux, or no permission: keep the default.
         return
 
 
 def child_environment(temporary: Path) -> dict[str, str]:
-    """Environment of a process that forks others: this one's without secrets, and one thread.
+    """Environment for a fork server: this process's without secrets, and one thread per library.
 
-    Numerical libraries start their threads when they are loaded, and a process with threads cannot
-    be forked soundly.
+    Numerical libraries start their threads when they are loaded, and forking a process with threads
+    is unsafe.
 
     Args:
-        temporary: Where it may put temporary files.
+        temporary: Directory for temporary files.
     """
     root = str(Path(__file__).parents[1])
     kept = {name: value for name, value in os.environ.items() if name not in _SECRETS}

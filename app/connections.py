@@ -1,12 +1,12 @@
-"""Connections that do not come to the point: deadlines for requests, and what to do when crowded.
+"""Connection deadlines and overload protection against slow clients.
 
-Anyone can open a connection, begin a request and fall silent, without a key.  Each holds a file
-descriptor, and a service without descriptors answers nobody.  So
+A client without a key can open a connection, begin a request and stall.  Each connection uses a
+file descriptor, and a service without free descriptors can answer no one.  Therefore
 
-- what comes before a request, and its headers, have to be there within a time (`connection_class`);
-- a body, but for that of an upload, has to be whole within the same time (`BodyDeadline`);
-- when most descriptors are in use new connections are told to come back (`CrowdCheck`), health is
-  still answered, and the last descriptors are kept for the service itself.
+- the headers of a request must arrive within a time limit (`connection_class`);
+- the body, except that of an upload, must arrive within the same limit (`BodyDeadline`);
+- when most descriptors are in use, requests on new connections are told to retry (`CrowdCheck`),
+  except health checks, and the last descriptors are reserved for the service itself.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _UPLOAD = ("POST", f"{API_PREFIX}/runs")
 
 
 def connection_class(request_s: float) -> type[H11Protocol]:
-    """What uvicorn makes for each connection.
+    """Protocol class that uvicorn instantiates for each connection.
 
     Args:
-        request_s: Time until a connection has sent the headers of a request, from its beginning or
-            the end of the answer before [s].
+        request_s: Time limit for the headers of a request, from the start of the connection or the
+            end of the previous response [s].
     """
 
     class Connection(_Connection):
@@ -46,9 +46,9 @@ def connection_class(request_s: float) -> type[H11Protocol]:
 
 
 def accepted_at_once() -> int:
-    """Connections that are accepted in one round of the event loop.
+    """Number of connections accepted per iteration of the event loop.
 
-    Some rounds pass until the first of them is looked at, and all must find descriptors.
+    Some iterations pass before the first of them is handled, and all of them need descriptors.
     """
     most = _most_descriptors()
     return 1000 if most is None else max(1, min(1000, round((1.0 - _FULL) * most / 8.0)))
@@ -60,16 +60,16 @@ def _most_descriptors() -> int | None:
 
 
 class _Connection(H11Protocol):
-    """A connection with a deadline for whatever is no request in progress."""
+    """Connection with a deadline while no request is in progress."""
 
     patience_s: ClassVar[float]
     most: ClassVar[int | None]
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for a request; hang up at once where hardly a descriptor is left."""
+        """Start the deadline; abort at once if nearly all descriptors are in use."""
         super().connection_made(transport)
-        # The system gives the lowest number that is free, so this one counts whatever is open.
+        # The kernel assigns the lowest free descriptor, so its number measures how many are in use.
         number = transport.get_extra_info("socket").fileno()
         if self.most is not None and number >= _FULL * self.most:
             transport.abort()
@@ -78,25 +78,25 @@ class _Connection(H11Protocol):
         self._watch()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stop to wait."""
+        """Cancel the deadline."""
         super().connection_lost(exc)
         self._unwatch()
 
     def handle_events(self) -> None:
-        """Take what came; what is still no request does not prolong the wait."""
+        """Handle received data; an incomplete request does not extend the deadline."""
         super().handle_events()
         if self._is_busy:
             self._unwatch()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request."""
+        """Start the deadline of the next request."""
         super().on_response_complete()
         if not self._is_busy:
             self._watch()
 
     @property
     def _is_busy(self) -> bool:
-        # Typed as if there always were one.
+        # uvicorn's annotation omits None.
         cycle: RequestResponseCycle | None = self.cycle
         return cycle is not None and not cycle.response_complete
 
@@ -116,17 +116,19 @@ class _Connection(H11Protocol):
 
 
 class CrowdCheck:
-    """Refuses requests of connections for which hardly a descriptor was left, but for health.
+    """Middleware that rejects requests on connections opened when descriptors were scarce.
+
+    Health checks are exempt.
 
     Args:
-        app: The layer below.
+        app: Inner ASGI application.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on if there is room."""
+        """Forward a request unless its connection is marked as crowded."""
         is_crowded = scope["type"] == "http" and scope.get("state", {}).get("is_crowded", False)
         if not is_crowded or scope["path"] in HEALTH_PATHS:
             await self.app(scope, receive, send)
@@ -138,11 +140,13 @@ class CrowdCheck:
 
 
 class BodyDeadline:
-    """Gives up requests whose body is not whole in time; uploads have a time of their own.
+    """Middleware that aborts requests whose body is incomplete at the deadline.
+
+    Uploads have limits of their own.
 
     Args:
-        app: The layer below.
-        request_s: Time for a body [s].
+        app: Inner ASGI application.
+        request_s: Time limit for a body [s].
     """
 
     def __init__(self, app: ASGIApp, request_s: float) -> None:
@@ -150,7 +154,7 @@ class BodyDeadline:
         self.request_s = request_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, and answer 408 in place of what is below where the body is late."""
+        """Forward a request; if its body is late, answer 408 in place of the inner application."""
         if scope["type"] != "http" or (scope["method"], scope["path"]) == _UPLOAD:
             await self.app(scope, receive, send)
             return
@@ -160,7 +164,7 @@ class BodyDeadline:
         async def answer(message: Message) -> None:
             nonlocal has_begun
             if body.is_late and not has_begun:
-                # Of a request that was cut off, whatever the layers below make of it.
+                # Discard the response of the inner application to a truncated request.
                 return
             has_begun = True
             await send(message)
@@ -174,7 +178,7 @@ class BodyDeadline:
 
 
 class _Body:
-    """The messages of a request, until they are late."""
+    """Messages of a request body, up to a deadline."""
 
     def __init__(self, receive: Receive, deadline: float) -> None:
         self._receive = receive
@@ -183,7 +187,7 @@ class _Body:
         self.is_late = False
 
     async def receive(self) -> Message:
-        """The next message; the caller has gone where the body is late."""
+        """Next message; after the deadline, a client disconnect message."""
         if self._is_whole:
             return await self._receive()
         with anyio.CancelScope(deadline=self._deadline):

@@ -1,7 +1,7 @@
-"""What the command line shows: a progress bar on a terminal, tables, and JSON for scripts.
+"""Console output: progress bar on a terminal, tables, and JSON for scripts.
 
-Results go to standard output; the bar and remarks to standard error, so that a pipe carries
-results alone.
+Results go to standard output, the progress bar and remarks to standard error, so that a pipe
+carries results only.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 Progress = Callable[[str, float], None]
-"""Told the name of the stage and the share of the job that is done."""
+"""Callback with the name of the stage and the completed fraction of the job."""
 
 _STAGES = {
     "read": "reading runs",
@@ -56,19 +56,19 @@ _METRICS = {
     "gain_margin_db": "gain margin [dB]",
 }
 _PIPE_WIDTH = 200
-# The report comes last: its path is what a reader goes on with.
+# The report comes last, because the user opens it next.
 _FILES = {"result": "result.json", "posterior": "posterior.nc", "report": "report.html"}
 
 
 @contextmanager
 def progress_bar(quiet: bool) -> Iterator[Progress]:
-    """A bar on standard error while the block runs; nothing where that is no terminal.
+    """Show a progress bar on standard error while the block runs, if that is a terminal.
 
     Args:
-        quiet: Whether to show nothing in any case.
+        quiet: Show nothing in any case.
 
     Yields:
-        What to tell the stage and the share to.
+        Callback for the stage and the completed fraction.
     """
     if quiet or not sys.stderr.isatty():
         yield lambda stage, share: None
@@ -87,7 +87,7 @@ def progress_bar(quiet: bool) -> Iterator[Progress]:
 
 
 def remark(text: str) -> None:
-    """Say something on standard error that is no error."""
+    """Print a remark, which is not an error, on standard error."""
     print(f"motorid: {text}", file=sys.stderr)  # noqa: T201
 
 
@@ -97,14 +97,14 @@ def print_json(content: object) -> None:
 
 
 def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    """What a script wants to know after a fit.
+    """Summary of a fit for scripts.
 
     Args:
         result: Content of result.json.
         out: Directory of the files.
 
     Returns:
-        Paths of the files (None where there is none) and the parts of the result that are short.
+        Paths of the files (None if missing) and the short parts of the result.
     """
     files = {
         name: str(out / file) if (out / file).exists() else None for name, file in _FILES.items()
@@ -114,7 +114,7 @@ def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
 
 
 def print_fit(result: Mapping[str, Any], out: Path) -> None:
-    """Print warnings, parameters, errors and the loop's metrics, and where the files are.
+    """Print warnings, parameters, errors, speed loop metrics and the paths of the files.
 
     Args:
         result: Content of result.json.
@@ -134,15 +134,15 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
     print_feedback(result["feedback"])
     for file in _FILES.values():
         if (out / file).exists():
-            # A path is never wrapped: it is there to be copied.
+            # Paths are not wrapped, so that they can be copied.
             print(out / file)  # noqa: T201
 
 
 def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
-    """Print one table for each controller, a column for each temperature.
+    """Print one table per controller, with one column per temperature.
 
     Args:
-        entries: The feedback list of a result.
+        entries: Feedback list of a result.
     """
     console = _console()
     for controller in dict.fromkeys(str(entry["controller"]) for entry in entries):
@@ -157,11 +157,11 @@ def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print a table of numbers and words.
+    """Print a table of numbers and texts.
 
     Args:
         columns: Keys to show, in order.
-        rows: What stands under them.
+        rows: Values by key.
     """
     table = _table("", *columns)
     for row in rows:
@@ -172,7 +172,7 @@ def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> Non
 
 
 def _console() -> Console:
-    """Standard output; a pipe has no width at which lines would have to be broken."""
+    """Console on standard output; wide in a pipe, so that lines are not wrapped."""
     width = None if sys.stdout.isatty() else _PIPE_WIDTH
     return Console(file=sys.stdout, width=width, markup=False, highlight=False, emoji=False)
 

@@ -1,18 +1,17 @@
-"""The database: any number of readers and writers, the same on SQLite and PostgreSQL.
+"""Database access through SQLAlchemy, with the same semantics on SQLite and PostgreSQL.
 
     database = Database("sqlite:////data/motorid.sqlite3")
     database.migrate()
-    with database.writing() as session: ...      committed at the end, rolled back on an error
+    with database.writing() as session: ...      commits at the end, rolls back on an error
     with database.reading() as session: ...
 
-An address that begins with postgresql:// is reached by psycopg.  A connection that the server has
-closed is noticed before it is used, so a restart of PostgreSQL costs the calls that were under way
-and nothing after them.
+PostgreSQL is accessed through psycopg.  Each connection is tested before use, so that a restart of
+PostgreSQL fails only the calls in progress.
 
 SQLite before 3.51.3 can corrupt a database in WAL mode when two connections write and checkpoint at
-once, so such versions keep a rollback journal.  It keeps its space, since on a full disk no row
-could be deleted without one, and then nothing else either.  A write begins with BEGIN IMMEDIATE: it
-waits for its turn at the start, where waiting is harmless, and never fails in the middle.
+the same time, so these versions use a rollback journal.  The journal file keeps its space: without
+it, no row could be deleted on a full disk.  Write transactions start with BEGIN IMMEDIATE: they
+wait for the write lock at the start and never fail to get it midway.
 """
 
 from __future__ import annotations
@@ -39,26 +38,26 @@ from identification.errors import OptionError
 __all__ = ["NO_ANSWER", "Database"]
 
 NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
-"""Errors after which a call may succeed when it is made again."""
+"""Errors after which a retry of the call may succeed."""
 
 _BUSY_S = 30.0
 _CONNECT_S = 10
 _FIRST_SAFE_WAL = (3, 51, 3)
 _JOURNAL_BYTES = 1 << 20
-"""Space that the journal keeps between transactions, so that a full disk still takes deletions."""
+"""Journal space kept between transactions, so that a full disk still permits deletions [bytes]."""
 
 _MIGRATING = 6_032_011
-"""Name of the lock under which one server at a time migrates a PostgreSQL database."""
+"""Key of the PostgreSQL advisory lock that lets only one server migrate at a time."""
 
 
 class Database:
     """Connections to one database.
 
     Args:
-        url: Address in SQLAlchemy's form.
+        url: Database URL in SQLAlchemy's form.
 
     Raises:
-        OptionError: It is no address, or what it needs is not installed.
+        OptionError: The URL is invalid, or a required package is not installed.
     """
 
     def __init__(self, url: str) -> None:
@@ -71,7 +70,7 @@ class Database:
             self._writer = _sqlite(self.url, begin="BEGIN IMMEDIATE", from_json=json_of, **one)
         else:
             self._writer = _postgresql(self.url)
-            # One consistent state for all queries of a session, as SQLite has it.
+            # One snapshot for all queries of a session, as on SQLite.
             self._readers = self._writer.execution_options(
                 isolation_level="REPEATABLE READ", postgresql_readonly=True
             )
@@ -79,11 +78,11 @@ class Database:
             event.listen(engine, "handle_error", self._note_damage)
 
     def migrate(self) -> None:
-        """Bring the tables to the newest version; a new database gets them all.
+        """Upgrade the tables to the newest version, or create them in a new database.
 
         Raises:
-            OptionError: The database does not answer, or a newer motorid has made it.
-            DamagedDatabase: Its file is no database, or is damaged.
+            OptionError: The database does not respond, or a newer motorid created it.
+            DamagedDatabase: The file is damaged or not a database.
             OperationalError: No space is left.
         """
         try:
@@ -102,18 +101,18 @@ class Database:
 
     @property
     def _place(self) -> str:
-        """Where the database is, without the user and the password."""
+        """Database location for messages, without user and password."""
         if not self.url.host:
             return f"{self.url.get_backend_name()} database {self.url.database}"
         port = f":{self.url.port}" if self.url.port else ""
         return f"{self.url.get_backend_name()}://{self.url.host}{port}/{self.url.database or ''}"
 
     def _note_damage(self, context: ExceptionContext) -> None:
-        """Remember for as long as the service runs that a page was found damaged."""
+        """Record, for the life of the service, that a damaged page was found."""
         self.is_damaged = self.is_damaged or is_damaged(context.original_exception)
 
     def _from_json(self, text: str) -> Any:
-        """A column of JSON; where its page was overwritten, the error that other columns give."""
+        """Decode a JSON column; an overwritten page raises the same error as in other columns."""
         try:
             return json.loads(text)
         except ValueError as error:
@@ -122,7 +121,7 @@ class Database:
             raise DatabaseError(None, None, reason) from error
 
     def _upgrade(self) -> None:
-        # Imported where it is needed: it costs each start a second, and most find nothing to do.
+        # Local import: it takes a second, and most starts have nothing to migrate.
         import alembic.command
         import alembic.config
         import alembic.util
@@ -132,8 +131,8 @@ class Database:
         try:
             with self._writer.begin() as connection:
                 if connection.dialect.name == "postgresql":
-                    # Of servers that start at once the second waits here, and finds it done.
-                    # SQLite has one writer at a time in any case.
+                    # If several servers start at once, the others wait here and find the work done.
+                    # SQLite allows only one writer anyway.
                     lock = sqlalchemy.text(f"SELECT pg_advisory_xact_lock({_MIGRATING})")
                     connection.execute(lock)
                 config.attributes["connection"] = connection
@@ -153,27 +152,27 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session that only reads, at one consistent state."""
+        """Read-only session on one consistent snapshot."""
         with Session(self._readers, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
-        """A session whose changes are all kept at the end, or none on an error."""
+        """Write session: commits at the end, rolls back on an error."""
         with Session(self._writer, expire_on_commit=False) as session, session.begin():
             yield session
 
     def ping(self) -> None:
-        """Ask for a constant.
+        """Execute a trivial query.
 
         Raises:
-            sqlalchemy.exc.SQLAlchemyError: The database does not answer.
+            sqlalchemy.exc.SQLAlchemyError: The database does not respond.
         """
         with self._readers.connect() as connection:
             connection.execute(sqlalchemy.text("SELECT 1"))
 
     def close(self) -> None:
-        """Give all connections back."""
+        """Close all connections."""
         self._readers.dispose()
         self._writer.dispose()
 
@@ -182,7 +181,7 @@ def _parsed(address: str) -> sqlalchemy.URL:
     try:
         url = sqlalchemy.make_url(address)
     except ArgumentError:
-        # Its own words may hold the address, and that a password.
+        # SQLAlchemy's message may contain the URL and its password.
         raise OptionError(
             "database_url: no address of a database; expected postgresql://USER@HOST/NAME or "
             "sqlite:////PATH"
@@ -234,7 +233,7 @@ def _sqlite(
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=_BUSY_S,
-        # Errors are logged, and among the parameters are hashes of keys.
+        # Errors are logged, and the parameters include hashes of keys.
         hide_parameters=True,
         json_deserializer=from_json,
         connect_args={"check_same_thread": False, "timeout": _BUSY_S},
@@ -243,7 +242,7 @@ def _sqlite(
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, record: object) -> None:
-        # SQLAlchemy begins and ends the transactions, not the driver.
+        # SQLAlchemy manages the transactions, not the driver.
         connection.isolation_level = None
         for pragma in (
             f"journal_mode={journal}",

@@ -1,4 +1,4 @@
-"""What endpoints ask for by the type of a parameter."""
+"""FastAPI dependencies of the endpoints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _services(request: Request) -> Services:
 def _caller(request: Request) -> Caller:
     caller = getattr(request.state, "caller", None)
     if not isinstance(caller, Caller):
-        # The gate lets nobody through without one; a route that is public by mistake ends here.
+        # The gate rejects requests without a client; this catches a route made public by mistake.
         raise BadKey("no key was given; expected the header `Authorization: Bearer KEY`")
     return caller
 
@@ -33,8 +33,8 @@ def _json_body(request: Request) -> None:
 
 
 ServicesDep = Annotated[Services, Depends(_services)]
-"""The parts of the service."""
+"""Components of the service."""
 CallerDep = Annotated[Caller, Depends(_caller)]
-"""Who calls."""
+"""Authenticated client."""
 JsonBody = Depends(_json_body)
-"""Refuses bodies of other types."""
+"""Dependency that rejects bodies of media types other than JSON."""

@@ -1,4 +1,4 @@
-"""Posterior draws of a result that was written earlier."""
+"""Posterior draws of an existing result, read from posterior.nc or approximated."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Array = NDArray[np.float64]
 _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
 _WIDEST: Final = 100.0
-"""Logarithm of the widest factor that a drawn parameter differs by."""
+"""Largest absolute log ratio of a drawn parameter to its median."""
 
 
 def draws_of(result: Mapping[str, Any], path: Path, most: int) -> tuple[dict[str, Array], str]:
-    """Draws of the declared parameters of the final model.
+    """Draws of the seven nominal parameters, as estimated with the final model.
 
-    The posterior.nc beside the result is used if it is there.  Without, draws are made from the
-    medians and standard deviations in the result; how the parameters vary together is then lost,
-    and the remark says so.
+    The posterior.nc in the directory of the result is used if it exists.  Otherwise independent
+    draws are generated from the medians and standard deviations in the result; the correlations are
+    lost, and the remark says so.
 
     Args:
         result: Content of the result.
-        path: Where the result was read from.
-        most: Number of draws; at most so many of a chain, evenly spread.
+        path: File that the result was read from.
+        most: Number of draws; a longer chain is thinned evenly to this length.
 
     Returns:
-        (n_draw,) for each declared parameter, and a remark for the user, empty where there is none.
+        (n_draw,) for each parameter, and a remark for the user, which may be empty.
 
     Raises:
         InputError: The posterior cannot be read, or the result lacks a parameter.
@@ -80,7 +80,7 @@ def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Arra
             )
         steps = rng.standard_normal(count) * spread
         if name in _LOGARITHMIC:
-            # A parameter that nothing determines spreads over all that a number holds.
+            # The spread of an undetermined parameter would overflow the exponential.
             draws[name] = centre * np.exp(np.clip(steps / centre, -_WIDEST, _WIDEST))
         elif name in ("b", "L"):
             draws[name] = np.abs(centre + steps)

@@ -1,4 +1,4 @@
-"""Environment variables that look like settings of the service and are none."""
+"""Detection of unknown MOTORID_ environment variables."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from app.settings import Settings
 
 __all__ = ["unknown_variables"]
 
-# Variables of other commands, and the place of the files that hold settings.
+# Variables of other commands, and the directory of the settings files.
 _OTHERS = ("MOTORID_CACHE", "MOTORID_KEY", "MOTORID_SECRETS_DIR", "MOTORID_TRACEBACK")
 
 
 def unknown_variables(names: Iterable[str]) -> dict[str, str]:
-    """Names with the prefix MOTORID_ that set nothing, each with the nearest name that does.
+    """Unknown names with the prefix MOTORID_, each with the most similar known name.
 
     Args:
-        names: Names of the variables of the environment.
+        names: Names of the environment variables.
     """
     known = [*(f"MOTORID_{name.upper()}" for name in Settings.model_fields), *_OTHERS]
     unknown = [

@@ -1,35 +1,35 @@
-"""What the service refuses on its own account, as one tree.
+"""Error classes of the service.
 
     ServiceError
-    ├── NotFound               no such run, fit, batch or page, or not in this workspace
-    │   └── NotReady           the fit has no such output, not yet or not at all
-    ├── RequestRefused         the request itself is at fault
-    │   ├── BadRequest         it cannot be understood
-    │   ├── BadKey             no key, or one that is not valid
-    │   ├── CrossSite          a page of another site sent it
-    │   ├── BodyTooLarge       more bytes than the limit
-    │   ├── BodyTooSlow        no byte came for too long, or not all in time
-    │   ├── WrongMediaType     another kind of body than the call takes
-    │   ├── NotAcceptable      the answer is wanted in a form that there is none in
-    │   ├── RangeOutside       bytes are asked for that the file does not have
-    │   ├── FieldRefused       a field has a value that is not accepted
-    │   ├── KeyReused          an Idempotency-Key came with another request than before
-    │   └── RunRefused         an upload could not be read as a run: file, row, column
-    ├── TooManyRequests        a key calls more often than it may
-    │   ├── TooManyStreams     or has as many event streams open as it may
-    │   └── TooManyUploads     as many uploads wait to be read as may
-    ├── QuotaExceeded          the workspace has as much as it may have
-    │   ├── BytesQuota         of bytes of run files
-    │   ├── RunsQuota          of runs
-    │   ├── WaitingQuota       of fits that wait
-    │   └── BatchQuota         the batch alone has more fits than may wait
-    ├── RunInUse               a run of a fit that has not ended cannot be deleted
-    └── Unavailable            not now: the service stops or its storage does not answer
-        ├── StorageFull        no space is left
-        ├── FileLost           a stored file is missing or damaged
-        └── DatabaseDamaged    the database file is
+    ├── NotFound               no such run, fit, batch or page in the client's workspace
+    │   └── NotReady           the fit has no such output, or not yet
+    ├── RequestRefused         the request is at fault
+    │   ├── BadRequest         malformed request
+    │   ├── BadKey             missing or invalid API key
+    │   ├── CrossSite          request sent by a page of another site
+    │   ├── BodyTooLarge       body larger than the limit
+    │   ├── BodyTooSlow        body stalled, or incomplete at its deadline
+    │   ├── WrongMediaType     body of a media type that the call does not take
+    │   ├── NotAcceptable      no representation that the Accept header allows
+    │   ├── RangeOutside       requested byte range outside the file
+    │   ├── FieldRefused       value of a field not accepted
+    │   ├── KeyReused          Idempotency-Key repeated with a different request
+    │   └── RunRefused         upload not readable as a run: file, row, column
+    ├── TooManyRequests        rate limit of the key exceeded
+    │   ├── TooManyStreams     too many open event streams of the key
+    │   └── TooManyUploads     queue of uploads to be read is full
+    ├── QuotaExceeded          quota of the workspace reached
+    │   ├── BytesQuota         bytes of run files
+    │   ├── RunsQuota          number of runs
+    │   ├── WaitingQuota       number of waiting fits
+    │   └── BatchQuota         one batch larger than the quota of waiting fits
+    ├── RunInUse               run needed by an unfinished fit; it cannot be deleted
+    └── Unavailable            temporarily unavailable: shutdown, or storage not responding
+        ├── StorageFull        no space left
+        ├── FileLost           stored file missing or damaged
+        └── DatabaseDamaged    database file damaged
 
-The words for the caller stand here, the HTTP statuses in `app.problems`.
+The messages are defined here, the HTTP statuses in `app.problems`.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ __all__ = [
 
 
 class ServiceError(Exception):
-    """Base of what the service refuses; `code` is a stable word for scripts.
+    """Base class; `code` is a stable identifier for scripts.
 
     Args:
         message: What was wrong, what was expected, what to do next.
@@ -83,70 +83,70 @@ class ServiceError(Exception):
 
 
 class NotFound(ServiceError):
-    """There is no such thing in the caller's workspace."""
+    """Item missing in the client's workspace."""
 
     code: ClassVar[str] = "not_found"
 
 
 class NotReady(NotFound):
-    """The fit has no such output."""
+    """Output that the fit does not have, or not yet."""
 
     code: ClassVar[str] = "not_ready"
 
 
 class RequestRefused(ServiceError):
-    """The request is at fault."""
+    """Fault of the request."""
 
     code: ClassVar[str] = "request"
 
 
 class BadRequest(RequestRefused):
-    """The request cannot be understood."""
+    """Malformed request."""
 
     code: ClassVar[str] = "bad_request"
 
 
 class BadKey(RequestRefused):
-    """No key was given, or one that is not valid."""
+    """Missing or invalid API key."""
 
     code: ClassVar[str] = "unauthorized"
 
 
 class CrossSite(RequestRefused):
-    """A page of another site sent the request."""
+    """Request sent by a page of another site."""
 
     code: ClassVar[str] = "cross_site"
 
 
 class BodyTooLarge(RequestRefused):
-    """The body has more bytes than the limit."""
+    """Body larger than the limit."""
 
     code: ClassVar[str] = "too_large"
 
 
 class BodyTooSlow(RequestRefused):
-    """The body stopped coming, or was not whole in time."""
+    """Body stalled, or incomplete at its deadline."""
 
     code: ClassVar[str] = "too_slow"
 
 
 class WrongMediaType(RequestRefused):
-    """The body is of another kind than the call takes."""
+    """Body of a media type that the call does not take."""
 
     code: ClassVar[str] = "media_type"
 
 
 class NotAcceptable(RequestRefused):
-    """The answer is wanted in a form that there is none in."""
+    """No representation that the Accept header allows."""
 
     code: ClassVar[str] = "not_acceptable"
 
 
 class RangeOutside(RequestRefused):
-    """The Range header asks for bytes that the file does not have.
+    """Range header that asks for bytes outside the file.
 
     Args:
-        content_range: What the file has, as the header Content-Range says it.
+        content_range: Value of the Content-Range header, with the size of the file.
     """
 
     code: ClassVar[str] = "range"
@@ -158,7 +158,7 @@ class RangeOutside(RequestRefused):
 
 
 class FieldRefused(RequestRefused):
-    """A field of the request has a value that is not accepted.
+    """Value of a request field that is not accepted.
 
     Args:
         message: What was wrong, what was expected, what to do next.
@@ -173,20 +173,20 @@ class FieldRefused(RequestRefused):
 
 
 class KeyReused(RequestRefused):
-    """An Idempotency-Key came back with another request."""
+    """Idempotency-Key repeated with a different request."""
 
     code: ClassVar[str] = "idempotency_key_reused"
 
 
 class RunRefused(RequestRefused):
-    """An upload could not be read as a run.
+    """Upload not readable as a run.
 
     Args:
         message: What was wrong, what was expected, what to do next.
-        reason: Stable word of the reader, such as ``missing_column``.
-        file: Name of the file as the caller gave it.
-        row: Line of that file, counted from 1.
-        column: Name of the column as it stands in the file.
+        reason: Error code of the reader, such as ``missing_column``.
+        file: Name of the file as given by the client.
+        row: Line number in the file, counted from 1.
+        column: Name of the column as written in the file.
     """
 
     code: ClassVar[str] = "run_file"
@@ -208,11 +208,11 @@ class RunRefused(RequestRefused):
 
 
 class TooManyRequests(ServiceError):
-    """A key calls more often than it may.
+    """Rate limit of a key exceeded.
 
     Args:
         message: What was wrong, what was expected, what to do next.
-        retry_after_s: Time after which the next call is let through [s].
+        retry_after_s: Time until the next call is accepted [s].
     """
 
     code: ClassVar[str] = "rate_limited"
@@ -223,7 +223,7 @@ class TooManyRequests(ServiceError):
 
 
 class TooManyStreams(TooManyRequests):
-    """A key has as many event streams open as it may."""
+    """Too many open event streams of a key."""
 
     code: ClassVar[str] = "too_many_streams"
 
@@ -232,67 +232,67 @@ class TooManyStreams(TooManyRequests):
 
 
 class TooManyUploads(TooManyRequests):
-    """As many uploads, of all keys, wait to be read as may."""
+    """Queue of uploads to be read, shared by all keys, is full."""
 
     code: ClassVar[str] = "too_many_uploads"
 
 
 class QuotaExceeded(ServiceError):
-    """The workspace has as much of something as it may have."""
+    """Quota of the workspace reached."""
 
     code: ClassVar[str] = "quota"
 
 
 class BytesQuota(QuotaExceeded):
-    """The run files of the workspace would have more bytes than it may keep."""
+    """Quota of bytes of the workspace's run files."""
 
     code: ClassVar[str] = "quota_bytes"
 
 
 class RunsQuota(QuotaExceeded):
-    """The workspace has as many runs as it may."""
+    """Quota of runs of the workspace."""
 
     code: ClassVar[str] = "quota_runs"
 
 
 class WaitingQuota(QuotaExceeded):
-    """More fits of the workspace would wait than may."""
+    """Quota of waiting fits of the workspace."""
 
     code: ClassVar[str] = "quota_waiting_fits"
     retry_after_s: ClassVar[float] = 60.0
 
 
 class BatchQuota(QuotaExceeded):
-    """A batch has more fits than may wait, so that waiting would not help it."""
+    """Batch that alone exceeds the quota of waiting fits; a retry would fail, too."""
 
     code: ClassVar[str] = "quota_batch"
 
 
 class RunInUse(ServiceError):
-    """A run cannot be deleted while a fit needs it."""
+    """Run that cannot be deleted because an unfinished fit needs it."""
 
     code: ClassVar[str] = "run_in_use"
 
 
 class Unavailable(ServiceError):
-    """The service cannot answer now and may be able to later."""
+    """Service temporarily unavailable; a later retry may succeed."""
 
     code: ClassVar[str] = "unavailable"
 
 
 class StorageFull(Unavailable):
-    """No space is left for what was sent."""
+    """No space left for the data of the request."""
 
     code: ClassVar[str] = "storage_full"
 
 
 class FileLost(Unavailable):
-    """A file that the service stored is missing, or is not what was written."""
+    """Stored file missing, or different from what was written."""
 
     code: ClassVar[str] = "file_lost"
 
 
 class DatabaseDamaged(Unavailable):
-    """The file of the database is damaged."""
+    """Damaged database file."""
 
     code: ClassVar[str] = "database_damaged"

@@ -1,4 +1,4 @@
-"""How the command line ends: a status for each error, and one line that says what went wrong."""
+"""Exit statuses and one-line error messages of the command line."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ __all__ = [
 
 
 class Terminated(BaseException):
-    """SIGTERM came; like `KeyboardInterrupt`, it passes by whoever handles errors."""
+    """SIGTERM received; like `KeyboardInterrupt`, not caught by handlers of `Exception`."""
 
 
 class HungUp(Terminated):
-    """SIGHUP came: the terminal was closed."""
+    """SIGHUP received: the terminal was closed."""
 
 
 EXIT_STATUS: Final[dict[type[BaseException], int]] = {
-    typer.BadParameter.__mro__[2]: 2,  # all that click says about the words that were typed
+    typer.BadParameter.__mro__[2]: 2,  # click's base class of usage errors
     InputError: 2,
     ComputationError: 1,
     KeyboardInterrupt: 130,
@@ -48,7 +48,7 @@ EXIT_STATUS: Final[dict[type[BaseException], int]] = {
     HungUp: 129,
     BaseException: 1,
 }
-"""Exit status of each error; of a class that is not listed, that of its nearest parent."""
+"""Exit status of each error class; an unlisted class has the status of its nearest base class."""
 
 _SIGNALS: Final = {
     signal.SIGINT: KeyboardInterrupt,
@@ -57,11 +57,11 @@ _SIGNALS: Final = {
 }
 _DEFAULTS: Final = (signal.SIG_DFL, signal.default_int_handler)
 TRACEBACK: Final = "MOTORID_TRACEBACK"
-"""Variable that has tracebacks of internal errors printed."""
+"""Environment variable that enables tracebacks of errors."""
 
 
 class Stopped(Exception):
-    """Carries what stopped a command past click."""
+    """Wrapper that carries an interruption unchanged through click."""
 
     def __init__(self, reason: BaseException) -> None:
         self.reason = reason
@@ -69,26 +69,26 @@ class Stopped(Exception):
 
 
 class Signals:
-    """Signals that came while a command ran.
+    """Signals received while a command ran.
 
     Args:
-        raised: Exception of the first of them, or None.
+        raised: Exception of the first signal, or None.
     """
 
     def __init__(self) -> None:
         self.raised: BaseException | None = None
 
     def end(self, number: int, frame: FrameType | None) -> None:
-        """Raise the exception of a signal, which a library may turn into one of its own."""
+        """Raise the exception of a signal and keep it, because a library may convert it."""
         self.raised = self.raised or _SIGNALS[signal.Signals(number)]()
         raise self.raised
 
 
 @contextmanager
 def raised_signals() -> Iterator[Signals]:
-    """Raise `KeyboardInterrupt`, `Terminated` or `HungUp` at a signal while the block runs.
+    """Convert SIGINT, SIGTERM and SIGHUP into exceptions while the block runs.
 
-    A signal that is ignored stays so (nohup), and so does one that has a handler already.
+    Signals that are ignored (nohup) or already have a handler are left unchanged.
     """
     came = Signals()
     is_main = threading.current_thread() is threading.main_thread()
@@ -99,32 +99,32 @@ def raised_signals() -> Iterator[Signals]:
     try:
         yield came
     finally:
-        # Whoever cannot wait for the end of the cleaning up sends it again.
+        # A second signal during the cleanup ends the process at once.
         for number in ours:
             signal.signal(number, before[number])
 
 
 def prepare_streams() -> None:
-    """Make standard output and standard error streams that can be written, whatever they are.
+    """Make standard output and standard error writable in any environment.
 
-    Where a shell closed one, its descriptor would be that of the next file that is opened.
+    If the shell closed a stream, its descriptor would be reused by the next file opened.
     """
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
-        # A terminal or file of another encoding gets question marks, not a failure after the work.
+        # Characters outside the stream's encoding become question marks and raise no error.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
 
 def failed(error: BaseException) -> int:
-    """Say on one line of standard error what went wrong.
+    """Print a one-line error message on standard error.
 
     Args:
-        error: What ended the program.
+        error: Exception that ended the program.
 
     Returns:
-        The exit status of the error.
+        Exit status of the error.
     """
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
@@ -134,16 +134,16 @@ def failed(error: BaseException) -> int:
     try:
         print(f"motorid: {_message(full or error)}", file=sys.stderr, flush=True)  # noqa: T201
     except OSError:
-        # Nobody reads the messages either: the status is all there is to say.
+        # Standard error has no reader either: only the status is left.
         _drop(sys.stderr)
     if full is not None:
-        # Neither the words that were typed nor a file are at fault, whatever could not be written.
+        # A full disk is not an input error, whichever write failed.
         return EXIT_STATUS[BaseException]
     return next(EXIT_STATUS[kind] for kind in type(error).__mro__ if kind in EXIT_STATUS)
 
 
 def _drop(stream: TextIO) -> None:
-    """Send a stream nowhere; what is left in its buffer has no reader."""
+    """Redirect a stream to the null device; its buffered output has no reader."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
@@ -183,7 +183,7 @@ def _file(error: OSError) -> str:
 
 
 def _unforeseen(error: BaseException) -> str:
-    # SQLAlchemy's own words hold the statement; those of the driver begin with what is wrong.
+    # SQLAlchemy's message contains the statement; the driver's first line names the fault.
     original = getattr(error, "orig", None)
     reason = error if original is None else str(original).strip().partition("\n")[0]
     return (

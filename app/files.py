@@ -1,7 +1,7 @@
-"""Answers that are files: each is whole, or a problem.
+"""File responses: either complete, or a problem response.
 
-A file is opened before the first byte of its answer is sent.  From then on it may lose its name, as
-when its fit is removed at that moment, and keeps its bytes until the last of them is sent.
+The file is opened before the first byte of the response.  If it is deleted meanwhile, as when its
+fit is removed, the open file still supplies all bytes.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ __all__ = ["OpenFileResponse", "PageFiles"]
 
 
 class OpenFileResponse(FileResponse):
-    """Sends a file that is open already, or the part of it that a Range header asks for.
+    """Response that sends an open file, or the part requested by a Range header.
 
     Args:
         file: The file; it is closed at the end.
-        media_type: What it is.
-        filename: Under which name a browser saves it; where there is none, it shows it.
-        headers: Further headers.
+        media_type: Media type of the content.
+        filename: File name for saving; without one, the browser displays the content.
+        headers: Additional headers.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class OpenFileResponse(FileResponse):
         headers: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(
-            # Names what is open, whatever has become of the name under which it was opened.
+            # Path of the open descriptor, valid even if the file has been deleted.
             f"/dev/fd/{file.fileno()}",
             headers=headers,
             media_type=media_type,
@@ -49,26 +49,26 @@ class OpenFileResponse(FileResponse):
         self._file = file
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send it.
+        """Send the file.
 
         Raises:
-            BadRequest: The Range header cannot be understood.
-            RangeOutside: It asks for bytes that the file does not have.
+            BadRequest: The Range header is malformed.
+            RangeOutside: The Range header asks for bytes outside the file.
         """
         with self._file:
             await super().__call__(scope, receive, _refusing(send))
 
 
 class PageFiles(StaticFiles):
-    """The files of the pages; a bad Range header is refused as with any other file."""
+    """Static files of the web pages; a bad Range header gives a problem response."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send one of them."""
+        """Send one static file."""
         await super().__call__(scope, receive, _refusing(send))
 
 
 def _refusing(send: Send) -> Send:
-    """Turn the framework's plain refusal of a Range header into an error that becomes a problem."""
+    """Convert the framework's plain Range errors into exceptions of the service."""
 
     async def answer(message: Message) -> None:
         if message["type"] == "http.response.start":

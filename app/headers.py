@@ -1,9 +1,8 @@
-"""Headers that tell a browser how little it may do with an answer.
+"""HTTP security headers that restrict what a browser may do with a response.
 
-Scripts and styles come from this service alone, none may be inline, nothing may be evaluated, and
-no page of another site may frame, embed or read anything.  A report is a document that carries its
-own scripts, so it gets a policy of its own: it may run them in a sandbox, without a name, without
-cookies and without a network.
+Scripts and styles must come from this service; inline code and eval are forbidden, and other sites
+cannot frame, embed or read anything.  A report contains its own scripts and therefore has its own
+policy: the scripts run in a sandbox without origin, cookies or network access.
 """
 
 from __future__ import annotations
@@ -47,9 +46,9 @@ FLEET_POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-"""For the fleet page, which runs no script and links to the pages of this service.
+"""Policy of the fleet page, which runs no scripts and links to pages of this service.
 
-It stands in no sandbox: from one, a browser would follow a link without the caller's cookie.
+The page is not sandboxed: from a sandbox, a browser would follow a link without the cookie.
 """
 
 SECURITY_HEADERS = {
@@ -62,7 +61,7 @@ SECURITY_HEADERS = {
     "X-Frame-Options": "DENY",
     "Cache-Control": "no-store",
 }
-"""Sent with every answer that does not set its own."""
+"""Default headers of every response."""
 
 STATIC_CACHE = "no-cache"
-"""Files of the page are asked for again each time and, unchanged, not sent again."""
+"""Cache-Control of static files: revalidated on each use, resent only if changed."""

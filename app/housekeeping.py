@@ -1,10 +1,11 @@
-"""Housekeeping: a thread that does, now and then, what no call should wait for.
+"""Housekeeping thread: periodic work outside the requests.
 
-Every minute it writes down when keys were used; every `sweep_s` seconds it removes what is old.
+At least every minute the thread stores when keys were last used; every `sweep_s` seconds it removes
+expired data.
 
-What is old is told by the wall clock, and a clock that jumps a year ahead would make everything
-old.  So each look compares the wall clock with one that never jumps; after a difference nothing is
-removed for a day, in which an operator or the network's time can set it right.
+Expiry depends on the wall clock, and a clock that jumps a year ahead would make everything expire.
+The thread therefore compares the wall clock with the monotonic clock.  After a difference of more
+than 30 s it removes nothing for a day, in which an operator or NTP can correct the clock.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ _log = logging.getLogger(__name__)
 
 
 class Housekeeper:
-    """Removes what is old and writes down what can wait.
+    """Thread that removes expired data and writes deferred updates.
 
     Args:
-        access: Keys, whose uses are written down.
-        retention: Removes what is old.
-        sweep_s: Interval in which it is asked to [s].
+        access: Keys, whose last uses are stored.
+        retention: Removes expired data.
+        sweep_s: Interval between removals [s].
     """
 
     def __init__(self, access: AccessService, retention: Retention, sweep_s: float) -> None:
@@ -46,16 +47,16 @@ class Housekeeper:
         self._thread = threading.Thread(target=self._run, name="housekeeper", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Write down what is left to write, and end."""
+        """Write the outstanding updates and end the thread."""
         self._stop.set()
         self._thread.join()
 
     def turn(self) -> None:
-        """Do what is due."""
+        """Do the work that is due."""
         self._access.write_uses()
         self._watch_the_clock()
         if time.monotonic() >= self._next_sweep:
@@ -82,5 +83,5 @@ class Housekeeper:
         try:
             work()
         except (SQLAlchemyError, OSError, ValueError):
-            # Nothing of this is urgent: the next look tries again, past a row with a bad id, too.
+            # Not urgent: the next turn retries.  ValueError: a row with an invalid id.
             _log.exception("housekeeping has to wait")

@@ -1,7 +1,7 @@
-"""Names that the service gives: random, so that none can be guessed, and safe in a path.
+"""Random identifiers, unguessable and safe in a path.
 
 new_id("run")            "run_5xk2...": 26 letters and digits, 130 bits
-is_id("run", text)       whether a text could be one
+is_id("run", text)       True if the text has this form
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _FORM = re.compile(rf"[{_ALPHABET}]{{{_LENGTH}}}")
 
 
 def new_id(kind: Kind) -> str:
-    """A name that was never given before."""
+    """New random identifier."""
     return f"{kind}_" + "".join(secrets.choice(_ALPHABET) for _ in range(_LENGTH))
 
 
 def is_id(kind: Kind, text: str) -> bool:
-    """Whether a text has the form of a name of this kind.
+    """Return True if a text has the form of an identifier of this kind.
 
-    Asked before a text from outside reaches the database or a path.
+    Call before an external text reaches the database or a path.
     """
     prefix, _, rest = text.partition("_")
     return prefix == kind and _FORM.fullmatch(rest) is not None

@@ -1,4 +1,4 @@
-"""The lock of a machine on a data directory, and the name that it has there."""
+"""Advisory lock of one machine on a data directory, with a random identifier."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 
 
 class NodeLock:
-    """A lock file, held by one process at a time.
+    """Lock file, held by at most one process at a time (flock).
 
     Args:
-        file: The file, in a directory of the data directory; it holds nothing but its name.
+        file: Lock file in a subdirectory of the data directory; it contains only the identifier.
     """
 
     def __init__(self, file: Path) -> None:
@@ -31,14 +31,15 @@ class NodeLock:
 
     @property
     def is_held(self) -> bool:
-        """Whether this process has it."""
+        """True if this process holds the lock."""
         return self._held is not None
 
     def take(self) -> None:
-        """Take it for this process, until it ends.
+        """Acquire the lock for the life of this process.
 
         Raises:
-            OptionError: Another process on this machine has it, or it is no file.
+            OptionError: Another process on this machine holds the lock, or the path is not a
+                regular file.
         """
         if self._held is not None:
             return
@@ -69,17 +70,17 @@ class NodeLock:
 
     @functools.cached_property
     def name(self) -> str:
-        """The name that the file holds; a new one where it holds none.
+        """Identifier stored in the lock file, created if the file contains none.
 
-        Whoever holds the lock may take it that all who were called so before are gone.  The name of
-        the machine alone would not do: two servers of a machine, each with a directory of its own,
-        may share a database, and machines may share a name.
+        The holder of the lock may assume that every earlier process with this identifier has ended.
+        The host name alone would not suffice: two servers on one machine, each with its own data
+        directory, may share a database, and several machines may share a host name.
         """
         with self._file.open("a+", encoding="ascii", errors="replace") as file:
             file.seek(0)
             known = file.read(100).strip()
             if not _NAME.fullmatch(known):
-                # A new file or a damaged one; what was held under the old name waits for its lease.
+                # New or damaged file: leases held under the old identifier simply expire.
                 known = secrets.token_hex(8)
                 file.truncate(0)
                 file.write(known)
@@ -88,7 +89,7 @@ class NodeLock:
         return known
 
     def release(self) -> None:
-        """Give it back."""
+        """Release the lock."""
         if self._held is not None:
             self._held.close()
             self._held = None

@@ -1,10 +1,10 @@
-"""The log: one JSON object a line on standard error, with the request's id, without secrets.
+"""JSON log on standard error: one object per line, with the request id and without secrets.
 
     {"time": "2026-11-21T12:00:00.123Z", "level": "info", "logger": "app.fits.supervisor",
      "message": "fit succeeded", "request_id": "4be1...", "fit": "fit_5xk2...", "attempt": 1}
 
-What a caller sends stays out of it but for the path: no headers, no query, no bodies.  What looks
-like a key is struck out wherever it stands.
+Of the client's data, only the path is logged: no headers, query or body.  Anything that looks like
+a key is masked.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from typing import Any
 __all__ = ["configure_logging", "request_id", "warnings_logged"]
 
 request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
-"""Id of the request that is being answered."""
+"""Id of the current request."""
 
 _SECRET = re.compile(r"motorid_[A-Za-z0-9_-]{40,}")
-"""A key or the cookie of a session: a caller may put it where it does not belong, as in a path."""
+"""Pattern of a key or session cookie, which a client may misplace, as in a path."""
 
 _STANDARD = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "color_message"}
 
 
 class _JsonFormatter(logging.Formatter):
-    """A record as one line of JSON; what was given as `extra` becomes fields."""
+    """Formatter of a record as one line of JSON, with the values of `extra` as fields."""
 
     def format(self, record: logging.LogRecord) -> str:
         moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
@@ -50,10 +50,10 @@ class _JsonFormatter(logging.Formatter):
 
 
 def configure_logging(level: str) -> None:
-    """Send the log of the service and of its server to standard error.
+    """Send the logs of the service and of uvicorn to standard error.
 
     Args:
-        level: Least severe messages that are logged.
+        level: Lowest level that is logged.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonFormatter())
@@ -72,10 +72,10 @@ def configure_logging(level: str) -> None:
 
 @contextmanager
 def warnings_logged() -> Iterator[None]:
-    """Have Python's warnings go to the log while the block runs.
+    """Redirect Python warnings to the log while the block runs.
 
-    They name source files and tell a user nothing.  A command has no log and shows none; the
-    service writes them as it writes everything.  Where they are errors, as in tests, they stay so.
+    Warnings refer to source files and do not help users.  A command has no log and shows none; the
+    service logs them.  Warnings that are configured as errors, as in tests, remain errors.
     """
     logging.captureWarnings(True)
     try:

@@ -1,4 +1,4 @@
-"""The application: `create_app(settings)`; nothing happens when this file is imported.
+"""Application factory `create_app(settings)`; importing this module has no side effects.
 
 uvicorn --factory app.main:create_app         settings from the environment
 """
@@ -49,10 +49,10 @@ Errors are RFC 9457 `application/problem+json`; `code` is a stable word for scri
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """The service as an ASGI application.
+    """Build the service as an ASGI application.
 
     Args:
-        settings: What the operator set; read from the environment where not given.
+        settings: Settings of the service; default: read from the environment.
 
     Raises:
         OptionError: A setting is not accepted.
@@ -80,7 +80,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.include_router(pages, max_body_size=settings.max_body_bytes)
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)
-    # The last one added is the first to see a request.
+    # The middleware added last handles a request first.
     application.add_middleware(HeadCheck)
     application.add_middleware(BodyDeadline, request_s=settings.request_s)
     application.add_middleware(
@@ -117,7 +117,7 @@ async def _lifespan(application: FastAPI) -> AsyncIterator[None]:
 
 
 def _openapi(application: FastAPI) -> dict[str, Any]:
-    """The description of the interface, with the key that each call but health carries."""
+    """OpenAPI schema, with bearer authentication for every call except health."""
     if application.openapi_schema is None:
         schema = get_openapi(
             title=application.title,
@@ -134,7 +134,7 @@ def _openapi(application: FastAPI) -> dict[str, Any]:
                 "runs with `--no-auth`.",
             }
         }
-        # The framework describes its own form of refusal, which no call answers with.
+        # Drop FastAPI's own validation error schema, which no call returns.
         for name in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(name, None)
         for path in schema["paths"].values():

@@ -1,6 +1,7 @@
-"""What is measured while the service runs, for Prometheus.
+"""Prometheus metrics of the running service.
 
-Names of routes and statuses are labels, ids and file names are not: their number has no bound.
+Route templates and statuses are labels.  Ids and file names are not, because their number is
+unbounded.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ _FIT_BUCKETS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600, 7200)
 
 
 class Metrics:
-    """Counters and histograms of one service."""
+    """Counters, gauges and histograms of one service."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -94,5 +95,5 @@ class Metrics:
         )
 
     def text(self) -> bytes:
-        """All of them in Prometheus' text format."""
+        """All metrics in the Prometheus text format."""
         return generate_latest(self.registry)

@@ -1,4 +1,4 @@
-"""What happens to every request before and after its endpoint: id, log, metrics, headers, host.
+"""ASGI middleware: request id, log, metrics, security headers, host check and size limit.
 
     request -> RequestLog -> CrowdCheck -> WellFormed -> HostCheck -> Gate -> RateLimit -> SizeCheck
             -> BodyDeadline -> HeadCheck -> endpoint
@@ -6,8 +6,8 @@
 `Gate` and `RateLimit` are in `app.access`, `CrowdCheck` and `BodyDeadline` in `app.connections`,
 `WellFormed` and `HeadCheck` in `app.wellformed`.
 
-These are plain ASGI layers: they see each message as it passes, so that a stream of events or a
-large file goes through without being held.
+These are plain ASGI layers that forward each message as it arrives, so that event streams and large
+files are not buffered.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ _log = logging.getLogger("app.requests")
 
 
 class RequestLog:
-    """Gives each request an id, logs and measures it, and adds the security headers.
+    """Middleware for request ids, log, metrics and security headers.
 
     Args:
-        app: The layer below.
-        metrics: Where requests are counted.
+        app: Inner ASGI application.
+        metrics: Metrics that count the requests.
     """
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
@@ -47,7 +47,7 @@ class RequestLog:
         self.metrics = metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on and its answer back."""
+        """Forward a request and its response."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -96,24 +96,24 @@ _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"
 
 
 def _template(scope: Scope) -> str:
-    """The route's path with its parameters' names, so that ids do not become labels."""
+    """Route path with parameter names in place of ids, which must not become metric labels."""
     path = getattr(scope.get("route"), "path", None)
     if not isinstance(path, str):
         return "none"
-    # Routes know their path within their router only.
+    # A route's path is relative to its router.
     is_call = scope["path"].startswith(f"{API_PREFIX}/") and not path.startswith(API_PREFIX)
     return API_PREFIX + path if is_call else path
 
 
 class HostCheck:
-    """Refuses requests for another name than the service has.
+    """Middleware that rejects requests whose Host header is not a name of this service.
 
-    Without it a page of another site could let its own name point at this machine and read, in the
-    browser of someone at the bench, what a service without keys answers.
+    This prevents DNS rebinding: otherwise a page of another site could resolve its own name to this
+    machine and read, in a local user's browser, the responses of a service without keys.
 
     Args:
-        app: The layer below.
-        hosts: Names without port; ``*`` allows any.
+        app: Inner ASGI application.
+        hosts: Accepted names without port; ``*`` accepts any.
     """
 
     def __init__(self, app: ASGIApp, hosts: tuple[str, ...]) -> None:
@@ -121,7 +121,7 @@ class HostCheck:
         self.hosts = frozenset(host.lower() for host in hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on if its host is one of ours."""
+        """Forward a request if its host is accepted."""
         if scope["type"] == "http" and "*" not in self.hosts:
             host = Headers(scope=scope).get("host", "")
             if _without_port(host) not in self.hosts:
@@ -134,14 +134,14 @@ class HostCheck:
 
 
 class SizeCheck:
-    """Refuses a body that announces more bytes than are taken, or is packed, before it is read.
+    """Middleware that rejects compressed bodies and excessive Content-Length before reading.
 
-    Bodies that announce nothing are counted by the framework as they come.
+    The framework counts the bytes of bodies without Content-Length as they arrive.
 
     Args:
-        app: The layer below.
-        limit: Most bytes of a body [bytes].
-        limits: Other limits, by path.
+        app: Inner ASGI application.
+        limit: Default limit of a body [bytes].
+        limits: Limits of single paths [bytes].
     """
 
     def __init__(self, app: ASGIApp, limit: int, limits: Mapping[str, int]) -> None:
@@ -150,12 +150,12 @@ class SizeCheck:
         self.limits = limits
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on if it is small enough."""
+        """Forward a request if its body is accepted."""
         if scope["type"] == "http":
             headers = Headers(scope=scope)
             coding = headers.get("content-encoding", "identity").strip().lower()
             if coding not in ("", "identity"):
-                # Nothing is unpacked here, so nothing small can become large.
+                # Decompression is not supported: it would turn a small body into a large one.
                 wrong = WrongMediaType(f"the body is encoded as {coding[:40]!r}; send it plain")
                 await problem_of(wrong)(scope, receive, send)
                 return
@@ -170,6 +170,6 @@ class SizeCheck:
 
 def _without_port(host: str) -> str:
     name, colon, port = host.lower().rpartition(":")
-    # The colons of an IPv6 address stand in brackets.
+    # An IPv6 address with a port is in brackets.
     has_port = colon and port.isdigit() and (":" not in name or name.endswith("]"))
     return name if has_port else host.lower()

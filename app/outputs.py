@@ -1,4 +1,4 @@
-"""Places that the user named for results, tried out before the work."""
+"""Check of output paths before the computation."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["writable_directory", "writable_file"]
 
 @contextmanager
 def writable_directory(directory: Path) -> Iterator[None]:
-    """Make a directory and see that it can be written, before hours are spent on its content.
+    """Create a directory and check that it is writable, before hours of computation.
 
-    Where the work fails and the directory was made here and is empty, it is removed again.
+    If the block fails, a directory created here is removed again if it is empty.
 
     Args:
-        directory: The directory; those above it are made, too.
+        directory: The directory; missing parents are created.
 
     Raises:
-        OptionError: It cannot be made or written.
+        OptionError: The directory cannot be created or written.
     """
     is_new = not directory.exists()
     try:
@@ -46,13 +46,13 @@ def writable_directory(directory: Path) -> Iterator[None]:
 
 @contextmanager
 def writable_file(path: Path) -> Iterator[None]:
-    """See that a file can be written, as `writable_directory` does for a directory.
+    """Check that a file can be written, as `writable_directory` does for a directory.
 
     Args:
-        path: The file; the directories above it are made.
+        path: The file; missing parent directories are created.
 
     Raises:
-        OptionError: It is a directory, or cannot be written.
+        OptionError: The path is a directory or cannot be written.
     """
     if path.is_dir():
         raise OptionError(f"--out {path}: is a directory; name a file", value=str(path))

@@ -1,6 +1,6 @@
-"""Pages of a list that grows at its head: newest first, each page begins where the last one ended.
+"""Keyset pagination: newest entries first; a cursor holds the position of the last entry.
 
-A position is the time and the id of an entry, so that entries that come in meanwhile shift nothing.
+A position is the creation time and id of an entry, so that new entries do not shift later pages.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ __all__ = ["Entry", "cursor_of", "position_of"]
 
 
 class Entry(Protocol):
-    """What a list is made of."""
+    """Entry of a paginated list."""
 
     @property
     def id(self) -> str:
-        """Its id."""
+        """Id of the entry."""
 
     @property
     def created_at(self) -> float:
-        """When it was made [s since 1970]."""
+        """Creation time [s since 1970]."""
 
 
 def cursor_of(rows: Sequence[Entry], limit: int) -> str | None:
-    """Where the next page begins, or None on the last page.
+    """Cursor of the next page, or None on the last page.
 
     Args:
-        rows: Entries, one more than a page holds if there are more.
-        limit: Entries of a page.
+        rows: Entries of the page, plus one if more follow.
+        limit: Page size.
     """
     if len(rows) <= limit:
         return None
@@ -43,10 +43,10 @@ def cursor_of(rows: Sequence[Entry], limit: int) -> str | None:
 
 
 def position_of(cursor: str | None) -> tuple[float, str] | None:
-    """Time and id that a cursor stands for.
+    """Creation time and id encoded in a cursor.
 
     Raises:
-        FieldRefused: It is no cursor that was given before.
+        FieldRefused: The cursor was not issued by this service.
     """
     if cursor is None:
         return None

@@ -1,4 +1,4 @@
-"""Addresses that more than one part of the service speaks of."""
+"""URL paths that several parts of the service use."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Final
 __all__ = ["API_PREFIX", "HEALTH_PATHS", "LOGIN_PATH", "STATIC_PREFIX"]
 
 API_PREFIX: Final = "/api/v1"
-"""Below it lie all calls."""
+"""Prefix of all API calls."""
 
 HEALTH_PATHS: Final = frozenset(
     f"{prefix}/{name}" for prefix in ("", API_PREFIX) for name in ("healthz", "readyz", "metrics")
 )
-"""Health and metrics, with the other calls and, for probes, at the root."""
+"""Health and metrics paths, below the API prefix and, for probes, at the root."""
 
 LOGIN_PATH: Final = "/login"
-"""The page that asks for a key."""
+"""Login page."""
 
 STATIC_PREFIX: Final = "/static/"
-"""Below it lie the style and the scripts of the pages, the same for everyone."""
+"""Prefix of the style sheets and scripts of the web pages, which are the same for all users."""

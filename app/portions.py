@@ -1,4 +1,4 @@
-"""Ids in portions: a query takes many values, but not any number, and writers do not wait long."""
+"""Slices of id lists, which keep SQL parameter counts and write transactions small."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Final
 __all__ = ["portions"]
 
 _OF_A_QUERY: Final = 500
-"""SQLite before 3.32 takes 999 values."""
+"""Ids per query; SQLite before 3.32 accepts at most 999 parameters."""
 
 
 def portions(ids: Sequence[str], most: int = _OF_A_QUERY) -> Iterator[Sequence[str]]:
     """Slices of a sequence, in order.
 
     Args:
-        ids: What is portioned.
-        most: Length of a slice; as many as a query takes where not given.
+        ids: Sequence to slice.
+        most: Length of a slice; default: as many ids as one query takes.
     """
     for first in range(0, len(ids), most):
         yield ids[first : first + most]

@@ -1,11 +1,12 @@
-"""Errors as RFC 9457 problems: one table from class to status, one form for all of them.
+"""RFC 9457 problem responses: the table from error class to HTTP status, and the error handlers.
 
 HTTP/1.1 422
 Content-Type: application/problem+json
 
-{"type": "urn:motorid:problem:not_a_number", "title": "Unprocessable Content", "status": 422,
-"detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; ...",
-"code": "not_a_number", "file": "run3.csv", "row": 412, "column": "current_A"}
+{"type": "urn:motorid:problem:not_a_number", "title": "Unprocessable Entity", "status": 422,
+ "detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; ...",
+ "code": "not_a_number", "file": "run3.csv", "row": 412, "column": "current_A",
+ "request_id": "4be1f2d0c5a94b6e"}
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.Unavailable: HTTPStatus.SERVICE_UNAVAILABLE,
     InputError: HTTPStatus.UNPROCESSABLE_ENTITY,
 }
-"""Status of each error; of a class that is not listed, that of its nearest parent."""
+"""HTTP status of each error class; an unlisted class has the status of its nearest base class."""
 
 _WORDS = {
     HTTPStatus.BAD_REQUEST: "bad_request",
@@ -79,14 +80,14 @@ _log = logging.getLogger(__name__)
 
 
 class FieldProblem(BaseModel):
-    """One field that was not accepted."""
+    """One field of the request that was not accepted."""
 
     field: str = Field(description="Where in the request it stands.", examples=["body.training.0"])
     detail: str = Field(description="What was expected.")
 
 
 class Problem(BaseModel):
-    """What went wrong, after RFC 9457."""
+    """Problem details (RFC 9457)."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -124,7 +125,7 @@ class Problem(BaseModel):
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """What OpenAPI says about the errors of a call, besides those that any call can have."""
+    """OpenAPI entries for the given error statuses and for those that any call can return."""
     return {
         status: {
             "model": Problem,
@@ -136,10 +137,10 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
-    """The response that tells of an error.
+    """Problem response for an error.
 
     Args:
-        error: An error of the service, or of the caller's data.
+        error: Error of the service or of the client's data.
     """
     status = next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS)
     place: dict[str, Any] = {name: getattr(error, name, None) for name in ("file", "row", "column")}
@@ -151,7 +152,7 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
     if status == HTTPStatus.UNAUTHORIZED:
         headers["WWW-Authenticate"] = 'Bearer realm="motorid"'
     if status == HTTPStatus.REQUEST_TIMEOUT:
-        # The rest of the body would be taken for the next request.
+        # The remaining body would be parsed as the next request.
         headers["Connection"] = "close"
     is_lasting = isinstance(error, errors.FileLost | errors.DatabaseDamaged)
     if status == HTTPStatus.SERVICE_UNAVAILABLE and not is_lasting:
@@ -164,7 +165,7 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
 
 
 def add_problem_handlers(application: FastAPI) -> None:
-    """Have every error of an application answered as a problem."""
+    """Register handlers that answer every error with a problem response."""
     application.add_exception_handler(errors.ServiceError, _service)
     application.add_exception_handler(InputError, _service)
     application.add_exception_handler(RequestValidationError, _validation)
@@ -177,7 +178,7 @@ def add_problem_handlers(application: FastAPI) -> None:
 
 
 def database_error(error: SQLAlchemyError) -> errors.Unavailable | None:
-    """What an error of the database means to a caller; None where it is a fault of the service."""
+    """Error to report to the client for a database error; None for a fault of the service."""
     if is_damaged(error):
         return errors.DatabaseDamaged(
             "the database is damaged; the operator has to restore it from a backup"

@@ -1,7 +1,7 @@
-"""Regular files of a directory that others can write to: opened without waiting, hashed.
+"""Regular files in a directory that others can write to: non-blocking open, hash and removal.
 
-A FIFO without a writer blocks `open` for good, and a directory can be opened; both are refused here
-as the system refuses a file that it cannot read, by an OSError.
+Opening a FIFO without a writer blocks forever, and a directory can be opened; both raise an OSError
+here, like an unreadable file.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ __all__ = ["open_regular", "remove_entry", "sha256_of"]
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a regular file to be read.
+    """Open a regular file for reading.
 
     Raises:
-        OSError: It is missing, cannot be read, or is no regular file.
+        OSError: The file is missing, unreadable or not a regular file.
     """
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     mode = os.fstat(handle).st_mode
@@ -35,7 +35,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def sha256_of(file: BufferedReader) -> str:
-    """SHA-256 of a file from its first byte, in hexadecimal; the file stands at its begin again."""
+    """SHA-256 of a whole file, in hexadecimal; afterwards the file is positioned at its start."""
     file.seek(0)
     digest = hashlib.file_digest(file, "sha256").hexdigest()
     file.seek(0)
@@ -43,10 +43,10 @@ def sha256_of(file: BufferedReader) -> str:
 
 
 def remove_entry(path: Path) -> None:
-    """Remove whatever stands at a path, a whole directory too; nothing where nothing stands."""
+    """Remove the file or directory tree at a path, if there is one."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
-    # Below a file that stands in the place of a directory there is nothing either.
+    # NotADirectoryError: a parent is a file, so nothing exists at the path.
     with suppress(FileNotFoundError, NotADirectoryError):
         path.unlink()

@@ -1,4 +1,4 @@
-"""The server: runs the application under uvicorn until it is told to stop."""
+"""HTTP server: run the application under uvicorn until a signal stops it."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _WAITING = 2048
 
 
 class _Server(uvicorn.Server):
-    """Tells open event streams that it stops, so that they end and it need not wait for them."""
+    """Server that ends open event streams at shutdown, so that it need not wait for them."""
 
     services: Services
     told_at: float | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to serve; more connections may wait for the system than are accepted at once."""
+        """Start serving; the listen backlog is larger than the number accepted at once."""
         await super().startup(sockets)
         for listening in sockets or ():
             listening.listen(_WAITING)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Begin to stop."""
+        """Begin the shutdown."""
         self.told_at = time.monotonic()
         _log.info("stopping", extra={"signal": signal.Signals(sig).name})
         self.services.stopping.set()
@@ -61,23 +61,23 @@ class _Server(uvicorn.Server):
 
 
 def serve(settings: Settings, listening: socket.socket | None = None) -> None:
-    """Serve until SIGTERM, SIGINT or SIGHUP; fits that run then go on at the next start.
+    """Serve until SIGTERM, SIGINT or SIGHUP; running fits wait for the next start.
 
     Args:
-        settings: Where to listen, where the data are, and all else.
-        listening: A socket that listens already, in place of address and port of the settings.
+        settings: Settings of the service.
+        listening: Bound socket, used in place of the address and port of the settings.
 
     Raises:
-        OptionError: The data directory cannot be used, another server uses it, or the database
-            does not answer.
-        DamagedDatabase: The file of the database is damaged or missing.
+        OptionError: The data directory is unusable or in use by another server, or the database
+            does not respond.
+        DamagedDatabase: The database file is damaged or missing.
     """
     configure_logging(settings.log_level)
     for name, nearest in unknown_variables(os.environ).items():
         _log.warning("%s sets nothing; the nearest setting is %s", name, nearest)
     application = create_app(settings)
     services: Services = application.state.services
-    # Here and not in the lifespan, where an error would come as a traceback.
+    # Open here: an error in the lifespan would appear as a traceback.
     services.open()
     if listening is not None:
         _show_address(listening)
@@ -108,7 +108,7 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
 
 
 def _show_address(listening: socket.socket) -> None:
-    """Say where the service is, once it is certain that it will be there."""
+    """Print the URL of the service once its address is reserved."""
     address, number = listening.getsockname()[:2]
     shown = f"[{address}]" if ":" in address else address
     print(f"motorid: http://{shown}:{number}", file=sys.stderr, flush=True)  # noqa: T201

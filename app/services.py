@@ -1,4 +1,4 @@
-"""The parts of the service and how they are put together, once, for one application."""
+"""Composition root: the components of the service and their wiring."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ __all__ = ["Services"]
 
 @dataclass(frozen=True)
 class Services:
-    """Everything that endpoints call.
+    """Components that the endpoints use.
 
     Args:
-        settings: What the operator set.
-        database: The tables.
-        storage: The data directory.
-        metrics: What is measured.
+        settings: Settings of the service.
+        database: Connections to the database.
+        storage: Data directory.
+        metrics: Prometheus metrics.
         access: Keys and sessions.
-        runs: Calls about runs.
-        fits: Calls about fits.
-        batches: Calls about batches.
-        health: Calls about health.
-        nursery: Process that forks those that read uploads.
-        engine: What computes fits; the supervisor closes it.
-        supervisor: The thread that has fits computed.
-        watcher: Tells those who listen to a fit when it changes; runs in the event loop.
-        retention: Removes what is old.
-        housekeeper: The thread that asks it to.
-        reading: Bounds how many uploads are read at once, and how many wait.
-        stopping: Set when the service wants to stop.
+        runs: Operations on runs.
+        fits: Operations on fits.
+        batches: Operations on batches.
+        health: Health checks.
+        nursery: Fork server of the processes that read uploads.
+        engine: Backend that computes fits; closed by the supervisor.
+        supervisor: Thread that schedules fits.
+        watcher: Notifies event streams of changes of a fit; runs in the event loop.
+        retention: Removal of expired data.
+        housekeeper: Thread that runs the removal periodically.
+        reading: Queue that limits concurrent and waiting uploads.
+        stopping: Set when the service is about to stop.
     """
 
     settings: Settings
@@ -75,7 +75,7 @@ class Services:
 
     @classmethod
     def build(cls, settings: Settings) -> Self:
-        """Put the parts together; nothing is opened or started yet."""
+        """Create the components; nothing is opened or started yet."""
         database = Database(settings.sqlalchemy_url)
         storage = Storage(settings.data_dir, settings.node)
         metrics = Metrics()
@@ -107,12 +107,12 @@ class Services:
         )
 
     def open(self) -> None:
-        """Open the data directory and the database, unless that was done.
+        """Open the data directory and the database, if not open yet.
 
         Raises:
-            OptionError: The data directory cannot be used, another server uses it, or the database
-                does not answer.
-            DamagedDatabase: The file of the database is damaged or missing.
+            OptionError: The data directory is unusable or in use by another server, or the database
+                does not respond.
+            DamagedDatabase: The database file is damaged or missing.
         """
         if self.storage.is_locked:
             return
@@ -130,11 +130,11 @@ class Services:
             raise
 
     def start(self) -> None:
-        """Open what is not open yet, and begin to work.
+        """Open what is not open yet, and start the threads and processes.
 
         Raises:
-            OptionError: As `open`.
-            DamagedDatabase: As `open`.
+            OptionError: As for `open`.
+            DamagedDatabase: As for `open`.
         """
         self.open()
         self.storage.sweep_incoming()
@@ -145,7 +145,7 @@ class Services:
         self.housekeeper.start()
 
     def stop(self) -> None:
-        """Stop working; fits that run wait for the next start."""
+        """Stop all components; running fits wait for the next start."""
         self.stopping.set()
         self.housekeeper.stop()
         self.supervisor.stop()
@@ -156,7 +156,7 @@ class Services:
 
 def _engine(settings: Settings, storage: Storage) -> AbstractEngine:
     if settings.engine == "dask":
-        # Its packages take a second to import, and most services compute on one machine.
+        # Local import: the Dask packages take a second to load, and most services do not use them.
         try:
             from app.fits.dask_engine import DaskEngine
         except ImportError as error:

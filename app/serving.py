@@ -1,4 +1,4 @@
-"""The commands about the HTTP service: run it, manage its keys, save and restore its data."""
+"""Commands of the HTTP service: run, manage API keys, back up and restore."""
 
 from __future__ import annotations
 
@@ -26,29 +26,29 @@ __all__ = ["back_up", "create_key", "list_keys", "restore", "revoke_key", "serve
 def serve(
     *, host: str | None, port: int | None, data_dir: Path | None, no_auth: bool | None
 ) -> None:
-    """Run the service until it is told to stop.
+    """Run the service until it is stopped by a signal.
 
     Args:
         host: Address to listen on.
         port: Port to listen on; 0 takes a free one.
         data_dir: Directory of the database, the runs and the results.
-        no_auth: Whether to answer without a key.
+        no_auth: Accept requests without a key.
 
     Raises:
         OptionError: A setting is not accepted, or the port cannot be listened on.
     """
     settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
     listening = _listen(settings)
-    # The key commands need none of this.
+    # Local import: the key commands do not need the server.
     from app.server import serve as run
 
-    # A signal is how a server is meant to end; by then it has stopped in good order.
+    # Signals are the normal end of a server; it has shut down cleanly by then.
     with listening, suppress(KeyboardInterrupt, Terminated), _for_the_owner():
         run(settings, listening)
 
 
 def create_key(name: str, workspace: str, days: float | None, data_dir: Path | None) -> None:
-    """Make a key and print it."""
+    """Create an API key and print it."""
     with _access(data_dir) as access:
         key, secret = access.create_key(name, workspace, days=days)
     print(secret)  # noqa: T201
@@ -60,7 +60,7 @@ def create_key(name: str, workspace: str, days: float | None, data_dir: Path | N
 
 
 def list_keys(data_dir: Path | None) -> None:
-    """Print all keys, one a line, with tabs between the columns."""
+    """Print all keys, one per line, with tab-separated columns."""
     with _access(data_dir) as access:
         rows = access.list_keys()
     dates = ("created", "revoked", "expires", "last_used")
@@ -72,13 +72,13 @@ def list_keys(data_dir: Path | None) -> None:
 
 
 def revoke_key(key: str, data_dir: Path | None) -> None:
-    """Have a key open nothing any more."""
+    """Revoke a key."""
     with _access(data_dir) as access:
         access.revoke_key(key)
 
 
 def back_up(place: Path, data_dir: Path | None) -> None:
-    """Write a backup and say what is in it."""
+    """Write a backup and print a summary."""
     from app.backup.create import back_up as save
 
     with _for_the_owner():
@@ -88,7 +88,7 @@ def back_up(place: Path, data_dir: Path | None) -> None:
 
 
 def restore(place: Path, data_dir: Path | None) -> None:
-    """Make a data directory from a backup and say what is in it."""
+    """Create a data directory from a backup and print a summary."""
     from app.backup.restore import restore as write
 
     settings = load_settings(data_dir=data_dir)
@@ -100,9 +100,9 @@ def restore(place: Path, data_dir: Path | None) -> None:
 
 @contextmanager
 def _for_the_owner() -> Iterator[None]:
-    """What is written meanwhile is for nobody but its owner.
+    """Set a umask that gives access to the owner only.
 
-    A data directory that was there before may be open to all, and holds runs and digests of keys.
+    An existing data directory may be open to all users, and holds runs and hashes of keys.
     """
     before = os.umask(0o077)
     try:
@@ -132,7 +132,7 @@ def _access(data_dir: Path | None) -> Iterator[AccessService]:
 
 
 def _listen(settings: Settings) -> socket.socket:
-    """A socket on the address, before anything is started that would have to be stopped."""
+    """Socket bound to the address, before anything is started that would have to be stopped."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             settings.host.strip("[]"), settings.port, type=socket.SOCK_STREAM

@@ -1,9 +1,8 @@
-"""What an operator can set: environment variables that begin with MOTORID_, or arguments.
+"""Service settings: environment variables with the prefix MOTORID_, or arguments.
 
     settings = load_settings(port=8080, data_dir=Path("bench"))
 
-Unsafe combinations are refused when the settings are read and not when the first request comes:
-a service that starts is one that may run.
+Unsafe combinations are rejected when the settings are read, not at the first request.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a server that listens on `host` can be reached from this machine only."""
+    """Return True if a server that listens on `host` is reachable from this machine only."""
     if host == "localhost":
         return True
     try:
@@ -232,7 +231,7 @@ class Settings(BaseSettings):
         return self
 
     def _refuse_unsafe_cluster(self) -> None:
-        """A scheduler runs what it is sent, so whoever reaches it without a certificate owns it."""
+        """Require TLS except on loopback: a Dask scheduler executes any code sent to it."""
         address = self.dask_scheduler or ""
         found = _CLUSTER.fullmatch(address)
         if found is None:
@@ -257,44 +256,44 @@ class Settings(BaseSettings):
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """Names that the Host header may have, without a port."""
+        """Accepted names in the Host header, without a port."""
         if self.allowed_hosts:
-            # A foreign page cannot call itself by a loopback name, and a health check does.
+            # Health checks use loopback names, and a page of another site cannot have one.
             return tuple(dict.fromkeys((*self.allowed_hosts, *_LOOPBACK_NAMES)))
         if is_loopback(self.host):
             bracketed = f"[{self.host}]" if ":" in self.host.strip("[]") else self.host
             return tuple(dict.fromkeys((*_LOOPBACK_NAMES, bracketed)))
-        # A key protects each call, and cookies keep to the name they were set under, so a foreign
-        # name for this address gains an attacker nothing.
+        # Every call needs a key, and cookies are bound to the host name that set them.  So an
+        # attacker gains nothing from another name for this address.
         return ("*",)
 
     @property
     def sqlalchemy_url(self) -> str:
-        """Address of the database."""
+        """URL of the database."""
         return self.database_url or f"sqlite:///{self.sqlite_file}"
 
     @property
     def sqlite_file(self) -> Path | None:
-        """The database in the data directory; None where another one is named."""
+        """SQLite file in the data directory; None if another database is configured."""
         return None if self.database_url else self.data_dir.absolute() / "motorid.sqlite3"
 
     @property
     def node(self) -> str:
-        """Name of this machine, under which leases are held."""
+        """Host name of this machine, under which leases are held."""
         return socket.gethostname()[:64] or "localhost"
 
 
 def load_settings(**given: object) -> Settings:
-    """Settings from arguments and, for what is not given, from the environment.
+    """Settings from arguments, else from the environment.
 
-    Where MOTORID_SECRETS_DIR names a directory, a file in it that is called as a variable (such as
-    ``motorid_database_url``) gives what neither an argument nor the variable does.
+    If MOTORID_SECRETS_DIR names a directory, a file there named like a variable (such as
+    ``motorid_database_url``) supplies a setting that neither an argument nor the environment gives.
 
     Args:
-        **given: Settings by name; None counts as not given.
+        **given: Settings by name; None means not given.
 
     Raises:
-        OptionError: A setting has a value that is not accepted; the message is one line.
+        OptionError: The value of a setting is not accepted; the message is one line.
     """
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     secrets = os.environ.get("MOTORID_SECRETS_DIR") or None

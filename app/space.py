@@ -1,6 +1,6 @@
-"""Whether no space is left, whoever says so: the system, SQLite or PostgreSQL.
+"""Detection of a full disk from errors of the operating system, SQLite or PostgreSQL.
 
-Knows the errors of databases by their codes alone, so that nothing has to be imported for it.
+Database errors are recognised by their codes, so that no driver must be imported.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _FULL_POSTGRESQL = "53100"
 
 
 def is_full(error: BaseException) -> bool:
-    """Whether an error says that no space is left, or that no more is allowed.
+    """Return True if an error means that a disk, a quota or a file size limit is exhausted.
 
     Args:
-        error: Of the system, of a database's driver, or of SQLAlchemy around the driver's.
+        error: Error of the operating system, a database driver or SQLAlchemy.
     """
     if isinstance(error, OSError):
         return error.errno in _FULL

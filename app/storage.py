@@ -1,15 +1,15 @@
-"""The data directory: what lies where, and nothing in it named by a caller.
+"""Data directory layout and file operations; no client-supplied name becomes a path.
 
-    DATA/motorid.sqlite3              the database, unless another is named
-    DATA/incoming/NODE/XXXX           uploads that are coming in; swept at each start
-    DATA/incoming/.backup-XXXX/       the copy of the database of a backup that is being made
-    DATA/runs/RUN_ID                  the bytes of a run that was accepted
+    DATA/motorid.sqlite3              database, unless another one is configured
+    DATA/incoming/NODE/XXXX           uploads in progress; removed at each start
+    DATA/incoming/.backup-XXXX/       database copy of a backup in progress
+    DATA/runs/RUN_ID                  bytes of an accepted run
     DATA/fits/FIT_ID/ATTEMPT/         result.json, report.html, posterior.nc, log of an attempt
-    DATA/fits/FIT_ID/checkpoints/     what attempts had so far, until the fit has ended
-    DATA/nodes/NODE.lock              held by the server of this machine; holds an id of its own
+    DATA/fits/FIT_ID/checkpoints/     checkpoints of the attempts, until the fit ends
+    DATA/nodes/NODE.lock              held by the server of this machine; contains a random id
 
-The database says what there is.  A file without a row is the rest of something that was interrupted
-between the two; `sweep` removes it once it is too old to belong to a request that still runs.
+The database is authoritative.  A file without a row is left over from an operation interrupted
+between file and row; `sweep` removes it once it is too old to belong to a running request.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from identification.errors import OptionError
 __all__ = ["RESTORING", "Storage", "refused_when_full", "sync_directory"]
 
 RESTORING = ".restoring"
-"""Name of the directory in a data directory in which a restore has not come to its end."""
+"""Subdirectory of the data directory that exists while a restore is incomplete."""
 
 _OLD_S = 3600.0
-_SCRATCH = ".backup-"  # no machine's name begins with a dot
+_SCRATCH = ".backup-"  # node names never begin with a dot
 _HELD = "held"
 _TRIED_BYTES = 1 << 16
 
 
 class Storage:
-    """Paths of one data directory, and the lock on it.
+    """Paths of one data directory, and its lock.
 
     Args:
-        directory: The data directory; it is made if it is not there.
+        directory: Data directory; created if missing.
         node: Name of this machine.
     """
 
@@ -58,14 +58,14 @@ class Storage:
 
     @property
     def incoming(self) -> Path:
-        """Directory of the uploads that are coming in on this machine."""
+        """Directory of the uploads in progress on this machine."""
         return self.directory / "incoming" / self.node
 
     def prepare(self) -> None:
-        """Make the directories, readable by the owner alone.
+        """Create the directories, accessible to the owner only.
 
         Raises:
-            OptionError: The directory cannot be made or written, or is being restored.
+            OptionError: The directory cannot be created or written, or is being restored.
         """
         if os.path.exists(self.directory / RESTORING):
             raise OptionError(
@@ -85,28 +85,29 @@ class Storage:
 
     @property
     def is_locked(self) -> bool:
-        """Whether this process has the data directory."""
+        """True if this process holds the lock of the data directory."""
         return self._lock.is_held
 
     def lock(self) -> None:
-        """Take the data directory for this process, until it ends.
+        """Lock the data directory for the life of this process.
 
         Raises:
-            OptionError: Another server on this machine has it, or the lock file is no file.
+            OptionError: Another server on this machine holds the lock, or the lock file is not a
+                regular file.
         """
         self._lock.take()
 
     @property
     def place(self) -> str:
-        """Name of this machine's part of this data directory, the same at each start."""
+        """Identifier of this machine and data directory, the same at each start."""
         return f"{self.node}-{self._lock.name}"
 
     def unlock(self) -> None:
-        """Give the data directory back."""
+        """Release the lock of the data directory."""
         self._lock.release()
 
     def is_writable(self) -> bool:
-        """Whether a file of some kilobytes can be written, as the journal of a transaction is."""
+        """Return True if 64 KiB can be written, as the journal of a transaction requires."""
         try:
             with tempfile.TemporaryFile(dir=self.incoming, buffering=0) as file:
                 return file.write(bytes(_TRIED_BYTES)) == _TRIED_BYTES
@@ -121,32 +122,32 @@ class Storage:
         )
 
     def new_incoming(self) -> Path:
-        """A path for an upload, where no file is yet."""
+        """New unused path for an upload."""
         return self.incoming / secrets.token_hex(16)
 
     def run(self, run_id: str) -> Path:
-        """Where the bytes of a run lie.
+        """Path of the bytes of a run.
 
         Raises:
-            ValueError: It is no id of a run, and could lead anywhere.
+            ValueError: The text is not a run id and could point to any path.
         """
         return self.directory / "runs" / _checked("run", run_id)
 
     def keep_run(self, incoming: Path, run_id: str) -> None:
-        """Move an upload that was accepted to its place, so that a loss of power keeps it."""
+        """Move an accepted upload to its final path, durably."""
         if self.run(run_id).is_dir():
-            # A file system that was repaired may have left one; a file does not replace it.
+            # A file system repair may leave a directory here, which os.replace cannot overwrite.
             remove_entry(self.run(run_id))
         os.replace(incoming, self.run(run_id))
         sync_directory(self.directory / "runs")
 
     def has_run(self, run_id: str, size: int, sha256: str) -> bool:
-        """Whether the bytes of a run are there as they were uploaded.
+        """Return True if the stored bytes of a run are those that were uploaded.
 
         Args:
             run_id: Id of the run.
-            size: Number of the bytes.
-            sha256: Their hash, in hexadecimal.
+            size: Size of the upload [bytes].
+            sha256: SHA-256 of the upload, in hexadecimal.
         """
         try:
             with open_regular(self.run(run_id)) as file:
@@ -162,7 +163,7 @@ class Storage:
         """Directory of all attempts of a fit.
 
         Raises:
-            ValueError: It is no id of a fit, and could lead anywhere.
+            ValueError: The text is not a fit id and could point to any path.
         """
         return self.directory / "fits" / _checked("fit", fit_id)
 
@@ -170,43 +171,44 @@ class Storage:
         """Directory of one attempt of a fit.
 
         Raises:
-            ValueError: It is no id of a fit, or no number of an attempt.
+            ValueError: The text is not a fit id, or the attempt is not a number.
         """
         if not str(attempt).isdecimal():
             raise ValueError(f"{attempt!r} is no number of an attempt")
         return self.fit(fit_id) / str(attempt)
 
     def remove_fit(self, fit_id: str) -> None:
-        """Remove everything that was computed for a fit."""
+        """Remove all files of a fit."""
         remove_entry(self.fit(fit_id))
 
     def remove_attempt(self, fit_id: str, attempt: int) -> None:
-        """Remove what one attempt left."""
+        """Remove the files of one attempt."""
         remove_entry(self.attempt(fit_id, attempt))
 
     def remove_checkpoints(self, fit_id: str) -> None:
-        """Remove what attempts at a fit had so far."""
+        """Remove the checkpoints of a fit."""
         remove_entry(self.fit(fit_id) / CHECKPOINTS)
         with suppress(OSError):
-            # Of a fit that was cancelled nothing else is left.
+            # A cancelled fit leaves an empty directory.
             self.fit(fit_id).rmdir()
 
     def keep_attempt(self, fit_id: str, attempt: int) -> None:
-        """Remove what all other attempts of a fit left."""
+        """Remove the files of all other attempts of a fit."""
         for entry in _entries(self.fit(fit_id)):
             if entry.name != str(attempt):
                 remove_entry(entry)
 
     def sweep_incoming(self) -> None:
-        """Remove the uploads of a server that is gone; at a start there are no others."""
+        """Remove the uploads of an earlier server on this machine; call before serving."""
         for entry in _entries(self.incoming):
             remove_entry(entry)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """A directory for the copy of a database: beside the data is space for it if anywhere.
+        """Temporary directory for a database copy, in the data directory, which likely has space.
 
-        It is locked as long as its process lives, so that a sweep knows what was left.
+        The directory is locked for the life of the process, so that a sweep can recognise abandoned
+        ones.
         """
         incoming = self.directory / "incoming"
         with (
@@ -217,23 +219,23 @@ class Storage:
             yield Path(folder)
 
     def free_bytes(self) -> int:
-        """Space that is left [bytes]."""
+        """Free space [bytes]."""
         return shutil.disk_usage(self.directory).free
 
     def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
-        """Remove what no row of the database names.
+        """Remove old files and directories that no database row refers to.
 
         Args:
-            runs: Ids of the runs that there are.
-            fits: Ids of the fits that there are.
-            now: The time [s since 1970].
+            runs: Ids of all runs.
+            fits: Ids of all fits.
+            now: Current time [s since 1970].
 
         Returns:
-            Number of files and directories that were removed.
+            Number of files and directories removed.
         """
         removed = self._sweep_scratch(now) + self._sweep_uploads(now)
         if not runs and not fits:
-            # An empty database beside files is more likely a wrong address than a reason.
+            # An empty database next to stored files indicates a wrong database URL.
             return removed
         for entry in _entries(self.directory / "runs"):
             if is_id("run", entry.name) and entry.name not in runs and _is_old(entry, now):
@@ -258,7 +260,7 @@ class Storage:
         return len(left)
 
     def _sweep_uploads(self, now: float) -> int:
-        """Remove what was sent to servers that are gone: each new container has another name."""
+        """Remove uploads of ended servers; each new container has another node name."""
         left = [
             entry
             for folder in _entries(self.directory / "incoming")
@@ -275,10 +277,10 @@ class Storage:
 
 @contextmanager
 def refused_when_full(what: str) -> Iterator[None]:
-    """Turn the system's errors that no space is left into a refusal.
+    """Convert operating system errors for a full disk into `StorageFull`.
 
     Args:
-        what: For what there was none.
+        what: Name of the data to be stored, for the message.
 
     Raises:
         StorageFull: No space is left.
@@ -294,7 +296,7 @@ def refused_when_full(what: str) -> Iterator[None]:
 
 
 def sync_directory(directory: Path) -> None:
-    """Have the entries of a directory survive a loss of power."""
+    """Make the entries of a directory durable (fsync)."""
     handle = os.open(directory, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -303,7 +305,7 @@ def sync_directory(directory: Path) -> None:
 
 
 def _checked(kind: Kind, text: str) -> str:
-    # Ids are checked where they come in; this is for one that came another way, as by a backup.
+    # Request ids are validated on entry; this covers ids from elsewhere, such as a backup.
     if not is_id(kind, text):
         raise ValueError(f"{text!r} is no id of a {kind}")
     return text
@@ -325,7 +327,7 @@ def _is_held(file: Path) -> bool:
 
 
 def _is_old(path: Path, now: float) -> bool:
-    # Another server on the same directory may be between moving a file and writing its row.
+    # Another server on this directory may have moved a file and not yet written its row.
     try:
         return now - path.stat().st_mtime > _OLD_S
     except FileNotFoundError:

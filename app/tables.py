@@ -1,7 +1,7 @@
-"""The tables: what the service knows, and nothing else knows better.
+"""SQLAlchemy tables: all persistent state of the service except files.
 
-Times are seconds since 1970 in UTC, since leases are compared in the database and both databases
-compare numbers alike.  `app.migrations` makes the tables; a test holds the two together.
+Times are seconds since 1970 (UTC), because leases are compared in SQL and both databases compare
+numbers alike.  `app.migrations` creates the tables; a test checks that both agree.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ __all__ = ["BatchRow", "FitRow", "FitRunRow", "KeyRow", "RunRow", "SessionRow", 
 
 
 class Tables(DeclarativeBase):
-    """All tables together."""
+    """Base class with the metadata of all tables."""
 
     type_annotation_map = {float: Double, dict[str, Any]: JSON, list[Any]: JSON}  # noqa: RUF012
 
 
 class KeyRow(Tables):
-    """A key; only its hash is kept.  `last_used_at` may be some minutes late."""
+    """API key, stored as its hash only.  `last_used_at` may lag by some minutes."""
 
     __tablename__ = "keys"
 
@@ -45,7 +45,7 @@ class KeyRow(Tables):
 
 
 class SessionRow(Tables):
-    """A browser that has shown a key; only the hash of its cookie is kept."""
+    """Browser session; only the hash of its cookie is stored."""
 
     __tablename__ = "sessions"
 
@@ -55,9 +55,9 @@ class SessionRow(Tables):
 
 
 class RunRow(Tables):
-    """A run that was read and accepted; its bytes lie in the data directory under its id.
+    """Accepted run; its bytes are in the data directory under its id.
 
-    `sent_at` is when the same bytes came again, where they did.
+    `sent_at` is the time of a repeated upload of the same bytes, or None.
     """
 
     __tablename__ = "runs"
@@ -84,7 +84,7 @@ class RunRow(Tables):
 
 
 class BatchRow(Tables):
-    """A batch; its fits carry its id."""
+    """Batch; its fits refer to it by `batch_id`."""
 
     __tablename__ = "batches"
     __table_args__ = (
@@ -101,12 +101,12 @@ class BatchRow(Tables):
 
 
 class FitRow(Tables):
-    """A fit, from its acceptance to its end.
+    """Fit, from acceptance to end.
 
-    `attempt` counts how often the fit was begun and is part of the condition of every write while
-    it runs, so that an attempt that was given up can write nothing.  `failures` counts those
-    attempts that ended by themselves without a result, `interruptions` those during which the
-    server itself was killed.  `version` grows with each change.
+    `attempt` counts the starts of the fit.  Every write while the fit runs is conditional on it, so
+    that an abandoned attempt cannot write.  `failures` counts attempts that ended by themselves
+    without a result, `interruptions` those during which the server was killed.  `version` increases
+    with each change.
     """
 
     __tablename__ = "fits"
@@ -142,7 +142,7 @@ class FitRow(Tables):
 
 
 class FitRunRow(Tables):
-    """A run in a fit.  It may be deleted after the fit has ended, so its id is no foreign key."""
+    """Run of a fit.  Its id is no foreign key, because the run may be deleted after the fit."""
 
     __tablename__ = "fit_runs"
 

@@ -1,8 +1,8 @@
-"""Texts of callers: one rule for those in a query, a header, a form or a JSON body.
+"""Validation of client texts in queries, headers, forms and JSON bodies.
 
-A text is printable and of bounded length.  PostgreSQL keeps no NUL, UTF-8 has no lone surrogates,
-and a log or a terminal obeys control characters; SQLite takes all of them, so that the same request
-would be an answer at one service and an internal error at another.
+Texts must be printable and of limited length.  PostgreSQL cannot store NUL, UTF-8 cannot encode
+lone surrogates, and logs and terminals interpret control characters.  SQLite accepts all of them,
+so without this check one request would succeed on one database and fail on the other.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _LONGEST = 1000
 
 
 def check_text(field: str, text: str, longest: int = _LONGEST) -> None:
-    """Refuse a text that is too long or holds what cannot be printed.
+    """Reject a text that is too long or not printable.
 
     Args:
-        field: Where in the request it stands.
+        field: Position in the request.
         text: The text.
-        longest: Most characters of it.
+        longest: Largest accepted length [characters].
 
     Raises:
         FieldRefused: The text is not accepted.
@@ -34,10 +34,10 @@ def check_text(field: str, text: str, longest: int = _LONGEST) -> None:
 
 
 def checked_label(field: str, text: str | None) -> str | None:
-    """A label such as the name of a motor, without blanks around it; None for an empty one.
+    """Label such as a motor name, stripped of surrounding blanks; None if empty.
 
     Raises:
-        FieldRefused: It is too long or holds something that cannot be printed.
+        FieldRefused: The label is too long or not printable.
     """
     if text is None or not text.strip():
         return None
@@ -46,7 +46,7 @@ def checked_label(field: str, text: str | None) -> str | None:
 
 
 class Received(BaseModel):
-    """A JSON body: only known fields, no conversion of types, and every text checked."""
+    """JSON request body: known fields only, no type conversion, every text checked."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 

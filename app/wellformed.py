@@ -1,7 +1,7 @@
-"""Requests that contradict themselves or hold texts that are no texts: refused before the gate.
+"""Middleware for malformed requests, rejected before authentication, and for HEAD requests.
 
-Both ``Content-Length`` and ``Transfer-Encoding`` in one request is how requests are smuggled past
-a proxy that believes the other one (RFC 9112, section 6.3).
+A request with both ``Content-Length`` and ``Transfer-Encoding`` can smuggle a second request past a
+proxy that evaluates the other header (RFC 9112, section 6.3).
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ __all__ = ["HeadCheck", "WellFormed"]
 
 
 class WellFormed:
-    """Refuses requests with two lengths, or with control characters in the query or a header.
+    """Middleware that rejects two body lengths, and invalid characters in query or headers.
 
     Args:
-        app: The layer below.
+        app: Inner ASGI application.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on if it is well formed."""
+        """Forward a request if it is well formed."""
         if scope["type"] == "http":
             try:
                 _check(scope)
             except (BadRequest, FieldRefused) as error:
                 problem = problem_of(error)
                 if isinstance(error, BadRequest):
-                    # What follows on the connection may be another request, or not.
+                    # The message boundary is ambiguous, so the connection cannot be reused.
                     problem.headers["Connection"] = "close"
                 await problem(scope, receive, send)
                 return
@@ -44,19 +44,19 @@ class WellFormed:
 
 
 class HeadCheck:
-    """Answers HEAD as GET without its body, which the server leaves out.
+    """Middleware that answers HEAD like GET, without a body.
 
-    The answer ends behind its headers, so that no stream of events is followed.
+    The response ends after its headers, so that an event stream is not followed.
 
     Args:
-        app: The layer below.
+        app: Inner ASGI application.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, a HEAD request as GET."""
+        """Forward a request; HEAD becomes GET."""
         if scope["type"] != "http" or scope["method"] != "HEAD":
             await self.app(scope, receive, send)
             return
@@ -70,7 +70,7 @@ class HeadCheck:
         try:
             await self.app(as_get, receive, answer)
         finally:
-            # By which the request is logged and counted.
+            # The log and the metrics use the route.
             if "route" in as_get:
                 scope["route"] = as_get["route"]
 
