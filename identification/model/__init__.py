@@ -1,1 +1,1 @@
-"""The motor in symbols, and its simulation."""
+"""Symbolic motor model and its simulation."""

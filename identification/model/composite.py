@@ -1,7 +1,7 @@
-"""The declared equations with any terms added, as CasADi expressions.
+"""Motor model as CasADi expressions: the nominal equations with added terms.
 
-`MotorModel(terms)` is the one place where the right-hand side is put together; simulation,
-sensitivities, the filter and the printed equations are all derived from what stands here.
+`MotorModel(terms)` is the only place that assembles the right-hand side.  The simulation, the
+sensitivities, the filter and the printed equations are all derived from it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ __all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
 Hold = Literal["zoh", "foh"]
 
 CHANNELS: Final = ("current", "speed")
-"""Logged channels, in the order of the columns of `Record.measured`."""
+"""Logged channels, in the column order of `Record.measured`."""
 
 INPUTS: Final = (
     "interval",
@@ -55,19 +55,20 @@ INPUTS: Final = (
     "parts",
     "temperature_rate",
 )
-"""Inputs of one sample interval, in the order of the columns of `Record.inputs`.
+"""Inputs of one sample interval, in the column order of `Record.inputs`.
 
-A sample interval may be computed in equal parts (`division.py`); `part` counts them from zero."""
+A sample interval may be integrated in several equal substeps (`division.py`): `part` is the index
+of the substep from zero, `parts` the number of substeps."""
 
 
 @dataclass(frozen=True)
 class MotorModel:
-    """The declared model with terms added.
+    """Nominal model with added terms.
 
     Args:
-        terms: What is added to the declared equations.
-        hold: Behaviour of the voltage between samples.
-        unlogged: Runs whose temperature is a parameter.
+        terms: Terms added to the nominal equations.
+        hold: Nominal inter-sample behaviour of the voltage (zero- or first-order hold).
+        unlogged: Runs without a logged temperature, whose temperatures are parameters.
     """
 
     terms: tuple[AbstractTerm, ...] = ()
@@ -75,41 +76,42 @@ class MotorModel:
     unlogged: Unlogged = Unlogged()
 
     def adding(self, *terms: AbstractTerm) -> MotorModel:
-        """This model with more terms."""
+        """Return this model with more terms."""
         return replace(self, terms=(*self.terms, *terms))
 
     def without(self, name: str) -> MotorModel:
-        """This model without the term of that name."""
+        """Return this model without the terms of the given name."""
         return replace(self, terms=tuple(term for term in self.terms if term.name != name))
 
     @property
     def held(self) -> Hold:
-        """Behaviour of the voltage between samples, with the terms that turn it round."""
+        """Inter-sample behaviour of the voltage; each `AbstractHold` term toggles it."""
         turned = sum(isinstance(term, AbstractHold) for term in self.terms) % 2
         other: Hold = "foh" if self.hold == "zoh" else "zoh"
         return other if turned else self.hold
 
     @property
     def delays(self) -> tuple[AbstractDelay, ...]:
-        """The terms that delay a channel."""
+        """Terms that delay a channel."""
         return tuple(term for term in self.terms if isinstance(term, AbstractDelay))
 
     @property
     def averaged(self) -> tuple[int, ...]:
-        """The channels that log means over sample intervals: 0 for the current, 1 for the speed."""
+        """Indices of the channels that log averages: 0 for the current, 1 for the speed."""
         means = [term.channel for term in self.terms if isinstance(term, AbstractMean)]
         return tuple(k for k, channel in enumerate(CHANNELS) if channel in means)
 
     @property
     def advance(self) -> int:
-        """Samples by which the voltage runs ahead of the log."""
+        """Number of samples by which the simulation reads the voltage ahead of the log."""
         return sum(int(term.depth) for term in self.delays if term.channel == "voltage")
 
     @property
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Samples at both ends of a record, for each channel, that hang on what is beyond it.
+        """Samples at both ends of a record that depend on data outside it, for each channel.
 
-        They are as many as a delay may be long, and one more of a mean.
+        At the start this is the longest delay, plus one for an averaged channel.  At the end it is
+        the advance of the voltage.
         """
         first, last = [0, 0], self.advance
         for term in self.delays:
@@ -121,13 +123,13 @@ class MotorModel:
         return (first[0], last), (first[1], last)
 
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
-        """Delay of the channels of `term` in sample intervals, from all parameters [-]."""
+        """Delay of the simulated channels of `term` in sample intervals [-]."""
         own = self._values(parameter)[1]
         return term.lag(own[self.terms.index(term)])
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Declared ones first, then temperatures of runs, then those of each term, term.name."""
+        """Nominal parameters, then run temperatures, then the parameters of each term."""
         added = [
             replace(parameter, name=f"{term.name}.{parameter.name}")
             for term in self.terms
@@ -137,12 +139,12 @@ class MotorModel:
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
-        """Current and speed first, then the states of the terms."""
+        """Current and speed, then the states of each term (`term.state`)."""
         own = [f"{term.name}.{state.name}" for term in self.terms for state in term.states]
         return ("current", "speed", *own)
 
     def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
-        """Right-hand side at the start of a sample interval.
+        """Right-hand side dx/dt of the state equations.
 
         Args:
             state: (n_state,) symbols.
@@ -155,7 +157,7 @@ class MotorModel:
         return self._equations(state, inputs, parameter)[0]
 
     def logged(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
-        """Current and speed as the sensors log them, (2,) [A, rad/s]."""
+        """Sensor readings of current and speed before averaging and delay, (2,) [A, rad/s]."""
         return self._equations(state, inputs, parameter)[1]
 
     def _equations(

@@ -1,9 +1,9 @@
-"""The declared model: the source paper's two balances, with coefficients that depend on heat.
+"""Nominal model: voltage and torque balance with temperature-dependent coefficients.
 
     L di/dt = v - Ra(T) i - Kt(T) w          Ra(T) = Ra25 (1 + alpha_Ra (T - 25))
     J dw/dt = Kt(T) i - b w                  Kt(T) = Kt25 (1 + alpha_Kt (T - 25))
 
-In SI units the back-EMF constant equals the torque constant, so one Kt stands in both.
+In SI units the back-EMF constant equals the torque constant, so one Kt serves both equations.
 
 Source: Sidahmed and Mahmoud, Int. J. Advance Research in Computer Science and Management
 Studies 2(9), 2014, pages 384-388, equations 1-6, 11 and 12.
@@ -25,18 +25,21 @@ def _declared(name: str, **search: object) -> Parameter:
 
 DECLARED = (
     _declared("Ra25", search="log"),
-    # Copper is 0.0039, aluminium 0.0043, and brushes and leads dilute either (CRC Handbook of
-    # Chemistry and Physics, electrical resistivity of pure metals).
+    # Copper 0.0039, aluminium 0.0043 1/K (CRC Handbook of Chemistry and Physics, electrical
+    # resistivity of pure metals); brushes and leads in series lower the total.
     _declared("alpha_Ra", scale=1e-3, prior_mean=0.0035, prior_sd=3.0),
     _declared("Kt25", search="log"),
-    # Remanence: ferrite -0.0020, NdFeB -0.0012, SmCo -0.0004, AlNiCo -0.0002 1/K (MMPA standard
-    # 0100-00, table of magnetic materials).
+    # Temperature coefficients of remanence: ferrite -0.0020, NdFeB -0.0012, SmCo -0.0004, AlNiCo
+    # -0.0002 1/K (MMPA standard 0100-00, table of magnetic materials).
     _declared("alpha_Kt", scale=1e-3, prior_mean=-0.001, prior_sd=2.0),
     _declared("J", search="log"),
     _declared("b", lower=0.0),
     _declared("L", lower=0.0),
 )
-"""Parameters of the declared model; data give `b`, `L` their scales and the logarithms centres."""
+"""Parameters of the nominal model.
+
+The starting values of a fit set the prior centres of Ra25, Kt25, J, b and L, and the scales of b
+and L (`fit/scaling.py`)."""
 
 
 def coefficient_at(reference: Expression, slope: Expression, temperature: Expression) -> Expression:
@@ -58,7 +61,7 @@ def current_rate(
     constant: Expression,
     inductance: Expression,
 ) -> Expression:
-    """di/dt by the voltage balance of the armature (equations 2 to 4) [A/s]."""
+    """Current derivative di/dt from the armature voltage balance (equations 2 to 4) [A/s]."""
     return (voltage - resistance * current - constant * speed) / inductance
 
 
@@ -70,8 +73,8 @@ def speed_rate(
     friction: Expression,
     inertia: Expression,
 ) -> Expression:
-    """dw/dt by the torque balance of the shaft (equations 1, 5 and 6) [rad/s^2].
+    """Acceleration dw/dt from the shaft torque balance (equations 1, 5 and 6) [rad/s^2].
 
-    `torque` is what acts besides the motor's own Kt i and viscous friction.
+    `torque` is the sum of all torques except Kt i and viscous friction [N m].
     """
     return (constant * current - friction * speed + torque) / inertia

@@ -1,12 +1,12 @@
-"""Sample intervals computed in parts, where the motor asks for it.
+"""Local substepping: integration of selected sample intervals in several equal substeps.
 
-A step of third order over a whole sample interval is far below the noise almost everywhere.  The
-exceptions are few and known beforehand: where friction changes sign, where current passes the knee
-of the brushes, where a torque is periodic in a fast angle.  Only those intervals are divided, so
-that a motor with sharp friction costs little more than a smooth one.
+One third-order step per sample interval has an error far below the noise almost everywhere.  The
+exceptions are few: intervals in which friction changes sign, the current passes the knee of the
+brush drop, or a torque is periodic in a fast angle.  Only those intervals are divided, so a motor
+with sharp friction costs little more than a smooth one.
 
-Parts are fixed while a fit goes on, which keeps its cost a smooth function; they are measured anew
-with `divisions` where it ended.
+The substep counts stay fixed during a fit, which keeps its cost a smooth function of the
+parameters.  `Simulator.divided_for` determines them again at the end of the fit.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ MOST_PARTS: Final = 64
 
 
 def evenly(rows: Sequence[int], parts: int) -> tuple[Counts, ...]:
-    """The same number of parts for every sample interval.
+    """Equal substep counts for all sample intervals.
 
     Args:
-        rows: Samples of each record.
-        parts: Parts of each interval.
+        rows: Number of samples of each record.
+        parts: Substeps of each sample interval.
     """
     return tuple(np.full(n, parts, dtype=np.int64) for n in rows)
 
 
 def begins(counts: Counts) -> NDArray[np.intp]:
-    """(n_sample,) row of the divided inputs at which each sample interval begins."""
+    """Row of the divided inputs at which each sample interval begins, (n_sample,)."""
     return np.concatenate([[0], np.cumsum(counts)[:-1]])
 
 
 def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
-    """Inputs with a row for each part of each sample interval.
+    """Inputs with one row per substep.
 
     Args:
-        inputs: (n_sample, n_input), one part a sample.
-        counts: (n_sample,) parts of each interval.
-        hold: Behaviour of the voltage between samples.
+        inputs: (n_sample, n_input), one row per sample.
+        counts: (n_sample,) substeps of each sample interval.
+        hold: Inter-sample behaviour of the voltage.
 
     Returns:
         (n_row, n_input).
@@ -76,8 +76,8 @@ def halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
     """Inputs of the two halves of an interval, as expressions.
 
     Args:
-        inputs: (n_input,) symbols of the whole.
-        hold: Behaviour of the voltage between samples.
+        inputs: (n_input,) symbols of the whole interval.
+        hold: Inter-sample behaviour of the voltage.
     """
     found = []
     for half in range(2):
@@ -94,24 +94,24 @@ def halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
 
 
 def _moving(hold: Hold) -> tuple[str, ...]:
-    """Inputs that move along a straight line within an interval."""
+    """Inputs that vary linearly within an interval."""
     return ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
 
 
 def more_parts(counts: Counts, errors: Array, tolerance: Array) -> Counts:
-    """Parts of each interval after a look at its error.
+    """Refine the substep counts from the measured integration errors.
 
     Args:
-        counts: (n_sample,) parts that the errors belong to.
-        errors: (n_row, n_channel) error of each part.
-        tolerance: (n_channel,) error that an interval may have.
+        counts: (n_sample,) substep counts at which the errors were measured.
+        errors: (n_row, n_channel) error of each substep.
+        tolerance: (n_channel,) allowed error of one sample interval.
 
     Returns:
-        (n_sample,) as many as before or twice, four or eight times as many, `MOST_PARTS` at most.
+        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `MOST_PARTS`.
     """
     summed = np.add.reduceat(np.abs(errors), begins(counts), axis=0)
     excess = np.max(np.where(np.isfinite(summed), summed / tolerance, np.inf), axis=1)
-    # At a kink the error falls with the first power of the parts, elsewhere with the third: two
-    # is between, and what is left over is seen at the next look.
+    # With n substeps the error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is
+    # a compromise; the next error measurement corrects it.
     doublings = np.ceil(0.5 * np.log2(np.clip(excess, 1.0, 64.0))).astype(np.int64)
     return np.asarray(np.minimum(counts * 2**doublings, MOST_PARTS))

@@ -1,7 +1,7 @@
-"""From runs to records: what drives a simulation, and what it is compared with.
+"""Records: gap-free segments of runs, as inputs and measured outputs of a simulation.
 
-A *record* is one segment of one run without gaps.  Its inputs are known functions of time and go
-into the simulation; its outputs are what the simulation has to explain.
+The inputs of a record are known functions of time that drive the simulation.  Its outputs are the
+measured current and speed, with which the simulation is compared.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Record", "records_of", "smooth_temperature"]
 Array = NDArray[np.float64]
 
 _MANY: Final = 10
-"""Times the edges that a record has to be long to do without them."""
+"""Edges lose their weight only in records longer than this multiple of them."""
 _KNOTS: Final = 200
 _EDGE: Final = 20
 """Samples on either side of a gap whose medians are compared."""
@@ -40,17 +40,19 @@ class Record:
     """One segment of one run.
 
     Args:
-        run: Number of the run in the order of recording.
+        run: Index of the run in the order of recording.
         name: File name of the run.
-        start: First sample of the segment in its run.
-        time: (n_sample,) time in the run [s].
+        start: Index of the segment's first sample in its run.
+        time: (n_sample,) time since the start of the run [s].
         inputs: (n_sample, n_input) in the order of `INPUTS`; the last interval has zero length.
         measured: (n_sample, 2) logged current and speed [A, rad/s].
-        weight: (n_sample, 2) one where the sample counts, zero where the sensor was clipped.
-        angle_logged: Whether the angle is logged, and not the integral of the logged speed.
-        expected: Temperature about which `RAMP` stands for it, where none was logged [degC].
-        whole: (n_sample, 2) the weights with the edges of the record, where they were taken away.
-        resolution: Step of the logged temperature where no noise dithers it, else zero [K].
+        weight: (n_sample, 2) sample weights: 0 where the sensor was clipped, else 1; `within`
+            rescales them.
+        angle_logged: Whether the angle was logged; else it is the integral of the logged speed.
+        expected: Expected temperature of a run without a logged one, else None [degC].  The
+            temperature input is then a ramp by `RAMP` around this value.
+        whole: (n_sample, 2) weights before `within` removed the edges; None if it removed none.
+        resolution: Quantisation step of the logged temperature, zero if noise dithers it [K].
     """
 
     run: int
@@ -77,27 +79,27 @@ class Record:
 
     @cached_property
     def head(self) -> Array:
-        """(2,) current and speed where the record begins: the median of its first samples."""
+        """Initial current and speed (2,), the median of the first three samples [A, rad/s]."""
         return np.asarray(np.median(self.measured[:3], axis=0))
 
     @cached_property
     def span(self) -> Array:
-        """(2,) size of current and speed in the record, never zero [A, rad/s]."""
+        """Range plus largest magnitude of current and speed (2,), never zero [A, rad/s]."""
         size = np.ptp(self.measured, axis=0) + np.abs(self.measured).max(axis=0)
         return np.where(size > 0, size, 1.0)
 
     def column(self, name: str) -> Array:
-        """One input (n_sample,)."""
+        """One input (n_sample,) by name."""
         return self.inputs[:, INPUTS.index(name)]
 
     def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
-        """The record without samples at its edges, for which the others count the more.
+        """Remove the weight of the edge samples and scale up the other weights to the same sum.
 
-        So a model that cannot know the edges compares with one that can.  A record that is not
-        many times longer is kept as it is.
+        This makes models with delays or averages, which cannot predict the edges, comparable with
+        other models.  A record that is not much longer than its edges keeps them.
 
         Args:
-            edges: For each channel the samples at the beginning and at the end.
+            edges: For each channel the number of samples at the start and at the end.
         """
         whole = self.weight if self.whole is None else self.whole
         if not any(any(pair) for pair in edges):
@@ -106,7 +108,7 @@ class Record:
         for channel, (first, last) in enumerate(edges):
             if self.rows > _MANY * (first + last):
                 inner = whole[first : self.rows - last, channel]
-                # What counts at the edges alone counts there.
+                # A channel that has weight only at its edges keeps it.
                 if inner.sum() > 0:
                     weight[:, channel] = 0.0
                     weight[first : self.rows - last, channel] = inner * (
@@ -121,13 +123,13 @@ def records_of(
     hottest: float = -np.inf,
     expected: float = REFERENCE_TEMPERATURE_DEGC,
 ) -> list[Record]:
-    """Records of runs in the order in which they were recorded.
+    """Records of the runs, in the order of recording.
 
     Args:
         runs: The runs.
-        first: Number of the first run, where others were recorded before.
-        hottest: Highest temperature logged in those before [degC].
-        expected: Temperature of runs where none was logged, before it is known better [degC].
+        first: Index of the first run, if other runs were recorded before.
+        hottest: Highest temperature logged in those earlier runs [degC].
+        expected: Expected temperature of runs without a logged one [degC].
     """
     records: list[Record] = []
     peak = hottest
@@ -149,7 +151,7 @@ def records_of(
 
 
 def _passed(run: Run) -> Array:
-    """Share of the run that has passed, less a half, (n_sample,) [-]."""
+    """Elapsed fraction of the run minus one half, (n_sample,) [-]."""
     whole = max(float(run.time[-1] - run.time[0]), 1e-300)
     return np.asarray((run.time - run.time[0]) / whole - 0.5)
 
@@ -202,20 +204,20 @@ def _record(
 
 
 def _rate(run: Run, time: Array, temperature: Array) -> Array:
-    """Time derivative of a smooth temperature (n_sample,), zero where none was logged [K/s]."""
+    """Time derivative of the smoothed temperature (n_sample,), zero if none was logged [K/s]."""
     if run.temperature is None:
         return np.zeros(time.size)
     return np.asarray(np.gradient(temperature, time), dtype=np.float64)
 
 
 def smooth_temperature(run: Run) -> Array:
-    """The logged temperature without its quantisation and noise, (n_sample,) [degC].
+    """Logged temperature (n_sample,) without quantisation and noise, by Whittaker smoothing [degC].
 
-    A motor's temperature moves over many samples while its logger steps by a tenth or a whole
-    degree; a smooth curve through the means of short spans, its stiffness chosen by
-    generalised cross-validation, follows the first and not the second.  Nothing is smoothed across
-    a gap at which the temperature is another one.  A run without temperature is taken to be at
-    25 degC throughout.
+    The temperature of a motor varies over many samples, while its logger resolves a tenth of a
+    degree or a whole one.  The log is averaged over short spans, the averages are smoothed with a
+    penalty chosen by generalised cross-validation, and a cubic spline interpolates them.  Segments
+    are smoothed separately if the temperature jumps across the gap between them.  A run without a
+    logged temperature is assumed to be at 25 degC throughout.
     """
     if run.temperature is None:
         return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)
@@ -228,13 +230,13 @@ def smooth_temperature(run: Run) -> Array:
 
 
 def _quantum(logged: Array) -> float:
-    """Smallest step between values that were logged, zero where they are all alike [K]."""
+    """Smallest difference between distinct logged values, zero if all are equal [K]."""
     steps = np.diff(np.unique(logged))
     return float(steps.min()) if steps.size else 0.0
 
 
 def _coarse_step(run: Run) -> float:
-    """Step of the logged temperature where no noise dithers it, else zero [K]."""
+    """Quantisation step of the logged temperature, zero if noise dithers it [K]."""
     if run.temperature is None:
         return 0.0
     quantum = _quantum(run.temperature)
@@ -245,7 +247,7 @@ def _coarse_step(run: Run) -> float:
 def _stretches(
     logged: Array, segments: Sequence[tuple[int, int]], quantum: float
 ) -> list[tuple[int, int]]:
-    """Segments, joined where the temperature goes on across the gap between them."""
+    """Segments, merged where the temperature is continuous across the gap between them."""
     joined = [segments[0]]
     for start, stop in segments[1:]:
         first = joined[-1][0]
@@ -260,26 +262,26 @@ def _stretches(
 
 
 def _median_error(values: Array) -> float:
-    """Standard error of the median of white noise about a level, from first differences."""
+    """Approximate standard error of the median of white noise, from first differences."""
     if values.size < 2:
         return 0.0
     return float(np.std(np.diff(values)) / np.sqrt(values.size))
 
 
 def _smooth_stretch(clock: Array, logged: Array, quantum: float) -> Array:
-    """A stretch without jumps, smoothed.
+    """Smoothed temperature of a stretch without jumps.
 
     Args:
         clock: (n_sample,) [s].
         logged: (n_sample,) [degC].
-        quantum: Resolution of the logger [K].
+        quantum: Quantisation step of the logger [K].
     """
     edges, mean, within = _spans(logged)
     time = np.add.reduceat(clock, edges[:-1]) / np.diff(edges)
     if time.size < 8 or np.ptp(mean) == 0.0:
         return np.interp(clock, time, mean)
     hidden = quantum / np.sqrt(12.0) if _is_hidden(within, quantum) else 0.0
-    # Natural ends: half a span beyond the first and the last mean the curve goes on straight.
+    # Natural end conditions: the extrapolation by half a span at either end is nearly linear.
     spline = CubicSpline(time, _smoothed(mean, hidden), bc_type="natural")
     return np.asarray(spline(clock), dtype=np.float64)
 
@@ -294,22 +296,23 @@ def _spans(logged: Array) -> tuple[NDArray[np.int64], Array, float]:
 
 
 def _is_hidden(within: float, quantum: float) -> bool:
-    """Whether the quantum hides what is between its steps.
+    """Whether quantisation hides the signal between two quantisation levels.
 
-    Noise above a tenth of the quantum dithers it; below, the means step like the log itself and
-    cross-validation would take the steps for signal.
+    Noise above a tenth of the step dithers the log.  With less noise the span means have steps
+    like the log itself, and cross-validation would fit the steps as signal.
     """
     return within < 0.1 * quantum
 
 
 def _smoothed(series: Array, hidden: float) -> Array:
-    """Whittaker's smooth of evenly spaced values.
+    """Whittaker smoother of evenly spaced values.
 
-    The stiffness is that of cross-validation, or the largest that leaves a residual no bigger
-    than `hidden`, the error that the values are known to have in common with their neighbours.
+    The penalty is that of generalised cross-validation or, if larger, the largest one whose
+    residual stays below `hidden`, the standard deviation of the quantisation error.  That error is
+    correlated between neighbours, so cross-validation does not detect it.
 
-    The penalty's eigenvectors diagonalise every smooth at once, so that all stiffnesses cost one
-    product of matrix and vector.
+    The eigenvectors of the penalty matrix diagonalise the smoother for every penalty, so the choice
+    among all penalties costs one matrix-vector product.
 
     Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636.
     """
@@ -326,7 +329,7 @@ def _smoothed(series: Array, hidden: float) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _penalty(size: int) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of the squared second difference of `size` values."""
+    """Eigenvalues and eigenvectors of D'D for the second-difference matrix D of `size` values."""
     difference = np.diff(np.eye(size), n=2, axis=0)
     values, vectors = np.linalg.eigh(difference.T @ difference)
     return np.maximum(values, 0.0), vectors

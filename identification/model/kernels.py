@@ -1,12 +1,14 @@
-"""Machine code of compiled loops, kept on disk from one process to the next.
+"""On-disk cache of the machine code of compiled simulation loops.
 
-Half of what a fit of a short record costs is compiling, and the same structures are compiled for
-every motor.  A file holds the object code of one loop under a name that says everything it depends
-on: the step function, the effort, the sources of the compiler here, llvmlite and the processor.
+Compilation takes half the time of a fit of a short record, and the same model structures are
+compiled for every motor.  Each file holds the object code of one loop.  Its path identifies all
+that the code depends on: step function, optimisation level, sources of the compiler in this
+package, llvmlite and processor.
 
-What is read is run, so that only files of this user in a folder that nobody else can write count,
-and each begins with its own checksum: a file cut short by a power failure is compiled anew.  Where
-there is no such folder, nothing is kept.  `MOTORID_CACHE` names another folder; empty, none.
+Cached code is executed, so a file is used only if it belongs to this user and lies in a folder
+that nobody else can write to.  Each file begins with its checksum: a file truncated by a power
+failure is compiled again.  Without such a folder nothing is cached.  `MOTORID_CACHE` sets another
+folder; an empty value disables the cache.
 """
 
 from __future__ import annotations
@@ -28,17 +30,17 @@ from identification.model.vectors import vector_functions
 __all__ = ["keep", "kept"]
 
 _MOST: Final = 4_000
-"""Files that are kept; of more, the half that was used longest ago is removed.  A fit uses some
-200 of some 20 kB."""
+"""Largest number of files; above it the least recently used half is removed.  A fit uses about 200
+files of about 20 kB each."""
 _SOURCES: Final = ("kernels.py", "loop.py", "lowering.py", "scan.py", "vectors.py")
 _SUM: Final = hashlib.sha256().digest_size
 
 
 def kept(key: str) -> bytes | None:
-    """Object code that was kept; None where there is none that is whole and this user's own.
+    """Cached object code; None if there is no intact file that belongs to this user.
 
     Args:
-        key: Of the loop, letters and digits.
+        key: Hash of the loop, letters and digits.
     """
     folder = _folder()
     if folder is None:
@@ -58,10 +60,10 @@ def kept(key: str) -> bytes | None:
 
 
 def keep(key: str, code: bytes) -> None:
-    """Keep object code, whole or not at all; a disk that is full or cannot be written is no error.
+    """Write object code to the cache atomically; a full or read-only disk is no error.
 
     Args:
-        key: Of the loop, letters and digits.
+        key: Hash of the loop, letters and digits.
         code: Object code.
     """
     folder = _folder()
@@ -82,7 +84,7 @@ def keep(key: str, code: bytes) -> None:
 
 @functools.lru_cache(maxsize=1)
 def _folder() -> Path | None:
-    """The folder for this compiler and processor, made where it can be; None where it cannot."""
+    """Cache folder for this compiler and processor, created if needed; None if unusable."""
     chosen = os.environ.get("MOTORID_CACHE")
     if chosen == "":
         return None
@@ -101,7 +103,7 @@ def _folder() -> Path | None:
 
 
 def _tag() -> str:
-    """What machine code depends on beside its function."""
+    """Hash of everything the machine code depends on, except the step function and the effort."""
     parts = [llvmlite.__version__, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
     parts += sorted(vector_functions().values())
     found = hashlib.sha256("\0".join(parts).encode())
@@ -111,7 +113,7 @@ def _tag() -> str:
 
 
 def _tidied(folder: Path) -> None:
-    """Remove the half that was used longest ago where there are too many."""
+    """Remove the least recently used half of the files if there are too many."""
     with os.scandir(folder) as entries:
         files = [(entry.stat().st_mtime, entry.path) for entry in entries]
     if len(files) > _MOST:

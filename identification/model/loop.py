@@ -1,9 +1,9 @@
-"""LLVM loops over time around the instructions of a step.
+"""LLVM loops over time around the instructions of a step function.
 
-The plain loop repeats the step for each row of inputs.  The *interpolated* loop is for a linear
-motor, whose transition over a sample interval depends on nothing but parameters and temperature.
-The temperature moves slowly, so the transition is computed at every sixteenth row and moved along
-a straight line between, which leaves a handful of multiplications for each row.
+The plain loop repeats the step for each row of inputs.  The *interpolated* loop serves a linear
+motor, whose state transition over a sample interval depends only on parameters and temperature.
+The temperature varies slowly, so the transition is computed at every sixteenth row and
+interpolated linearly in between, which leaves a few multiplications per row.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from identification.model.lowering import LANES, VECTOR, Translation
 __all__ = ["STRIDE", "lower"]
 
 STRIDE: Final = 16
-"""Rows from one computed transition to the next in an interpolated loop."""
+"""Rows between two computed transitions of an interpolated loop."""
 
 _HEAD: Final = (
     "define void @scan(i64 %n, i64 %stride, ptr noalias %inputs, ptr noalias %p, "
@@ -26,16 +26,16 @@ _HEAD: Final = (
 
 
 def lower(step: ca.Function, prepare: ca.Function | None = None) -> str:
-    """LLVM module with one function ``scan`` that repeats `step` over time for a block of lanes.
+    """LLVM module with a function ``scan`` that repeats `step` over time for a block of lanes.
 
     Args:
         step: SX function (carry, input, parameter) -> (carry, output).
-        prepare: Where given, an SX function (nothing, input, parameter) -> (nothing, prepared);
-            `step` then takes what was prepared in place of parameters, interpolated between the
-            rows at which it was computed, and has no output.
+        prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared).  The step
+            then takes the prepared values, interpolated between the rows at which they are
+            computed, in place of the parameters, and has no output.
 
     Raises:
-        ComputationError: The step uses an operation that is not translated.
+        ComputationError: The step uses an operation that has no translation.
     """
     return _plain(step) if prepare is None else _interpolated(step, prepare)
 
@@ -84,7 +84,7 @@ def _plain(step: ca.Function) -> str:
 
 
 def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
-    """Blocks of rows; the last row has an interval of no length and is never prepared."""
+    """Loop over blocks of rows; the last row has zero length and needs no transition."""
     body = Translation(step, given=True)
     first = Translation(prepare, prefix="f", pointer="%inputs")
     last = Translation(prepare, prefix="g", pointer="%ue")
@@ -181,7 +181,7 @@ def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
 
 
 def _starts(n_carry: int) -> list[str]:
-    """Loads of the carry before the first row."""
+    """Instructions that load the carry before the first row."""
     lines: list[str] = []
     for row in range(n_carry):
         lines += [
@@ -193,7 +193,7 @@ def _starts(n_carry: int) -> list[str]:
 
 
 def _ends(carry: list[str], behind: str) -> list[str]:
-    """Stores of the carry after the last row, reached from the block `behind`."""
+    """Instructions that store the carry after the last row, reached from the block `behind`."""
     found = [
         f"  %cf{row} = phi {VECTOR} [ %cs{row}, %entry ], [ {name}, %{behind} ]"
         for row, name in enumerate(carry)

@@ -1,10 +1,10 @@
-"""From CasADi's list of scalar operations to LLVM instructions on blocks of lanes.
+"""Translation of CasADi's scalar operations into LLVM instructions on blocks of lanes.
 
-Each operation of the list belongs to one of three places, by what it depends on:
+Each operation belongs to one of three classes, according to what it depends on:
 
-    constant   parameters only     computed for a block of lanes before the loop
-    shared     inputs only         one scalar a step, spread over the lanes where it is used
-    lane       the carry           computed for a block of lanes in every step
+    constant   parameters only       computed for a block of lanes before the loop
+    shared     inputs only           one scalar per step, broadcast to the lanes that use it
+    lane       anything else         computed for a block of lanes in every step
 
 `loop.py` puts the instructions into loops over time.
 """
@@ -26,12 +26,12 @@ LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
 
 VECTOR: Final = f"<{LANES} x double>"
-"""Type of a block of lanes."""
+"""LLVM type of a block of lanes."""
 
 _PART = f"<{WIDTH} x double>"
 _MASK = f"<{LANES} x i1>"
-# Contraction to fused multiply-add and division by a reciprocal only where LLVM proves it exact:
-# NaN and infinity have to survive, they are how a diverging simulation is noticed.
+# Fused multiply-add is the only relaxation allowed: NaN and infinity must propagate, because they
+# are how a diverging simulation is detected.
 _FLAGS = "contract"
 
 _BINARY = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
@@ -56,7 +56,7 @@ _INTRINSIC_2 = {
 
 
 class _Value:
-    """An operand: its name in the text and where it is computed."""
+    """Operand: its name in the LLVM text and its class."""
 
     __slots__ = ("name", "place")
 
@@ -66,17 +66,17 @@ class _Value:
 
 
 class Translation:
-    """The instructions of one function of carry, input and parameter.
+    """LLVM instructions of one function of carry, input and parameter.
 
     Args:
         step: SX function (carry, input, parameter) -> (carry, output).
-        prefix: Start of the names of its registers.
+        prefix: Prefix of the register names.
         pointer: Name of the pointer to the row of inputs.
         given: Whether the parameters are registers ``%q0``, ``%q1``, ... that change from step to
-            step, instead of numbers to be loaded before the loop.
+            step; otherwise they are loaded before the loop.
 
     Raises:
-        ComputationError: The function uses an operation that is not translated.
+        ComputationError: The function uses an operation that has no translation.
     """
 
     def __init__(
@@ -191,7 +191,10 @@ class Translation:
         return self._rewritten(operation, names, kind, mask, emit, number)
 
     def _reciprocal(self, value: _Value) -> _Value:
-        """One division before the loop, or one a step, in place of one a lane and step."""
+        """Reciprocal of a divisor, computed in the divisor's own class.
+
+        One division before the loop, or one per step, replaces one per lane and step.
+        """
         if value.name not in self._inverse:
             self._inverse[value.name] = self._operation(ca.OP_INV, [value])
         return self._inverse[value.name]
@@ -205,7 +208,7 @@ class Translation:
         emit: Callable[[str], _Value],
         number: Callable[[float], str],
     ) -> _Value:
-        """Operations that LLVM has no word for, in terms of those it has."""
+        """Translate an operation without an LLVM counterpart into operations that have one."""
         first = names[0]
         simple = {
             ca.OP_ASSIGN: f"fadd {kind} {first}, {number(-0.0)}",
@@ -248,7 +251,7 @@ class Translation:
     def _called(
         self, name: str, kind: str, operands: list[str], emit: Callable[[str], _Value]
     ) -> _Value:
-        """A function of one or two operands."""
+        """Call of a function of one or two operands, in a vector version if the machine has one."""
         symbol = vector_function(name) if kind == VECTOR else None
         if symbol is not None:
             parts = [
@@ -267,13 +270,13 @@ class Translation:
 
 
 def _half(operand: str, half: int) -> str:
-    """The first or second half of a block of lanes."""
+    """First or second half of a block of lanes."""
     lanes = ", ".join(f"i32 {half * WIDTH + lane}" for lane in range(WIDTH))
     return f"shufflevector {VECTOR} {operand}, {VECTOR} poison, <{WIDTH} x i32> <{lanes}>"
 
 
 def _literal(x: float) -> _Value:
-    """A number in LLVM's exact hexadecimal notation."""
+    """Number in LLVM's exact hexadecimal notation."""
     bits = int.from_bytes(_double(x), "big")
     return _Value(f"0x{bits:016X}", "literal")
 

@@ -1,12 +1,12 @@
-"""What delayed and averaged channels remember of the sample intervals before.
+"""History buffers of delayed and averaged channels.
 
-Of every interval value and slope at both ends are kept, so that a delay by any fraction of an
-interval is exact to the fourth order although the slope jumps where the voltage does.  Where an
-interval is computed in parts, what it began with waits until its last part ends.
+A delayed channel keeps value and slope at both ends of each past sample interval.  Cubic Hermite
+interpolation then gives a delay by any fraction of an interval with an error of fourth order, even
+if the slope jumps with the voltage at a sample.  If an interval has several substeps, value and
+slope at its start are kept until its last substep ends.
 
-Of a channel that logs means the integral over the parts of the interval so far is kept, and of the
-interval before it the mean and its slope: the mean over the last h seconds moves with
-(y(t) - y(t - h)) / h.
+An averaged channel keeps its integral over the substeps so far, and the average over the previous
+interval with its slope: the average over the last h seconds has the slope (y(t) - y(t - h)) / h.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from identification.model.term import AbstractDelay, Expression
 __all__ = ["memory_size", "memory_start", "remembered"]
 
 _MEAN: int = 4
-"""Numbers kept of a mean: value where the interval began, integral since, last mean, its slope."""
+"""Values per averaged channel: value at the start of the interval, integral since then, last
+average and its slope."""
 
 
 def memory_size(model: MotorModel) -> int:
-    """Numbers in the carry behind the state."""
+    """Number of history values in the carry, after the state."""
     delays = sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
     return _MEAN * len(model.averaged) + delays
 
 
 def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Memory before the first sample, as if the channels had stood still.
+    """History before the first sample, as if the channels had been constant.
 
     Args:
         model: The model.
@@ -62,24 +63,24 @@ def remembered(
     parameter: Expression,
     logged: Expression,
 ) -> tuple[Expression, Expression]:
-    """Memory after this interval, and the log at its beginning, averaged and delayed.
+    """Update the history over one substep; return it with the delayed and averaged readings.
 
     Args:
         model: The model.
-        states: (n_state,) at the beginning and (n_state + n_averaged,) at the end of this part of
-            an interval, where integrals of the averaged channels over it follow the state.
-        memory: (n_memory,) of the intervals before.
-        inputs: Inputs at the beginning and at the end of the interval.
+        states: (n_state,) at the start and (n_state + n_averaged,) at the end of the substep; the
+            latter ends with the integrals of the averaged channels over the substep.
+        memory: (n_memory,) history at the start of the substep.
+        inputs: Inputs at the start and at the end of the substep.
         parameter: (n_parameter,).
-        logged: (2,) what would be logged without delay.
+        logged: (2,) readings at the start without averaging and delay.
 
     Returns:
-        (n_memory,) and (2,).
+        History (n_memory,) at the end of the substep, and readings (2,) at its start.
     """
     part, count = (inputs[0][INPUTS.index(name)] for name in ("part", "parts"))
     begins, ends = part < 0.5, part > count - 1.5
     interval = inputs[0][0] * count
-    # The last interval of a record has no length.
+    # The last interval of a record has zero length.
     inverse = ca.if_else(interval > 0, 1 / interval, 0)
     values, slopes = [], []
     n = states[0].numel()
@@ -136,7 +137,7 @@ def _value_and_slope(
 
 
 def _looked_up(past: Expression, depth: int, lag: Expression, now: Expression) -> Expression:
-    """Value `lag` intervals before the beginning of this one; `now` where lag is not positive."""
+    """Hermite interpolation `lag` intervals back in time; `now` if `lag` is not positive."""
     found = now * (lag <= 0)
     for k in range(depth):
         y0, y1, s0, s1 = (past[4 * k + j] for j in range(4))

@@ -1,8 +1,8 @@
-"""The loop that a likelihood costs: simulate, compare, sum, and write nothing on the way.
+"""Compiled loop of the likelihood: simulate, whiten the residuals and sum their squares.
 
-The sums of squares and what the whitening filters remember ride in the carry behind the state.
-For the declared model with even samples the transition over an interval is interpolated (see
-`loop.py`), and where every sample counts alike no weight is read.
+The carry holds the sums of squares and the states of the whitening filters after the model state,
+so no time series is written.  For the nominal model with uniform sampling the state transition is
+interpolated (see `loop.py`).  If all samples have unit weight, no weights are read.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ __all__ = ["MisfitLoop", "is_slow", "misfit_loop"]
 Array = NDArray[np.float64]
 
 _STRAIGHT_DEGC: Final = 2e-3
-"""Largest distance of the temperature from straight lines between computed transitions; it moves
-a resistance by less than 1e-5."""
+"""Largest deviation of the temperature from linear interpolation between computed transitions; it
+changes a resistance by less than 1e-5 of its value."""
 
 _EVEN: Final = 1e-6
-"""Largest difference between sample intervals that are treated as equal, relative."""
+"""Largest relative difference between sample intervals that are treated as equal."""
 
 
 @dataclass(frozen=True)
 class MisfitLoop:
-    """A compiled loop and what it reads.
+    """Compiled misfit loop and the layout of its input rows.
 
     Args:
-        scan: The loop.
-        columns: Columns of the inputs that the model depends on.
-        weighted: Whether a weight of each channel is read with each sample.
-        divided: Whether sample intervals are computed in parts, so that not every row is a sample.
+        scan: The compiled loop.
+        columns: Columns of the inputs on which the model depends.
+        weighted: Whether each row holds a weight for each channel.
+        divided: Whether sample intervals have substeps, so that not every row is a sample.
     """
 
     scan: Scan
@@ -52,13 +52,13 @@ class MisfitLoop:
     def rows(
         self, inputs: Array, measured: Array, weights: Array, counts: Counts | None = None
     ) -> Array:
-        """What the loop reads, (n_sample, n_column).
+        """Input rows of the loop, (n_row, n_column).
 
         Args:
             inputs: (n_row, n_input).
             measured: (n_sample, 2).
-            weights: (n_sample, 2); left out where the loop is not weighted.
-            counts: (n_sample,) rows of each sample; None for one.
+            weights: (n_sample, 2); ignored if the loop is not weighted.
+            counts: (n_sample,) rows of each sample interval; None for one each.
         """
         compared = np.column_stack([measured, weights]) if self.weighted else measured
         if counts is None:
@@ -78,15 +78,15 @@ def misfit_loop(
     interpolated: bool,
     divided: bool = False,
 ) -> MisfitLoop:
-    """The loop for one kind of noise.
+    """Compile the misfit loop for one set of whitening filters.
 
     Args:
         model: The model.
-        plan: How a sample interval is computed.
+        plan: Settings of the integration step.
         whitening: Coefficients of the whitening filter of each channel.
         weighted: Whether samples have weights.
-        interpolated: Whether the transition is interpolated; for the declared model only.
-        divided: Whether sample intervals are computed in parts.
+        interpolated: Whether the transition is interpolated; for the nominal model only.
+        divided: Whether sample intervals have substeps.
     """
     columns, advancing, prepare = _reduced(model, plan, interpolated)
     x = ca.SX.sym("x", advancing.numel_in(0))
@@ -118,7 +118,7 @@ def misfit_loop(
 
 
 def is_slow(record: Record) -> bool:
-    """Whether straight lines between every few rows follow interval and temperature."""
+    """Whether sampling is uniform and the temperature nearly linear over every `STRIDE` rows."""
     if record.rows < 3:
         return False
     rows = np.arange(record.rows - 1)
@@ -133,7 +133,7 @@ def is_slow(record: Record) -> bool:
 def _reduced(
     model: MotorModel, plan: Plan, interpolated: bool
 ) -> tuple[tuple[int, ...], ca.Function, ca.Function | None]:
-    """Columns that are used, and step and preparation as functions of those columns alone."""
+    """Input columns in use, and step and preparation as functions of these columns only."""
     functions = [step_function(model, plan)]
     if interpolated:
         prepare, step = transition_functions(model, plan)
@@ -154,5 +154,5 @@ def _reduced(
 
 
 def _depends(function: ca.Function, column: int) -> bool:
-    """Whether an output depends on a column of the inputs."""
+    """Whether any output depends on the given column of the inputs."""
     return any(column in function.jac_sparsity(k, 1).get_col() for k in range(2))

@@ -1,8 +1,8 @@
-"""A parameter of a model: its name, unit, bounds and how it is searched.
+"""Model parameters: names, units, bounds, priors and search coordinates.
 
-Parameters of a motor span ten decades, so nothing is ever searched in SI units.  A *coordinate*
-is what the fit and the sampler move: the logarithm of a positive quantity, or a quantity divided
-by its natural scale.  Physical values appear only inside the equations and in the result.
+The parameters of a motor span ten decades, so the fit and the sampler do not work in SI units.
+They work in *coordinates*: the logarithm of a positive quantity, or a quantity divided by its
+natural scale.  Physical values appear only in the equations and in the result.
 """
 
 from __future__ import annotations
@@ -21,22 +21,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a term or of the declared model.
+    """One parameter of a term or of the nominal model.
 
     Args:
         name: Name in the result.
         unit: Unit in the result.
-        meaning: One phrase for the report.
-        search: ``log`` searches the logarithm (positive quantities that may span decades);
-            ``linear`` searches the quantity over `scale`.
+        meaning: Short description for the report.
+        search: Type of coordinate: ``log`` for the logarithm (positive quantities that may span
+            decades), ``linear`` for the quantity divided by `scale`.
         lower: Physical lower bound [unit].
         upper: Physical upper bound [unit].
-        scale: Natural size [unit]; for ``linear`` the size of one coordinate step.
-        prior_mean: Centre of the normal prior, in the coordinate's terms of `search` (the
-            physical value whose coordinate is the centre) [unit].
-        prior_sd: Standard deviation of the normal prior of the coordinate; infinity for a prior
+        scale: Natural size, equal to one unit of a ``linear`` coordinate [unit].
+        prior_mean: Physical value at the centre of the normal prior of the coordinate [unit].
+        prior_sd: Standard deviation of the normal prior of the coordinate; infinite for a prior
             that is flat between the bounds.
-        origin: Option by which a user gave the prior; empty where it is general knowledge.
+        origin: Command-line option that set the prior; empty for a prior from general knowledge.
     """
 
     name: str
@@ -52,15 +51,15 @@ class Parameter:
 
     @property
     def vanishes(self) -> bool:
-        """Whether zero is its neutral value: the size of an effect, an asymmetry."""
+        """Whether the neutral value is zero, as for the size of an effect or an asymmetry."""
         return self.search == "linear" and self.prior_mean == 0.0
 
 
 class Coordinates:
-    """The map between physical values and search coordinates of a list of parameters.
+    """Map between physical values and search coordinates of a list of parameters.
 
     Args:
-        parameters: The parameters, in the order of every vector that goes through this map.
+        parameters: Parameters in the order of all vectors passed to this map.
     """
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
@@ -88,7 +87,7 @@ class Coordinates:
         self.prior_sd = np.array([p.prior_sd for p in parameters])
 
     def of(self, values: Array) -> Array:
-        """Coordinates of physical values (n_parameter, ...)."""
+        """Coordinates of physical values, both (n_parameter, ...)."""
         log = self._shaped(self._log, values)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
@@ -96,7 +95,7 @@ class Coordinates:
             )
 
     def values(self, coordinates: Array) -> Array:
-        """Physical values of coordinates (n_parameter, ...)."""
+        """Physical values of coordinates, both (n_parameter, ...)."""
         log = self._shaped(self._log, coordinates)
         with np.errstate(over="ignore"):
             return np.where(
@@ -106,18 +105,18 @@ class Coordinates:
             )
 
     def mirrored(self, coordinates: Array) -> Array:
-        """Coordinates (n_parameter, ...) with those out of bounds mirrored at their bound."""
+        """Coordinates (n_parameter, ...), reflected at a bound where they exceed it."""
         lower, upper = (self._shaped(x, coordinates) for x in (self.lower, self.upper))
         inner = np.where(coordinates < lower, 2 * lower - coordinates, coordinates)
         inner = np.where(inner > upper, 2 * upper - inner, inner)
         return np.clip(inner, lower, upper)
 
     def slopes(self, coordinates: Array) -> Array:
-        """Derivative of each physical value by its own coordinate (n_parameter,)."""
+        """Derivative of each physical value with respect to its coordinate, (n_parameter,)."""
         return np.where(self._log, np.exp(np.where(self._log, coordinates, 0.0)), self._scale)
 
     def log_prior(self, coordinates: Array) -> Array:
-        """Log prior density of coordinates (n_parameter, ...), minus infinity out of bounds."""
+        """Unnormalised log prior density of coordinates (n_parameter, ...); -inf out of bounds."""
         lower, upper = (self._shaped(x, coordinates) for x in (self.lower, self.upper))
         inside = np.all((coordinates >= lower) & (coordinates <= upper), axis=0)
         deviation = (coordinates - self._shaped(self.prior_mean, coordinates)) / self._shaped(

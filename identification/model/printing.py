@@ -1,4 +1,4 @@
-"""The equations of a model as text, printed from the expressions that are simulated."""
+"""Model equations as text, printed from the CasADi expressions that are simulated."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _SYMBOLS: Final = {
 
 
 def printed_equations(model: MotorModel) -> dict[str, str]:
-    """Right-hand side of each state equation, and what each sensor logs.
+    """Text of the state equations, and of the sensor equations that differ from the state itself.
 
     Args:
         model: The model.
@@ -127,7 +127,7 @@ def _written(operation: int, operands: list[tuple[str, int]]) -> tuple[str, int]
 
 
 def function_name(operation: int) -> str:
-    """A plain name for an operation that has no sign of its own."""
+    """Text name of an operation that has neither an infix symbol nor a standard name."""
     return {ca.OP_IF_ELSE_ZERO: "where", ca.OP_FMIN: "min", ca.OP_FMAX: "max"}.get(operation, "f")
 
 

@@ -1,4 +1,4 @@
-"""How fast a model changes within a sample interval, which decides how the interval is computed."""
+"""Stiffness of a model: the spectral radius of h df/dx, which sets the integration plan."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _STRUCTURES: Final = 128
 def rate_of(
     model: MotorModel, records: Sequence[Record], values: Array, states: Sequence[Array]
 ) -> float:
-    """Largest spectral radius of h df/dx over the records, where `states` pass through [-].
+    """Largest spectral radius of h df/dx over the given states of all records [-].
 
     Args:
         model: The model.
-        records: What drives it.
+        records: Records that drive the model; h is the longest sample interval of each.
         values: (n_parameter,) physical.
-        states: For each record (n_point, n_state) states to look at.
+        states: For each record (n_point, n_state), evenly spread over its samples.
     """
     largest = 0.0
     for record, points in zip(records, states, strict=True):

@@ -1,20 +1,18 @@
-"""Fast simulation: a CasADi step function compiled to a loop over time, many lanes at once.
+"""Compilation of CasADi step functions into vectorised loops over time.
 
-A motor model is a step: from the state now and the inputs of one sample interval to the state at
-the next sample.  Simulating is repeating it, and everything this package does with a model
-(likelihoods for a set of walkers, tangents for Gauss-Newton, screening of effects, filtering) is
-the same repetition with other quantities in the *carry*.  CasADi writes the step down as a flat
-list of scalar operations; this file turns the list into LLVM code in which every operation works
-on a block of *lanes* (walkers, tangent directions, candidates), keeps the carry in registers and
-has the loop over time inside.
+A motor model is a step function from the state and the inputs of one sample interval to the state
+at the next sample.  A simulation repeats the step.  Likelihoods of many walkers, tangents for
+Gauss-Newton, screening of effects and filtering repeat it too, with other quantities in the
+*carry*.  CasADi represents the step as a flat list of scalar operations.  This module translates
+the list into LLVM code that applies every operation to a block of *lanes* (walkers, tangent
+directions, candidates), keeps the carry in registers and contains the loop over time.
 
-Why not CasADi's own virtual machine: it spends about a microsecond a step and lane.  Why not
-numba: it takes seconds to compile each new model, and a search tries dozens.  Straight-line code
-handed to LLVM directly is compiled in tens of milliseconds and runs as fast as generated code can.
+CasADi's own virtual machine takes about a microsecond per step and lane.  Numba takes seconds to
+compile each new model, and a search tries dozens.  LLVM compiles straight-line code in tens of
+milliseconds, and the result is as fast as generated code can be.
 
-Three classes of operation are told apart, since they cost differently: those of parameters only
-are computed once before the loop, those of inputs only once a step for all lanes, and the rest
-for every lane.
+An operation that depends on parameters alone runs once before the loop.  One that depends on inputs
+alone runs once per step for all lanes.  Every other operation runs for every lane and step.
 
     scan = Scan(step)                        # step: (carry, input, parameter) -> (carry, output)
     carry, outputs = scan(inputs, parameters, carry)
@@ -47,7 +45,7 @@ Array = NDArray[np.float64]
 Effort = Literal["once", "some", "most"]
 
 _COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}
-"""Operations that take as long as compiling one instruction."""
+"""Number of operations that take as long as the compilation of one instruction, by effort."""
 
 _SIGNATURE: Final = ctypes.CFUNCTYPE(
     None,
@@ -61,17 +59,17 @@ _SIGNATURE: Final = ctypes.CFUNCTYPE(
 
 
 class Scan:
-    """A step function compiled into a loop over time.
+    """Step function compiled into a loop over time.
 
     Args:
         step: CasADi SX function with inputs carry (n_carry,), input (n_input,), parameter
             (n_parameter,) and outputs carry (n_carry,), output (n_output,).
-        prepare: Where given, an SX function (nothing, input, parameter) -> (nothing, prepared)
-            of what changes slowly from row to row; `step` takes what it prepared, interpolated,
-            in place of the parameters, and has no output.
-        effort: How much the code is worked on: ``once`` for a loop that runs a few times, ``some``
-            for one that runs in a fit, ``most`` for one that a sampler runs thousands of times.
-        key: Name under which its machine code is kept on disk; not kept where absent.
+        prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared) of slowly
+            varying quantities.  The step then takes the prepared values, interpolated over rows, in
+            place of the parameters, and has no output.
+        effort: Optimisation level: ``once`` for a loop that runs a few times, ``some`` for one that
+            runs in a fit, ``most`` for one that a sampler runs thousands of times.
+        key: Key of the machine code in the cache on disk; None for no caching.
     """
 
     def __init__(
@@ -120,7 +118,7 @@ class Scan:
 
         Args:
             inputs: For each record (n_step, n_input).
-            parameters: (n_parameter, n_lane) for all records, or one such array a record.
+            parameters: (n_parameter, n_lane) for all records, or one such array per record.
             carries: For each record the carry before the first step (n_carry, n_lane).
 
         Returns:
@@ -166,7 +164,7 @@ class Scan:
         return finals, outputs
 
     def work(self, rows: int, lanes: int) -> float:
-        """Operations of one pass over so many rows with so many lanes."""
+        """Number of operations of one pass over `rows` rows and `lanes` lanes."""
         return self._operations * rows * LANES * -(-lanes // LANES)
 
     def _check(self, rows: Array, parameters: Array, carry: Array) -> None:
@@ -180,7 +178,7 @@ class Scan:
 
 
 def scan_of(step: ca.Function, prepare: ca.Function | None = None, effort: Effort = "most") -> Scan:
-    """The compiled loop of a step function; the same functions are compiled only once."""
+    """Compiled loop of a step function; equal functions are compiled once and cached."""
     parts = [effort, *(f.serialize() for f in (step, prepare) if f is not None)]
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     found = _cache.get(key)
@@ -196,7 +194,7 @@ _cache: dict[str, Scan] = {}
 
 
 def _padded(rows: Array) -> Array:
-    """A contiguous copy whose lanes are filled up to whole blocks with the last lane."""
+    """Contiguous copy whose lanes are padded to whole blocks with copies of the last lane."""
     missing = -rows.shape[1] % LANES
     copy = np.empty((rows.shape[0], rows.shape[1] + missing))
     copy[:, : rows.shape[1]] = rows
@@ -207,7 +205,7 @@ def _padded(rows: Array) -> Array:
 
 @functools.lru_cache(maxsize=1)
 def _workers(number: int) -> ThreadPoolExecutor:
-    """Threads that call the kernels; ctypes lets go of the interpreter's lock meanwhile."""
+    """Threads that call the kernels; ctypes releases the interpreter lock during a call."""
     return ThreadPoolExecutor(number, thread_name_prefix="scan")
 
 
@@ -221,7 +219,7 @@ def _initialized() -> None:
 
 
 def _target(effort: Effort) -> llvm.TargetMachine:
-    """A new one for each kernel: an engine takes it over and frees it with itself."""
+    """New target machine for each kernel: an engine takes ownership of it and frees it."""
     _initialized()
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
@@ -234,10 +232,10 @@ def _target(effort: Effort) -> llvm.TargetMachine:
 def _compile(
     text: str, effort: Effort
 ) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType, bytes]:
-    """Machine code of one kernel; the engine owns it and has to live as long.
+    """Compile one kernel to machine code; the code exists as long as the engine that owns it.
 
-    CasADi's list of operations is already free of repetitions and dead code, so that the passes
-    over it bring a tenth of the speed for a third of the time that compiling takes.
+    CasADi's list has no repeated or dead operations, so the optimisation passes gain only a tenth
+    in speed for a third of the compile time.
     """
     target = _target(effort)
     module = llvm.parse_assembly(text)
@@ -253,7 +251,7 @@ def _compile(
 
 
 def _loaded(code: bytes) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
-    """A kernel from its machine code."""
+    """Load a kernel from its machine code."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target("once"))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

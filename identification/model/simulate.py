@@ -1,9 +1,9 @@
-"""Simulation of a model over records, many parameter vectors at once.
+"""Simulation of a model over records for many parameter vectors at once.
 
-    simulator = Simulator(model, records, values)
-    simulator.logged(values, states)        what the sensors would log
+    simulator = Simulator.fitting(model, records, values)
+    simulator.logged(lanes, states)         simulated sensor readings
 
-`values` are physical parameters, (n_parameter,) or (n_parameter, n_lane).
+Parameters are physical values: `values` is (n_parameter,), `lanes` is (n_parameter, n_lane).
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ _STRUCTURES: Final = 128
 
 
 def initial_states(model: MotorModel, record: Record) -> Array:
-    """Where a record most plausibly starts, (n_state,): logged current and speed, steady rest."""
+    """Default initial state of a record, (n_state,).
+
+    Current and speed are the logged ones; the states of terms have their steady-state values.
+    """
     current, speed = record.head
     known = {
         "temperature": record.column("temperature")[0],
@@ -71,13 +74,13 @@ def _symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 @dataclass(frozen=True)
 class Simulator:
-    """A model made ready to be simulated over records.
+    """Model prepared for simulation over records.
 
     Args:
         model: The model.
-        records: What drives it.
-        plan: How a part of a sample interval is computed; see `plan_for`.
-        divisions: For each record (n_sample,) parts of each sample interval; None for one.
+        records: Records that drive the model.
+        plan: Settings of the integration step; see `plan_for`.
+        divisions: For each record (n_sample,) substeps of each sample interval; None for one each.
     """
 
     model: MotorModel
@@ -87,7 +90,7 @@ class Simulator:
 
     @cached_property
     def inputs(self) -> list[Array]:
-        """Inputs of each record (n_row, n_input), a row for each part of a sample interval."""
+        """Inputs of each record (n_row, n_input), one row per substep."""
         shifted = [self._shifted(record.inputs) for record in self.records]
         if self.divisions is None:
             return shifted
@@ -96,17 +99,17 @@ class Simulator:
 
     @cached_property
     def begins(self) -> list[NDArray[np.intp]] | None:
-        """For each record the rows at which samples lie; None where every row is a sample."""
+        """Row index of each sample, for each record; None if every row is a sample."""
         return None if self.divisions is None else [begins(c) for c in self.divisions]
 
     def _sampled(self, rows: list[Array]) -> list[Array]:
-        """Of arrays with a value for each part, those at the samples."""
+        """Select the rows at samples from arrays with one row per substep."""
         if self.begins is None:
             return rows
         return [y[at] for y, at in zip(rows, self.begins, strict=True)]
 
     def _shifted(self, inputs: Array) -> Array:
-        """Inputs with the voltage as many samples ahead as the model asks."""
+        """Inputs with the voltage advanced by `model.advance` samples."""
         ahead = self.model.advance
         if not ahead:
             return inputs
@@ -118,7 +121,7 @@ class Simulator:
         return shifted
 
     def carries(self, states: Sequence[Array], lanes: int) -> list[Array]:
-        """Carry before the first sample of each record (n_state + n_memory, n_lane)."""
+        """Carry before the first sample of each record, (n_state + n_memory, n_lane)."""
         return [
             np.concatenate(
                 [
@@ -137,7 +140,11 @@ class Simulator:
         divisions: tuple[Counts, ...] | None = None,
         margin: float = 1.5,
     ) -> Simulator:
-        """A simulator whose plan suits `values`, with room for rates `margin` times higher."""
+        """Simulator with an integration plan for `values`.
+
+        The plan covers `margin` times the largest spectral radius of h df/dx at `values`.  The edge
+        samples that the model cannot predict lose their weight.
+        """
         rate = Simulator.rate(model, records, values)
         plan = plan_for(margin * rate, linear=not model.terms)
         known = tuple(record.within(model.edges) for record in records)
@@ -151,16 +158,16 @@ class Simulator:
         looks: int = _LOOKS,
         start: tuple[Counts, ...] | None = None,
     ) -> Simulator:
-        """This simulator with its sample intervals divided until each is accurate.
+        """Refine the substeps until each sample interval meets the tolerance at `values`.
 
-        The error of a part is what two halves of it change, measured at `values`.
+        The error of a substep is the change of current and speed when it is halved.
 
         Args:
             values: (n_parameter,) physical.
             states: For each record (n_state,) at its first sample.
-            tolerance: (2,) error of current and speed that one interval may have [A, rad/s].
-            looks: How often the error is measured.
-            start: Parts to start from; one where absent.
+            tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
+            looks: Largest number of error measurements.
+            start: Substep counts to start from; one each if absent.
         """
         divisions = start or evenly([record.rows for record in self.records], 1)
         for _ in range(looks):
@@ -178,14 +185,14 @@ class Simulator:
         return replace(self, divisions=divisions)
 
     def _errors_of_parts(self, values: Array, states: Sequence[Array]) -> list[Array]:
-        """For each record (n_row, 2) what halving changes in current and speed over each part."""
+        """For each record (n_row, 2) change of current and speed when each substep is halved."""
         carries = [_lanes(state, 1) for state in states]
         errors = _errors_scan(self.model, self.plan)(self.inputs, values[:, None], carries)[1]
         return [error[:, :, 0] for error in errors]
 
     @staticmethod
     def rate(model: MotorModel, records: Sequence[Record], values: Array) -> float:
-        """Largest h |df/dx| where the measured current and speed pass through [-]."""
+        """Largest spectral radius of h df/dx along the measured current and speed [-]."""
         states = []
         for record in records:
             rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
@@ -203,12 +210,12 @@ class Simulator:
     def logged(
         self, values: Array, states: Sequence[Array], effort: Effort = "some"
     ) -> list[Array]:
-        """What the sensors would log.
+        """Simulated sensor readings.
 
         Args:
             values: (n_parameter, n_lane) physical.
             states: For each record (n_state,) or (n_state, n_lane) at its first sample.
-            effort: How much the loop is worked on before it runs; see `Scan`.
+            effort: Optimisation level of the compiled loop; see `Scan`.
 
         Returns:
             For each record (n_sample, 2, n_lane) [A, rad/s].
@@ -220,13 +227,13 @@ class Simulator:
     def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
 
-        The sums are kept in the carry, so that nothing is written to memory on the way; this is
-        what a likelihood costs.
+        A likelihood evaluation consists of one such call.  The sums are part of the carry, so no
+        time series is written to memory.
 
         Args:
             values: (n_parameter, n_lane) physical.
             states: For each record (n_state,) or (n_state, n_lane).
-            weighting: Noise model; its deviations are not applied.
+            weighting: Noise model; the sums are not divided by its variances.
         """
         loop, rows = self._compared(weighting)
         starts = self.carries(states, values.shape[1])
@@ -236,15 +243,15 @@ class Simulator:
         return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
 
     def misfit_work(self, lanes: int, weighting: Weighting) -> float:
-        """Operations of one call of `misfit` with so many lanes."""
+        """Number of operations of one call of `misfit` with the given number of lanes."""
         loop, rows = self._compared(weighting)
         return sum(loop.scan.work(each.shape[0], lanes) for each in rows)
 
     def _compared(self, weighting: Weighting) -> tuple[MisfitLoop, list[Array]]:
-        """The loop for a noise model, and what it reads of each record.
+        """Misfit loop for a noise model, and its input rows for each record.
 
-        Both are the same from call to call while only deviations change, and copying the rows
-        costs as much as simulating a block of lanes; so the last ones are kept.
+        Both are kept between calls, because copying the rows costs as much as simulating a block of
+        lanes.  They remain valid while only the noise standard deviations change.
         """
         key = (weighting.records, weighting.robust, weighting.whitening)
         kept = self._kept.get("compared")
@@ -277,17 +284,17 @@ class Simulator:
 
     @cached_property
     def _interpolates(self) -> bool:
-        """Whether the transition may move along straight lines between every few rows.
+        """Whether the state transition is interpolated between every few rows.
 
-        It may for the declared model, where samples are even in time and the temperature is as
-        smooth as it should be after `smooth_temperature`.
+        This holds for the nominal model without substeps, if all records are sampled uniformly and
+        their smoothed temperature is nearly linear between the computed transitions.
         """
         if self.model.terms or self.divisions is not None:
             return False
         return all(is_slow(record) for record in self.records)
 
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
-        """All states over time, for each record (n_sample, n_state, n_lane)."""
+        """State trajectories, for each record (n_sample, n_state, n_lane)."""
         carries = [_lanes(state, values.shape[1]) for state in states]
         return self._sampled(_states_scan(self.model, self.plan)(self.inputs, values, carries)[1])
 
@@ -307,7 +314,7 @@ def _states_scan(model: MotorModel, plan: Plan) -> Scan:
 
 @lru_cache(_STRUCTURES)
 def _errors_scan(model: MotorModel, plan: Plan) -> Scan:
-    """The loop that goes on in halves and puts out what the whole would change."""
+    """Loop that advances in half steps and outputs their difference from the whole step."""
     x, u, p = _symbols(model)
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
     first, second = halves(u, model.held)

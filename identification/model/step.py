@@ -1,22 +1,21 @@
-"""One sample interval of a model, exact where the model is linear.
+"""Exponential Rosenbrock integration of one sample interval (method exprb32).
 
-An exponential Rosenbrock step linearises the equations where the interval begins,
+The step linearises the equations at the start of the interval,
 
-    x(t + h) = x + h phi1(h A) f + h^2 phi2(h A) df/dt,      A = df/dx,
+    x_1 = x + h phi1(h A) f + h^2 phi2(h A) df/dt,      f = dx/dt,  A = df/dx.
 
-and is exact for a linear motor with held or linear voltage, however stiff, since the
+It is exact for a linear motor with held or linearly varying voltage, however stiff, because the
 electrical time constant enters through the matrix functions and not through the step size.
-Unlike Runge-Kutta methods it stays stable when an effect adds stiffness (a steep brush drop,
-friction near standstill), since A contains the effect.  Where the model is not linear, what the
-linearisation misses at the end of the interval,
+Unlike explicit Runge-Kutta methods it stays stable when an effect adds stiffness (a steep brush
+drop, friction near standstill), because A includes the effect.  If the model is nonlinear, the
+error d of the linearisation at the end of the interval gives a correction,
 
     d = f(x_1) - f(x) - A (x_1 - x) - h df/dt,     x(t + h) = x_1 + 2 h phi3(h A) d,
 
-makes the step one of third order.
+which makes the step third-order accurate.
 
-The phi functions act on a few vectors only, so their Taylor series costs one product of matrix and
-vector a term.  Where h |A| is large the matrix functions themselves are formed by scaling and
-squaring,
+The phi functions act on a few vectors only, so their Taylor series cost one matrix-vector product
+per term.  If h |A| is large, the matrix functions themselves are computed by scaling and squaring,
 
     phi_l(2z) = (phi0(z) phi_l(z) + sum_{k=1..l} phi_k(z) / (l - k)!) / 2^l.
 
@@ -44,30 +43,31 @@ __all__ = ["Plan", "advance", "plan_for", "step_function", "transition_functions
 TOLERANCE: Final = 1e-8
 """Largest truncated term of the Taylor series, relative to the change over the interval.
 
-Sensors resolve 1e-2 to 1e-5 of the signal; this keeps the discretisation far below that even
-after it has added up over a time constant."""
+Sensors resolve 1e-2 to 1e-5 of the signal; this tolerance keeps the integration error far below
+that, even after accumulation over a time constant."""
 
 _STRUCTURES: Final = 128
 
 _LARGEST_ACTION: Final = 12.0
-"""Largest h |A| for which the series acts on vectors."""
+"""Largest h |A| for which the Taylor series is applied to vectors."""
 
 _SCALED: Final = 0.3
-"""Size of the matrix whose functions are formed by series before they are doubled."""
+"""Largest h |A| after scaling; the series is summed at this size before the squarings."""
 
 _LARGEST_SERIES: Final = 5.0
-"""The same where a term costs two multiplications and a doubling ten times that; the terms cancel
-in two of sixteen digits here."""
+"""Value of both limits for the nominal model, in which a Taylor term costs two multiplications and
+a squaring ten times that.  At this size, cancellation costs two of sixteen digits."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How one sample interval is computed.
+    """Settings of the integration step for one sample interval.
 
     Args:
-        terms: Terms of the Taylor series.
-        squarings: Doublings of scaling and squaring; 0 uses the action on vectors.
-        rate: Largest h |A| that the plan is made for [-]; plans that compute alike are equal.
+        terms: Number of terms of the Taylor series.
+        squarings: Number of squarings; 0 applies the series to vectors.
+        rate: Largest h |A| for which the plan is valid [-]; not compared, so that plans with the
+            same code are equal.
     """
 
     terms: int
@@ -75,16 +75,16 @@ class Plan:
     rate: float = field(default=1.0, compare=False)
 
     def suits(self, rate: float) -> bool:
-        """Whether the plan is enough for h |A| of `rate`, and not far more than enough."""
+        """Whether the plan covers h |A| of `rate` without covering more than five times that."""
         return 0.2 * self.rate <= rate <= self.rate
 
 
 def plan_for(rate: float, *, linear: bool = False) -> Plan:
-    """The cheapest plan for an interval with h |A| of `rate` [-].
+    """Cheapest plan for a sample interval with h |A| up to `rate`.
 
     Args:
         rate: Largest h |A| [-].
-        linear: Whether the model is the declared one: then a term of the series costs two
+        linear: Whether the model is the nominal one, for which a Taylor term costs two
             multiplications.
     """
     reach = _LARGEST_SERIES if linear else _LARGEST_ACTION
@@ -97,9 +97,9 @@ def plan_for(rate: float, *, linear: bool = False) -> Plan:
 
 
 def _terms(z: float) -> int:
-    """Terms after which the next term of the series is below the tolerance.
+    """Number of Taylor terms after which the next term is below the tolerance.
 
-    Rounded up to even numbers, so that models a little stiffer need no other code.
+    It is rounded up to an even number, so that slightly stiffer models reuse the same code.
     """
     size, k = 1.0, 1
     while size > TOLERANCE or k < 3:
@@ -110,9 +110,9 @@ def _terms(z: float) -> int:
 
 @lru_cache(_STRUCTURES)
 def step_function(model: MotorModel, plan: Plan) -> ca.Function:
-    """SX function (carry, inputs, parameter) -> (carry at the next sample, logged now).
+    """SX function (carry, inputs, parameter) -> (carry at the next sample, readings at this one).
 
-    The carry is the state, followed by what delayed and averaged channels remember (`memory.py`).
+    The carry is the state, followed by the history of delayed and averaged channels (`memory.py`).
     """
     n = len(model.state_names)
     carry = ca.SX.sym("x", n + memory_size(model))
@@ -141,15 +141,15 @@ def advance(
     parameter: Expression,
     integrated: Sequence[int] = (),
 ) -> Expression:
-    """State at the end of the sample interval, and integrals over it.
+    """State at the end of the sample interval, followed by integrals over the interval.
 
     Args:
         model: The model.
-        plan: How the interval is computed.
-        state: (n_state,) at its beginning.
+        plan: Settings of the integration step.
+        state: (n_state,) at the start of the interval.
         inputs: (n_input,).
         parameter: (n_parameter,).
-        integrated: Logged channels of which the integral is computed, as further states.
+        integrated: Indices of the logged channels to integrate, as additional states.
 
     Returns:
         (n_state + n_integrated,) expression.
@@ -186,27 +186,26 @@ def advance(
 
 
 def _is_curved(rates: Expression, state: Expression, inputs: Expression) -> bool:
-    """Whether the rates are more than linear in the state and what moves within an interval."""
+    """Whether the rates are nonlinear in the state or in inputs that vary within an interval."""
     moving = [inputs[k] for k, name in enumerate(INPUTS) if name in ("voltage", "angle", "time")]
     moved = ca.vertcat(state, *moving)
     return bool(ca.depends_on(ca.jacobian(rates, moved), moved))
 
 
 def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, Expression]:
-    """Inputs where the interval begins, and their slopes [per second].
+    """Inputs at the start of the interval and their slopes [1/s].
 
-    The slope is multiplied by the interval before use, so an interval of zero length (the last
-    sample of a record) never divides by zero.
+    The reciprocal of a zero length (the last interval of a record) is replaced by zero, so nothing
+    divides by zero.
     """
     column = {name: inputs[k] for k, name in enumerate(INPUTS)}
-    # The reciprocal of an interval of zero length is replaced by zero: nothing moves in it.
     inverse = ca.if_else(column["interval"] > 0, 1 / column["interval"], 0)
     now, slope = [], []
     for name in INPUTS:
         change = column.get(f"{name}_next", column[name]) - column[name]
         if name == "temperature":
-            # Held at its value in the middle: with the linear change entering through df/dt
-            # alone, A would be that of the start, an error of first order in the heating.
+            # Held at its mid-interval value.  A linear change would enter through df/dt alone and
+            # leave A at the start temperature, a first-order error in the heating.
             now.append(column[name] + 0.5 * change)
             slope.append(ca.SX(0))
         elif name in ("voltage", "angle") and not (name == "voltage" and model.held == "zoh"):
@@ -221,13 +220,13 @@ def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, E
 _Increments = tuple[
     Callable[[Expression, Expression], Expression], Callable[[Expression], Expression]
 ]
-"""The increment h (phi1 f + phi2 h df/dt), and the correction 2 h phi3 d."""
+"""Functions of the increment h (phi1 f + phi2 h df/dt) and of the correction 2 h phi3 d."""
 
 
 def _by_action(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
-    """Increments by Taylor series acting on vectors, by Horner's rule.
+    """Increments by Taylor series applied to vectors, with Horner's rule.
 
-    The drift is h df/dt, so that the interval appears to the same power in both vectors.
+    `drift` is h df/dt, so the interval has the same power in both vectors.
     """
     scaled = interval * matrix
 
@@ -248,11 +247,11 @@ def _by_action(matrix: Expression, interval: Expression, plan: Plan) -> _Increme
 
 
 def _by_characteristic(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
-    """Increments for two states, where Z^2 = tr(Z) Z - det(Z).
+    """Increments for two states by the Cayley-Hamilton theorem, Z^2 = tr(Z) Z - det(Z).
 
-    Every power of Z = hA, and so every truncated series, is a + b Z with two scalars, and Horner's
-    rule costs two multiplications a term.  The scalars do not depend on the state of a linear
-    motor, so they are computed while the processor waits for the state of the step before.
+    Every power of Z = h A, and so every truncated series, is a + b Z with two scalars; a term of
+    Horner's rule costs two multiplications.  For a linear motor the scalars do not depend on the
+    state, so the processor computes them while it waits for the state of the previous step.
     """
     z, _, phi1, phi2, phi3 = _pairs(matrix, interval, plan)
 
@@ -273,7 +272,7 @@ _Pair = tuple[Expression, Expression]
 def _pairs(
     jacobian: Expression, interval: Expression, plan: Plan
 ) -> tuple[Expression, _Pair, _Pair, _Pair, _Pair]:
-    """Z, which is h A over the doublings of the plan, and phi0 to phi3 of h A by Z."""
+    """Z = h A / 2^squarings, and phi0 to phi3 of h A, each as scalars a, b of a + b Z."""
     z = jacobian * (interval / 2.0**plan.squarings)
     trace, determinant = z[0, 0] + z[1, 1], z[0, 0] * z[1, 1] - z[0, 1] * z[1, 0]
 
@@ -285,7 +284,7 @@ def _pairs(
         )
 
     def through(constant: float, x: _Pair) -> _Pair:
-        """The constant + Z x."""
+        """The scalars of constant + Z x."""
         return (constant - x[1] * determinant, x[0] + x[1] * trace)
 
     phi3 = (ca.SX(1 / math.factorial(plan.terms + 1)), ca.SX(0))
@@ -304,13 +303,13 @@ def _pairs(
 
 
 def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca.Function]:
-    """The step of the declared model in two halves, for an interpolated loop.
+    """Step of the nominal model split into two functions, for an interpolated loop.
 
-    The first function (nothing, inputs, parameter) -> (nothing, transition) is what depends on
-    the temperature, and so changes slowly; the second (state, inputs, transition) ->
-    (state at the next sample, logged now) is what is left for each sample:
+        x(t + h) = phi0(hA) x + h phi1(hA) g v + h phi2(hA) g (v(t + h) - v),    g = df/dv
 
-        x(t + h) = phi0(hA) x + h phi1(hA) g v + h phi2(hA) g (v(t + h) - v),    g = df/dv.
+    The first function (nothing, inputs, parameter) -> (nothing, transition) computes the
+    matrices, which vary slowly with the temperature.  The second function (state, inputs,
+    transition) -> (state at the next sample, readings at this one) applies them at each sample.
     """
     x, u, p = (
         ca.SX.sym("x", 2),
@@ -341,7 +340,7 @@ def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca
 
 
 def _by_squaring(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
-    """Increments by scaling and squaring of the matrix functions themselves."""
+    """Increments by scaling and squaring of the matrix functions."""
     one = ca.SX.eye(matrix.shape[0])
     z = matrix * (interval / 2.0**plan.squarings)
     phi3 = one / math.factorial(plan.terms + 3)

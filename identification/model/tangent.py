@@ -1,10 +1,10 @@
-"""Derivatives of what a simulator logs, by parameters and initial states.
+"""Derivatives of the simulated readings with respect to parameters and initial states.
 
     blocks = tangent_blocks(simulator, values, states, directions)
 
-They come from CasADi's derivative of the very step that is simulated, so they are those of the
-discrete model, exact to rounding.  A derivative is a number for each sample, channel and direction,
-most of what a fit would hold in memory; so long records are gone through in blocks.
+CasADi differentiates the simulated step itself, so the derivatives are those of the discrete model,
+exact to rounding.  They hold one number per sample, channel and direction, which dominates the
+memory of a fit; long records are therefore processed in blocks.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ Array = NDArray[np.float64]
 
 _STRUCTURES: Final = 128
 BLOCK: Final = 65_536
-"""Samples whose derivatives are in memory together; tens of megabytes."""
+"""Samples whose derivatives are in memory at the same time; tens of megabytes."""
 
 
 @dataclass(frozen=True)
 class TangentBlock:
-    """What some samples of a record log, and its derivatives.
+    """Simulated readings of a block of samples of one record, and their derivatives.
 
     Args:
-        record: Number of the record.
-        start: Its first sample here.
-        lead: Samples at the head that the block before held as well.
+        record: Index of the record.
+        start: Index of the block's first sample in the record.
+        lead: Number of samples at the start that repeat the end of the previous block.
         logged: (n_sample, 2) [A, rad/s].
-        tangent: (n_sample, 2, n_direction + n_state) its derivatives by the directions and, after
-            them, by the initial states.
+        tangent: (n_sample, 2, n_direction + n_state) derivatives along the directions, then with
+            respect to the initial states.
     """
 
     record: int
@@ -54,14 +54,14 @@ class TangentBlock:
 
     @property
     def samples(self) -> slice:
-        """The samples of the record, those of the lead as well."""
+        """Samples of the record in this block, including the repeated ones."""
         return slice(self.start, self.start + self.logged.shape[0])
 
 
 def tangent(
     simulator: Simulator, values: Array, states: Sequence[Array], directions: Array
 ) -> tuple[list[Array], list[Array]]:
-    """`tangent_blocks` of whole records.
+    """Readings and derivatives of whole records, as by `tangent_blocks`.
 
     Args:
         simulator: Model and records.
@@ -70,7 +70,7 @@ def tangent(
         directions: (n_parameter, n_direction) physical.
 
     Returns:
-        For each record the logged channels (n_sample, 2) and their derivatives
+        For each record the readings (n_sample, 2) and their derivatives
         (n_sample, 2, n_direction + n_state).
     """
     blocks = list(tangent_blocks(simulator, values, states, directions, rows=None))
@@ -85,17 +85,17 @@ def tangent_blocks(
     lead: int = 0,
     rows: int | None = BLOCK,
 ) -> Iterator[TangentBlock]:
-    """Logged channels and their derivatives, by parameters and by initial states.
+    """Iterate over readings and their derivatives in blocks of samples.
 
-    Memory grows with a block and not with the records.
+    The memory depends on the block size and not on the length of the records.
 
     Args:
         simulator: Model and records.
         values: (n_parameter,) physical.
         states: For each record (n_state,).
         directions: (n_parameter, n_direction) physical.
-        lead: Samples of the block before that are repeated at the head of each.
-        rows: Samples of the blocks of all records at one time; None for whole records.
+        lead: Samples of the previous block that are repeated at the start of each block.
+        rows: Number of samples in memory at a time, over all records; None for whole records.
     """
     n, m = simulator.n_state, directions.shape[1]
     lanes = m + n
@@ -128,16 +128,16 @@ def tangent_blocks(
 def stretch(
     simulator: Simulator, k: int, start: int, stop: int
 ) -> tuple[Array, NDArray[np.intp] | None]:
-    """Inputs of some samples of a record, and the rows of them at which samples lie.
+    """Inputs of a range of samples of one record, and the row index of each sample.
 
     Args:
         simulator: Model and records.
-        k: Number of the record.
+        k: Index of the record.
         start: First sample.
-        stop: The sample after the last; beyond the end for all that are left.
+        stop: Sample after the last; may exceed the length of the record.
 
     Returns:
-        (n_row, n_input), and (n_sample,) rows, None where every row is a sample.
+        (n_row, n_input), and (n_sample,) row indices, None if every row is a sample.
     """
     inputs = simulator.inputs[k]
     if simulator.begins is None:

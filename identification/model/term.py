@@ -1,20 +1,20 @@
-"""What a model is made of: small terms that say where they enter the equations.
+"""Abstract model terms, one class per position at which an effect may enter the equations.
 
-A term is a frozen class: its parameters, the formula, and nothing else.  There is one abstract
-class for each place at which physics can enter, and each asks for one method:
+A term is a frozen class with parameters and a formula:
 
-    AbstractTorque        a torque on the shaft                          [N m]
-    AbstractVoltage       a voltage in the armature loop                 [V]
-    AbstractCoefficient   a factor on Ra, Kt, L, J or b                  [-]
-    AbstractTemperature   what winding or magnet feel instead of the log [degC]
-    AbstractSupply        what the terminals see instead of the log      [V]
-    AbstractSensor        what a sensor logs instead of the state        [A] or [rad/s]
-    AbstractDelay         a channel that lags the others                 [s]
-    AbstractMean          a channel that logs means over sample intervals
-    AbstractHold          the other behaviour of the voltage between samples
+    AbstractTorque        torque on the shaft                            [N m]
+    AbstractVoltage       voltage in the armature circuit                [V]
+    AbstractCoefficient   factor on Ra, Kt, L, J or b                    [-]
+    AbstractTemperature   effective temperature of winding or magnet     [degC]
+    AbstractSupply        terminal voltage that differs from the log     [V]
+    AbstractSensor        sensor reading that differs from the state     [A] or [rad/s]
+    AbstractDelay         delay of a channel relative to the others      [s]
+    AbstractMean          average over sample intervals as the reading of a channel
+    AbstractHold          opposite inter-sample behaviour of the voltage
 
-Any of them may bring states of its own (`states` and `rates`).  `composite.py` adds terms to the
-declared equations without knowing a single one, so a new effect is one class in one file.
+The first six have one abstract method each, the formula.  Any term may add states of its own
+(`states` and `rates`).  `composite.py` adds terms to the nominal equations through these interfaces
+alone, so a new effect is one class in one file.
 
 The methods must work on CasADi symbols: arithmetic, `casadi.exp` and the like, no NumPy
 functions and no Python `if` on a signal.
@@ -50,26 +50,26 @@ __all__ = [
 ]
 
 Expression = Any
-"""A CasADi SX scalar; CasADi ships no types."""
+"""CasADi SX expression; CasADi ships no types."""
 
 Values = SimpleNamespace
-"""Parameters of the term by name, as symbols, and the declared ones."""
+"""Symbols by name: the parameters of a term and the nominal ones, or the states of a term."""
 
 
 @dataclass(frozen=True)
 class State:
-    """A state that a term brings.
+    """State variable of a term.
 
     Args:
         name: Name, unique within the term.
         unit: Unit, for the report.
-        follows: What it equals in steady state at the start of a run (``temperature``,
-            ``current``, ``speed``) or ``zero``; the start of the free initial value.
-        scale: Width of the broad prior of the initial value of a state that starts at zero [unit].
-        is_own: Whether it is an amplitude that each record has for itself: it does not move, or is
-            the beginning of a course that no input drives.
-        fades: Whether its value at the start is forgotten long before the record ends, as a
-            filter's is; samples after that tell nothing of it.
+        follows: Signal that the state equals in steady state (``temperature``, ``current``,
+            ``speed``), or ``zero``; it sets the prior mean of the initial value.
+        scale: Prior standard deviation of the initial value of a state that starts at zero [unit].
+        is_own: Whether the state is a per-record amplitude: constant, or the initial value of a
+            transient that no input drives.
+        fades: Whether the influence of the initial value decays long before the record ends, as in
+            a filter; later samples carry no information about it.
     """
 
     name: str
@@ -82,7 +82,7 @@ class State:
 
 @dataclass(frozen=True)
 class Signals:
-    """What a term may depend on, at one instant.
+    """Signals on which a term may depend, at one instant.
 
     Args:
         current: Armature current [A].
@@ -90,12 +90,12 @@ class Signals:
         voltage: Logged terminal voltage [V].
         temperature: Logged temperature, smoothed [degC].
         angle: Logged shaft angle, or the integral of the logged speed [rad].
-        time: Time in the run [s].
-        run: Number of the run in the order of recording, from 0 [-].
+        time: Time since the start of the run [s].
+        run: Index of the run in the order of recording, from 0 [-].
         peak_temperature: Highest temperature logged so far in the campaign [degC].
         temperature_rate: Time derivative of the logged temperature, smoothed [K/s].
-        winding_temperature: What the winding has [degC].
-        magnet_temperature: What the magnet has [degC].
+        winding_temperature: Effective temperature of the winding [degC].
+        magnet_temperature: Effective temperature of the magnet [degC].
     """
 
     current: Expression
@@ -112,7 +112,7 @@ class Signals:
 
 
 class AbstractTerm(ABC):
-    """A piece of physics with a name; see the module's docstring for its kinds."""
+    """Named term; the module's docstring lists where a term may enter the equations."""
 
     name: ClassVar[str]
     equation: ClassVar[str]  # electrical, mechanical, thermal or sensor
@@ -120,48 +120,48 @@ class AbstractTerm(ABC):
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     states: ClassVar[tuple[State, ...]] = ()
-    defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range makes the kind what it is
-    moments: ClassVar[tuple[str, ...]] = ()  # times of events, which any sample may be
-    laws: ClassVar[tuple[type[AbstractTerm], ...]] = ()  # other classes of the same kind
+    defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range defines the effect type
+    moments: ClassVar[tuple[str, ...]] = ()  # event times, which may fall on any sample
+    laws: ClassVar[tuple[type[AbstractTerm], ...]] = ()  # other classes of the same effect type
 
     @property
     def variant(self) -> str:
-        """Which of several terms of this name it is: its channel, run or signals; empty for one."""
+        """Label that tells terms of the same name apart: channel, run or signals; often empty."""
         return ""
 
     @property
     def is_local(self) -> bool:
-        """Whether the term belongs to the runs or times where it was seen, and to no other run."""
+        """Whether the term applies only to the runs or times in which it was found."""
         return False
 
     @property
     def richer(self) -> tuple[AbstractTerm, ...]:
-        """Better forms of the same law, tried in turn once this one has been found; often none."""
+        """Extended variants, tried in turn once this term has been accepted; often none."""
         return ()
 
     def leads(self, before: AbstractTerm) -> tuple[AbstractTerm, ...]:
-        """Forms through which a fit is led from a poorer form to this one; none for most.
+        """Continuation steps from a simpler variant to this one; none for most terms.
 
         Args:
-            before: The poorer form.
+            before: The simpler variant.
         """
         return ()
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """Why the term is not what its kind is with these values, in words; empty where it is.
+        """Reason why these values contradict the effect type, in words; empty if they do not.
 
         Args:
-            values: Its parameters by name.
+            values: Parameters of the term by name.
         """
         return ""
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Time derivative of each state of this term; none moves [unit of the state / s]."""
+        """Time derivative of each state of this term, zero by default [unit of the state / s]."""
         return [ca.SX(0)] * len(self.states)
 
 
 class AbstractTorque(AbstractTerm):
-    """A torque on the shaft, positive in the direction of positive speed."""
+    """Torque on the shaft, positive in the direction of positive speed."""
 
     @abstractmethod
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -169,7 +169,7 @@ class AbstractTorque(AbstractTerm):
 
 
 class AbstractVoltage(AbstractTerm):
-    """A voltage in the armature loop."""
+    """Voltage in the armature circuit."""
 
     @abstractmethod
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -177,37 +177,37 @@ class AbstractVoltage(AbstractTerm):
 
 
 class AbstractCoefficient(AbstractTerm):
-    """A factor on one of the coefficients of the declared equations."""
+    """Factor on one coefficient of the nominal equations."""
 
     coefficient: ClassVar[str]  # Ra, Kt, L, J or b
 
     @abstractmethod
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on the coefficient; one where the effect vanishes [-]."""
+        """Factor on the coefficient; one if the effect is absent [-]."""
 
 
 class AbstractTemperature(AbstractTerm):
-    """The temperature of winding or magnet, where it is not the logged one."""
+    """Effective temperature of winding or magnet, if it differs from the logged one."""
 
-    bodies_felt: ClassVar[tuple[str, ...]]  # of winding and magnet
+    bodies_felt: ClassVar[tuple[str, ...]]  # the bodies concerned: winding, magnet
 
     @abstractmethod
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Temperature of the body, given the one without this term [degC]."""
+        """Effective temperature of the body, given the one without this term [degC]."""
 
 
 class AbstractSupply(AbstractTerm):
-    """The voltage at the terminals, where it is not the logged one."""
+    """Terminal voltage, if it differs from the logged one."""
 
     @abstractmethod
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
-        """Voltage at the terminals, given the one without this term [V]."""
+        """Terminal voltage, given the one without this term [V]."""
 
 
 class AbstractSensor(AbstractTerm):
-    """What a sensor logs, where it is not the state itself."""
+    """Sensor reading, if it differs from the state itself."""
 
     channel: ClassVar[str]  # current or speed
 
@@ -215,39 +215,39 @@ class AbstractSensor(AbstractTerm):
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Logged value, given the one without this term [A] or [rad/s]."""
+        """Reading, given the one without this term [A] or [rad/s]."""
 
 
 class AbstractDelay(AbstractTerm):
-    """A channel that lags the others by its parameter `delay` [s].
+    """Channel that lags the others by its parameter `delay` [s].
 
-    The logged value is that of the model a while ago, taken between samples from the cubic through
-    value and slope at both ends of the interval (the slopes jump at samples where the voltage
-    does, so a straight line would be off by the curvature of the current).  A voltage that lags
-    is the same as both other channels leading: the simulation is driven with the voltage `depth`
-    samples ahead and both channels are delayed by the rest.
+    The reading is the delayed model output, interpolated by the cubic Hermite polynomial of the
+    sample interval.  The slopes jump at samples at which the voltage jumps, so linear
+    interpolation would be wrong by the curvature of the current.  A lagging voltage is equivalent
+    to both other channels leading: the simulation uses the voltage `depth` samples ahead and
+    delays both channels by `depth` minus the delay.
     """
 
     channel: Any  # "current", "speed" or "voltage"; a field of the term
-    depth: Any  # whole sample intervals kept; a field of the term
+    depth: Any  # number of sample intervals stored; a field of the term
     interval: Any  # sample interval [s]; a field of the term
 
     def lag(self, values: Values) -> Expression:
-        """By how much the simulated channels are delayed, in sample intervals [-]."""
+        """Delay of the simulated channels in sample intervals [-]."""
         if self.channel == "voltage":
             return self.depth - values.delay / self.interval
         return values.delay / self.interval
 
 
 class AbstractMean(AbstractTerm):
-    """A channel whose logged value is its mean over the sample interval that ends there.
+    """Channel whose reading is its average over the sample interval that ends there.
 
-    The integral over the interval is computed with the states, so that the mean is as accurate as
-    they are.  A delay of the same channel delays the mean.
+    The integral over the interval is an additional state of the integration step, so the average
+    is as accurate as the states.  A delay of the same channel delays the average.
     """
 
     channel: ClassVar[str]  # current or speed
 
 
 class AbstractHold(AbstractTerm):
-    """The voltage between samples behaves the other way than declared."""
+    """Inter-sample behaviour of the voltage opposite to the nominal one."""

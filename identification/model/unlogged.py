@@ -1,16 +1,17 @@
-"""Runs whose temperature was not logged: each has one of its own, a parameter of the model.
+"""Unknown run temperatures as model parameters, for runs without a logged temperature.
 
-What tells it is the resistance, as where a winding's temperature is measured by its resistance,
-and the torque constant.  It takes another temperature to compare with; where none was logged that
-of the first run is called 25 degC.  Then nothing tells how much warmer the others were, but by the
-coefficient that resistances have: it is held there, so that a temperature and a coefficient that
-only have a known product do not have to be searched along a hyperbola.
+The armature resistance determines such a temperature, as in the resistance method for winding
+temperatures; so does the torque constant.  Both need a reference temperature.  If no run has a
+logged temperature, the first run is defined to be at 25 degC.  If the logged temperatures span too
+little, the data determine only the products of temperature coefficients and temperature
+differences, and a fit with both free would search along a hyperbola; the temperature coefficient
+of the resistance is then held by a narrow prior.
 
-No motor keeps its temperature while it is driven, so each such run warms evenly by a second
-parameter.
+No motor keeps its temperature while it is driven, so a second parameter of each such run is a
+linear temperature rise.
 
-A bench without a thermometer stands in a room, and self-heating ends where the insulation does:
-beyond these limits it is not heat that changes the resistance.
+The bounds are physical: a bench without a thermometer stands in a room, and the thermal class of
+the insulation limits self-heating.  Beyond them, something other than heat changes the resistance.
 
 Source: IEC 60034-1, clause 6 (ambient air of 0 to 40 degC); IEC 60085 (thermal class F, 155 degC).
 """
@@ -30,7 +31,7 @@ from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 __all__ = ["COLDEST", "HOTTEST", "RAMP", "WARMING", "Unlogged"]
 
 RAMP: Final = 0.5
-"""Rise over a run that stands for an unknown temperature, small against any that is known [K]."""
+"""Total rise of the placeholder ramp for an unknown temperature, small against real rises [K]."""
 
 COLDEST: Final = 0.0
 """Lowest temperature of a winding on a bench in a room [degC]."""
@@ -39,24 +40,26 @@ HOTTEST: Final = 155.0
 """Highest temperature of a winding of thermal class F [degC]."""
 
 _SPREAD: Final = 30.0
-"""Standard deviation of a temperature that nobody logged [K]."""
+"""Prior standard deviation of an unlogged temperature [K]."""
 
 WARMING: Final = 10.0
-"""Standard deviation of what a run warms by [K]."""
+"""Prior standard deviation of the temperature rise over a run [K]."""
 
 _HELD: Final = 1e-2
-"""Standard deviation of a coefficient that is held, over its scale."""
+"""Prior standard deviation of a held coefficient, relative to its scale."""
 
 
 @dataclass(frozen=True)
 class Unlogged:
-    """Temperatures that are parameters of a model.
+    """Run temperatures that are parameters of a model.
 
     Args:
-        runs: Numbers of the runs that have one.
-        expected: Temperature around which they are expected [degC].
-        reference: Which of them is called to have that one in its middle; None where others tell.
-        is_relative: Whether no two logged temperatures tell what a kelvin does.
+        runs: Indices of these runs.
+        expected: Prior mean of their temperatures [degC].
+        reference: Run whose mid-run temperature is fixed at `expected`; None if any run has a
+            logged temperature.
+        is_relative: Whether the logged temperatures, if any, span too little to determine the
+            temperature coefficients.
     """
 
     runs: tuple[int, ...] = ()
@@ -66,7 +69,7 @@ class Unlogged:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What each run warms by, and its temperature in the middle, but that of the reference."""
+        """Temperature rise of each run, then mid-run temperature of each run but the reference."""
         warming = [self._warming(run) for run in self.runs]
         return (*warming, *[self._middle(run) for run in self.runs if run != self.reference])
 
@@ -74,8 +77,8 @@ class Unlogged:
         """Temperature of a run [degC].
 
         Args:
-            logged: The logged one or, where none was, a rise by `RAMP` around the expected [degC].
-            run: Number of the run.
+            logged: Logged temperature or, without one, a ramp by `RAMP` around `expected` [degC].
+            run: Index of the run.
             values: One for each of `parameters`.
         """
         middles = iter(values[len(self.runs) :])
@@ -86,7 +89,7 @@ class Unlogged:
         return logged
 
     def held(self, declared: Sequence[Parameter]) -> tuple[Parameter, ...]:
-        """The declared parameters, with the coefficient held that makes temperatures of ratios."""
+        """Nominal parameters, with a narrow prior on alpha_Ra if `is_relative`."""
         return tuple(
             replace(p, prior_sd=_HELD) if self.is_relative and p.name == "alpha_Ra" else p
             for p in declared

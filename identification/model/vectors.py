@@ -1,9 +1,9 @@
-"""Exponentials, logarithms and their like for four lanes at once, where the machine has them.
+"""Vectorised exp, log, sin, cos and pow for four lanes, from the C library where available.
 
-LLVM knows these functions only one number at a time.  The C library of Linux brings versions for
-whole registers (libmvec, at most 4 units in the last place from exact), which a motor with smooth
-friction or a brush drop spends most of its time in.  Where they are absent each lane is computed
-by itself.
+LLVM can only call the scalar functions, one lane at a time.  The C library of Linux has versions
+for AVX2 registers (libmvec, error at most 4 units in the last place).  These functions dominate
+the run time of a motor with smooth friction or a brush drop.  Without the library each lane is
+computed separately.
 
 Source: GNU C Library, "Vector ABI of x86-64" and the notes to version 2.22 (exp, log, pow, sin,
 cos).
@@ -32,17 +32,17 @@ _NAMES: Final = {
 
 
 def vector_function(name: str) -> str | None:
-    """Symbol of a function for `WIDTH` lanes, or None where this machine has none.
+    """Symbol of the version of a function for `WIDTH` lanes, or None if this machine has none.
 
     Args:
-        name: Name of the function for one number: exp, log, sin, cos or pow.
+        name: Name of the scalar function: exp, log, sin, cos or pow.
     """
     return vector_functions().get(name)
 
 
 @functools.cache
 def vector_functions() -> dict[str, str]:
-    """Symbols by name of what this machine has; from then on code that calls them can be loaded."""
+    """Available vector functions, name to symbol; loads their library into the process."""
     if not llvm.get_host_cpu_features().get("avx2", False):
         return {}
     try:

@@ -1,9 +1,9 @@
-"""The noise model: how much each sample counts.
+"""Noise model: standard deviation, autocorrelation and heavy tails of the residuals.
 
-Each channel has its own standard deviation, estimated from the residuals.  Where residuals are
-correlated in time an autoregressive filter whitens them, so that a thousand samples of slow noise
-do not pass for a thousand pieces of evidence; where they have heavy tails each sample is weighted
-by the Student-t likelihood of its size, never deleted.
+Each channel has its own standard deviation, estimated from the residuals.  If the residuals are
+autocorrelated, an autoregressive filter whitens them, so that a thousand samples of slow noise do
+not count as a thousand independent samples.  If they have heavy tails, each sample has a Student-t
+weight; none is deleted.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Weighting:
         deviation: (2,) standard deviation of the whitened residuals [A, rad/s].
         whitening: For each channel the coefficients (1, -a1, -a2, ...) of the filter that
             whitens its residuals.
-        robust: For each record (n_sample, 2) weights of the samples by their size, or None.
-        floor: (2,) deviations below which a fit is perfect [A, rad/s].
+        robust: For each record (n_sample, 2) Student-t weights, or None.
+        floor: (2,) standard deviations below which a fit counts as perfect [A, rad/s].
     """
 
     records: tuple[Record, ...]
@@ -44,36 +44,36 @@ class Weighting:
 
     @staticmethod
     def white(records: Sequence[Record]) -> Weighting:
-        """Independent normal errors of unknown size."""
+        """Independent normal errors, with the standard deviation of the data as starting value."""
         stacked = np.concatenate([record.measured for record in records])
         spread = np.maximum(np.std(stacked, axis=0), 1e-12 * np.abs(stacked).max(axis=0))
         spread[spread == 0] = 1.0
         one = np.ones(1)
-        # The discretisation is exact to 1e-8 of the signal; errors are not resolved below that.
+        # The integration error is about 1e-8 of the signal; smaller residuals are not resolved.
         return Weighting(tuple(records), spread, (one, one), None, 1e-8 * spread)
 
     @cached_property
     def counts(self) -> Array:
-        """(2,) number of samples that count in each channel."""
+        """Sum of the sample weights of each channel, (2,)."""
         return np.asarray(np.sum([record.weight.sum(axis=0) for record in self.records], axis=0))
 
     @property
     def memory(self) -> int:
-        """Samples before one that its whitened residual depends on."""
+        """Order of the longest whitening filter, in samples."""
         return max(taps.size for taps in self.whitening) - 1
 
     def whitened(self, series: Array, channel: int) -> Array:
-        """A series (n_sample, ...) through the whitening filter of a channel."""
+        """Apply the whitening filter of a channel to a series (n_sample, ...)."""
         taps = self.whitening[channel]
         return series if taps.size == 1 else signal.lfilter(taps, [1.0], series, axis=0)
 
     def sample_weights(self, k: int) -> Array:
-        """(n_sample, 2) weights of record `k` before division by the variance."""
+        """Weights of the samples of record `k` before division by the variance, (n_sample, 2)."""
         weight = self.records[k].weight
         return weight if self.robust is None else weight * self.robust[k]
 
     def sums_of_squares(self, residuals: Sequence[Array]) -> Array:
-        """(2,) weighted sums of squares of whitened residuals."""
+        """Weighted sums of squares of the whitened residuals, (2,)."""
         total = np.zeros(2)
         for k, residual in enumerate(residuals):
             weight = self.sample_weights(k)
@@ -83,14 +83,14 @@ class Weighting:
         return total
 
     def sized(self, sums: Array) -> tuple[Weighting, Array]:
-        """This model with the deviations that fit best, and the cost there.
+        """Maximum-likelihood standard deviations, and the profile cost at them.
 
         Args:
             sums: (2,) or (2, n_lane) sums of squares, see `sums_of_squares`.
 
         Returns:
-            The model with the deviations of the best lane, and the negative log likelihood of
-            each lane up to a constant, infinite where the simulation diverged.
+            The noise model with the standard deviations of the best lane, and the negative log
+            likelihood of each lane up to a constant, infinite if its simulation diverged.
         """
         counts = np.maximum(self.counts, 1.0)
         lanes = sums.reshape(2, -1)
