@@ -1,16 +1,20 @@
-"""How the identified motor behaves in a closed speed loop, hot and cold.
+"""Performance of the identified motor in a closed speed loop at chosen temperatures.
 
-    controller.py     what the user writes: P:1, PI:2,0.5, PID:2,0.5,0.1
+    controller.py     controller specifications: P:1, PI:2,0.5, PID:2,0.5,0.1
     loop.py           motor and controller as transfer functions, one for each draw
     roots.py          roots of many polynomials of degree two and three
-    modes.py          sums of modes, safe where poles meet
-    envelope.py       when such a sum stays below a level
+    modes.py          sums of exponential modes, also for coincident poles
+    envelope.py       time after which such a sum stays below a level
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly
-    spread.py         all of it over the posterior draws: the feedback list of a result
+    spread.py         these metrics over the posterior draws: the feedback list of a result
     curves.py         step responses with bands, for plotting
+    closed_loop.py    simulation of the loop with the effects of the motor
+    sampled.py        rise, settling, peak and overshoot of a simulated response
+    nonlinear.py      feedback metrics of the motor with its effects
 
-Each file stands on those above it; `feedback_metrics` and `step_curves` are the doors.
+Each module imports only modules above it.  The entry points are `feedback_metrics`, `step_curves`
+and, for the motor with its effects, `nonlinear.simulated_loops`.
 """
 
 from __future__ import annotations

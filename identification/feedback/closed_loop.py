@@ -1,14 +1,14 @@
-"""The motor with its effects in a closed speed loop, as equations that the model's step advances.
+"""State equations and simulation of the closed speed loop around the motor with its effects.
 
     v = kp (r - w) + ki z - kd dw/dt,     dz/dt = r - w
 
-The reference r takes the place of the logged voltage among the inputs, and the shaft angle is a
-state where an effect depends on it.  What remains are the equations of the motor, so that the loop
-is simulated by the very step that the fit uses, exact where the motor is linear.
+The reference r replaces the logged voltage among the inputs, and the shaft angle is a state if an
+effect depends on it.  The loop is simulated by the same integration step as the fit, which is
+exact for a linear motor.
 
-Only what acts on the motor at the temperature asked for is in the loop.  Left out are effects of
-the sensors, which concern the log; those that say how the temperature comes about, since winding
-and magnet have the one that is asked for; and loads that belong to the time of one run.
+The loop contains only effects that act on the motor at the given temperature.  It omits sensor
+effects, which concern only the log; thermal effects that determine a temperature, because winding
+and magnet are at the given one; and effects that depend on the time or index of a run.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _REFERENCE: Final = INPUTS.index("voltage")
 
 
 def acting_terms(model: MotorModel) -> tuple[AbstractTerm, ...]:
-    """The effects of a model that act on the motor in a loop at a given temperature."""
+    """Effects of a model that act on the motor in a closed loop at a given temperature."""
     return tuple(
         term
         for term in model.terms
@@ -49,7 +49,7 @@ def acting_terms(model: MotorModel) -> tuple[AbstractTerm, ...]:
 
 
 def _belongs_to_a_run(term: AbstractTerm) -> bool:
-    """Whether the equations with the term depend on the time of a run or on its number."""
+    """Whether the equations of the term depend on the time in a run or on the run's index."""
     alone = MotorModel((term,))
     x, u, p = _symbols(len(alone.state_names), len(alone.parameters))
     moments = ca.vertcat(u[INPUTS.index("time")], u[INPUTS.index("run")])
@@ -58,32 +58,32 @@ def _belongs_to_a_run(term: AbstractTerm) -> bool:
 
 @dataclass(frozen=True)
 class ClosedLoop(MotorModel):
-    """A motor and its controller; the input ``voltage`` is the reference [rad/s].
+    """Motor and controller; the input ``voltage`` is the speed reference [rad/s].
 
     Args:
-        controller: What turns the speed error into voltage.
+        controller: Controller of the speed error.
     """
 
     controller: Controller = Controller("P:1", 1.0)
 
     @cached_property
     def motor(self) -> MotorModel:
-        """The motor alone."""
+        """Motor without the controller."""
         return MotorModel(self.terms)
 
     @cached_property
     def turns(self) -> bool:
-        """Whether an effect depends on the angle of the shaft."""
+        """Whether an effect depends on the shaft angle."""
         return any("position" in term.drivers for term in self.terms)
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
-        """States of the motor, then the integral of the error and the angle, where they act."""
+        """States of the motor, then the integral of the error and the shaft angle if present."""
         integral = ("integral",) if self.controller.integral else ()
         return (*self.motor.state_names, *integral, *(("angle",) if self.turns else ()))
 
     def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
-        """Right-hand side (n_state,) of motor, controller and angle."""
+        """Right-hand side (n_state,) of motor, controller and shaft angle."""
         own, driven = self._driven(state, inputs, parameter)
         rates = [self.motor.rates(own, driven, parameter)]
         if self.controller.integral:
@@ -93,13 +93,13 @@ class ClosedLoop(MotorModel):
         return ca.vertcat(*rates)
 
     def command(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
-        """Voltage that the controller gives [V]."""
+        """Output voltage of the controller [V]."""
         return self._driven(state, inputs, parameter)[1][_REFERENCE]
 
     def _driven(
         self, state: Expression, inputs: Expression, parameter: Expression
     ) -> tuple[Expression, Expression]:
-        """State of the motor, and the inputs with the controller's voltage and the angle."""
+        """State of the motor, and the inputs with the controller's voltage and the shaft angle."""
         count = len(self.motor.state_names)
         own, further = state[:count], [state[k] for k in range(count, len(self.state_names))]
         rows = [inputs[k] for k in range(len(INPUTS))]
@@ -110,7 +110,7 @@ class ClosedLoop(MotorModel):
             voltage += self.controller.integral * further[0]
         rows[_REFERENCE] = voltage
         if self.controller.derivative:
-            # The acceleration depends on the current and not on the voltage, so this is no loop.
+            # No algebraic loop: the acceleration depends on the current, not on the voltage.
             acceleration = self.motor.rates(own, ca.vertcat(*rows), parameter)[1]
             rows[_REFERENCE] = voltage - self.controller.derivative * acceleration
         driven = ca.vertcat(*rows)
@@ -119,14 +119,14 @@ class ClosedLoop(MotorModel):
 
 @dataclass(frozen=True)
 class LoopRun:
-    """Simulated loops at one temperature.
+    """Simulated step responses of a closed loop at one temperature.
 
     Args:
-        time: (n_time,) even, from 0 [s].
+        time: (n_time,) uniform, from 0 [s].
         speed: (n_time, n_draw) [rad/s].
         acceleration: (n_time, n_draw) [rad/s^2].
         current: (n_time, n_draw) [A].
-        voltage: (n_time, n_draw) without the kick of a derivative at 0 [V].
+        voltage: (n_time, n_draw), without the impulse of the derivative at 0 [V].
     """
 
     time: Array
@@ -144,16 +144,16 @@ def simulated_loop(
     conditions: list[tuple[float, float]],
     time: Array,
 ) -> list[LoopRun]:
-    """Responses to a step of the reference from standstill, without current.
+    """Responses to a step of the reference, from standstill and zero current.
 
     Args:
         loop: Motor and controller.
         parameters: (n_parameter, n_draw) physical.
-        own_states: (n_state - 2,) states of the effects to begin with.
+        own_states: Initial values of the states of the effects, (n_motor_state - 2,).
         step: Size of the step [rad/s].
-        conditions: Temperature of winding and magnet, and the highest that the motor has had, for
-            each simulation [degC].
-        time: (n_time,) even, from 0 [s].
+        conditions: For each simulation the temperature of winding and magnet, and the highest
+            temperature that the motor has had before [degC].
+        time: (n_time,) uniform, from 0 [s].
 
     Returns:
         One for each condition.
@@ -191,9 +191,10 @@ def _symbols(states: int, parameters: int) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step: float) -> Array:
-    """The state behind the step: a derivative of the error is an impulse of kd r volt seconds.
+    """State just after the step, including the impulse kd r of the derivative [V s].
 
-    It passes through the inductance alone, whose own law is followed from no current to the end.
+    The impulse acts on the inductance alone.  The midpoint rule integrates the current from zero,
+    because the inductance may depend on the current.
     """
     kick = loop.controller.derivative * step
     if not kick:
@@ -211,7 +212,7 @@ def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step:
 
 
 def _fastest(loop: ClosedLoop, starts: list[Array], rows: list[Array], parameters: Array) -> float:
-    """Largest spectral radius of the loop at standstill and under way [1/s]."""
+    """Largest spectral radius of the Jacobian, at standstill and at the reference speed [1/s]."""
     x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
     jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(loop.rates(x, u, p), x)])
     largest, size = 0.0, x.numel()

@@ -1,13 +1,13 @@
-"""Controllers as the user writes them: ``P:kp``, ``PI:kp,ki`` and ``PID:kp,ki,kd``.
+"""Controller specifications ``P:kp``, ``PI:kp,ki`` and ``PID:kp,ki,kd``, and their parser.
 
-The controller turns the speed error into the motor's voltage, in the ideal parallel form
+The controller maps the speed error to the motor's voltage, in the ideal parallel form
 
     C(s) = kp + ki / s + kd s          kp [V s/rad], ki [V/rad], kd [V s^2/rad]
 
-The derivative acts on the error and has no filter.  None is needed: between voltage and speed the
-motor has two poles and no zero, so the loop C(s) w/v stays strictly proper, and every response
-and margin of the speed is finite.  Only the voltage would hold an impulse at a step of the
-reference, and nothing here reports the voltage.
+The derivative acts on the error and has no filter.  It needs none: the motor has two poles and no
+zero from voltage to speed, so C(s) w/v is strictly proper, and every response and margin of the
+speed is finite.  Only the voltage has an impulse at a step of the reference, and no result reports
+the voltage.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _LONGEST_SHOWN: Final = 60
 
 @dataclass(frozen=True)
 class Controller:
-    """A linear controller of the speed error.
+    """Linear controller of the speed error.
 
     Args:
-        text: The controller as the user wrote it.
-        proportional: Voltage for an error [V s/rad].
-        integral: Rate of voltage for an error [V/rad].
-        derivative: Voltage for a rate of the error [V s^2/rad].
+        text: Specification as the user wrote it.
+        proportional: Gain kp [V s/rad].
+        integral: Gain ki [V/rad].
+        derivative: Gain kd [V s^2/rad].
     """
 
     text: str
@@ -46,16 +46,16 @@ class Controller:
 
 
 def parse_controller(text: str) -> Controller:
-    """The controller that a text such as ``PI:2,0.5`` stands for.
+    """Parse a controller specification such as ``PI:2,0.5``.
 
-    Negative gains are accepted: such a loop may be unstable, and is then reported to be.
+    Negative gains are accepted; an unstable loop is reported as such.
 
     Args:
-        text: Kind, colon and gains; blanks and the case of the kind do not matter.
+        text: Controller type, colon and gains; blanks and the case of the type are ignored.
 
     Raises:
-        OptionError: The kind is not known, the gains are too few, too many, no finite numbers or
-            all zero.
+        OptionError: The controller type is unknown, the number of gains is wrong, a gain is not a
+            finite number of at most 1e12 in magnitude, or all gains are zero.
     """
     kind, colon, rest = text.partition(":")
     kind = kind.strip().upper()
@@ -72,10 +72,10 @@ def parse_controller(text: str) -> Controller:
 
 
 def parse_controllers(texts: Iterable[str]) -> list[Controller]:
-    """Each text as `parse_controller` reads it.
+    """Parse each text by `parse_controller`.
 
     Args:
-        texts: At least one controller.
+        texts: At least one specification.
 
     Raises:
         OptionError: There is none, or one is not accepted.
@@ -91,7 +91,7 @@ def _gain(text: str, cell: str) -> float:
         gain = decimal_of(cell)
     except ValueError:
         raise _refused(text, f"has the gain {_shown(cell)}, which is not a number") from None
-    # Beyond this the loop's poles overflow, and no amplifier comes near it.
+    # Larger gains overflow the closed-loop poles, and no amplifier comes near this limit.
     if not math.isfinite(gain) or abs(gain) > 1e12:
         raise _refused(text, f"has the gain {_shown(cell)}; a gain is finite and at most 1e12")
     return gain

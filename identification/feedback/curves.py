@@ -1,4 +1,4 @@
-"""Closed-loop step responses with bands, for plotting."""
+"""Closed-loop step responses with posterior bands, for plotting."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ __all__ = ["StepCurve", "step_curves"]
 
 Array = NDArray[np.float64]
 
-# Past settling a little of the final value is shown; an unstable loop is shown for as long as its
-# fastest growth takes to multiply by e^3.
+# A settling loop is plotted for 1.4 settling times, an unstable one until its fastest mode has
+# grown by e^3.
 _BEYOND_SETTLING: Final = 1.4
 _GROWTHS: Final = 3.0
 _LARGEST_DRAWN: Final = 1e9
@@ -27,7 +27,7 @@ _LARGEST_DRAWN: Final = 1e9
 
 @dataclass(frozen=True)
 class StepCurve:
-    """Speed after a reference step of 1 rad/s: median and 90 % band of the draws at each instant.
+    """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws.
 
     Args:
         controller: The controller as the user wrote it.
@@ -53,16 +53,16 @@ def step_curves(
     n_time: int = 300,
     most_draws: int = 500,
 ) -> list[StepCurve]:
-    """Exact step responses on a grid for drawing; no metric is read off it.
+    """Exact step responses on a time grid, for plotting; no metric is computed from the grid.
 
-    The temperatures of one controller share the grid, so that the curves lie over each other.
+    All temperatures of one controller share the grid, so their curves can be overlaid.
 
     Args:
         draws: As for `feedback_metrics`.
         temperatures: Temperatures of winding and magnet [degC].
         controllers: Texts that `parse_controller` accepts.
-        n_time: Instants of the grid.
-        most_draws: Draws used at most, evenly spread over those given.
+        n_time: Number of grid points.
+        most_draws: Largest number of draws used, evenly spaced among those given.
 
     Returns:
         One curve for each controller and, within it, each temperature.
@@ -81,7 +81,7 @@ def step_curves(
         response = StepResponse(close(motors, asked, controller))
         time = np.linspace(0.0, _length(response), n_time)
         for temperature, speed in zip(asked, np.split(response.at(time), len(asked)), strict=True):
-            # A few draws may grow beyond all numbers in the time that the others need.
+            # A few unstable draws may overflow within the time that the others need.
             drawn = np.clip(np.nan_to_num(speed), -_LARGEST_DRAWN, _LARGEST_DRAWN)
             q05, median, q95 = np.quantile(drawn, (0.05, 0.5, 0.95), axis=0)
             curves.append(StepCurve(controller.text, temperature, time, median, q05, q95))
@@ -89,7 +89,7 @@ def step_curves(
 
 
 def _length(response: StepResponse) -> float:
-    """What most draws need to show how they end [s]."""
+    """Plot length that is long enough for 90 % of the draws [s]."""
     settling = _BEYOND_SETTLING * step_characteristics(response).settling_time
     growth = np.abs(response.poles.real).max(axis=1)
     unsettled = _GROWTHS / np.where(growth > 0, growth, np.abs(response.poles).max(axis=1))

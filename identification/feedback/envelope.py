@@ -1,13 +1,13 @@
-"""Upper bounds of a decaying sum of modes, and the time after which it stays under a level.
+"""Upper bounds of a decaying sum of modes, and the time after which it stays below a level.
 
-Two bounds hold for all t >= 0.  The modal one, sum |c_k| exp(Re p_k t), is close but useless where
-poles nearly meet and weights grow without limit.  Newton's one,
+Two bounds hold for all t >= 0.  The modal bound, sum |c_k| exp(Re p_k t), is tight, but useless
+for nearly coincident poles, whose weights grow without limit.  The Newton bound,
 
     (|a_1| + |a_2| t + |a_3| t^2 / 2) exp(p t)          p the largest real part,
 
-holds everywhere, since a divided difference of the exponential is a mean of its derivatives
-(Hermite and Genocchi), and is loose where poles are far apart.  The earlier of the two times
-bounds the horizon within which a response has to be looked at.
+holds for all poles, because a divided difference of the exponential is a mean of its derivatives
+(Hermite-Genocchi formula), but is loose for widely separated poles.  The bound that falls below the
+level first limits the horizon in which a response has to be searched.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ Index = NDArray[np.intp]
 
 _LARGEST_WEIGHT: Final = 1e60
 _FIXED_POINT_STEPS: Final = 40
-# The bound may equal the sum; a little later the sum is under the level whatever the rounding.
+# The bound may equal the sum; this relative margin in time covers rounding.
 _ROUNDING: Final = 1e-6
 
 
 def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
-    """The smaller of both bounds of |x| at given times.
+    """Smaller of the two bounds of |x| at given times.
 
     Args:
-        modes: Stable sums.
+        modes: Stable sums of modes.
         time: (n_time,) [s].
-        loop: The loop of each time, (n_time,).
+        loop: Index of the loop for each time, (n_time,).
     """
     modal = np.sum(
         _modal_weights(modes)[loop] * np.exp(modes.poles.real[loop] * time[:, None]), axis=1
@@ -48,16 +48,16 @@ def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
 
 
 def time_below(modes: Modes, level: float) -> Array:
-    """A time after which |x| stays below `level`, (n_loop,) [s].
+    """Time after which |x| is guaranteed to stay below `level`, (n_loop,) [s].
 
     Args:
-        modes: Stable sums: all real parts below zero.
+        modes: Stable sums of modes: all poles have a negative real part.
         level: Above zero and below |x(0)|.
     """
     slowest = modes.poles.real.max(axis=1)
     newton = _newton_time(np.abs(modes.weights), slowest, level)
     weights = _modal_weights(modes)
-    # One exponential at the slowest rate bounds the modal sum from above: the bracket's far end.
+    # One exponential at the slowest rate bounds the modal sum; its crossing ends the bracket.
     total = np.log(np.maximum(weights.sum(axis=1) / level, 1.0))
     latest = np.maximum(total, 1.0) / -slowest * (1 + _ROUNDING)
 
@@ -87,10 +87,10 @@ def _polynomial(weights: Array, time: Array) -> Array:
 
 
 def _newton_time(weights: Array, slowest: Array, level: float) -> Array:
-    """Fixed point of t = log(polynomial(t) / level) / -slowest, approached from above.
+    """Largest fixed point of t = log(polynomial(t) / level) / -slowest, approached from above.
 
-    The right side grows with t and slower than t, so that each step stays above the last fixed
-    point: stopping early only makes the bound looser.
+    The right-hand side grows with t, but more slowly than t, so each iterate stays above the fixed
+    point: stopping early only loosens the bound.
     """
 
     def later(time: Array) -> Array:

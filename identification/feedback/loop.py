@@ -1,12 +1,12 @@
-"""The speed loop as transfer functions, one for each posterior draw and temperature.
+"""Linear speed loop as transfer functions, one for each posterior draw and temperature.
 
     reference -->(+)--> C(s) --v--> Kt / ((L s + Ra)(J s + b) + Kt^2) --w--+-->
                   ^-                                                       |
                   +--------------------------------------------------------+
 
-`plant` is equation 10 of the source, which at 25 and 125 degC is its equations 13 and 14; `close`
-gives the loop under unity feedback, its equations 15 and 16.  All polynomials are arrays over
-loops, so that a thousand draws cost little more than one.
+`plant` is equation 10 of the source (its equations 13 and 14 at 25 and 125 degC).  `close` returns
+the loop under unity feedback (equations 15 and 16).  All polynomials are arrays over loops, so a
+thousand draws cost little more than one.
 
 Source: Sidahmed and Mahmoud, Int. J. Advance Research in Computer Science and Management
 Studies 2(9), 2014, pages 384-388, equations 7 to 16.
@@ -30,8 +30,8 @@ __all__ = ["Loop", "close", "motor_draws", "plant"]
 
 Array = NDArray[np.float64]
 
-# An inductance of zero would make the loop one order lower and, with a derivative, not strictly
-# proper.  An electrical time constant this share of the mechanical one moves no digit reported.
+# Zero inductance would lower the order of the loop by one and, with a derivative gain, make it not
+# strictly proper.  This ratio of electrical to mechanical time constant changes no reported digit.
 _LEAST_ELECTRICAL_SHARE: Final = 1e-9
 _SLOPES: Final = ("alpha_Ra", "alpha_Kt")
 _POSITIVE: Final = ("Ra25", "J")
@@ -39,9 +39,9 @@ _POSITIVE: Final = ("Ra25", "J")
 
 @dataclass(frozen=True)
 class Loop:
-    """Open loop L = N / D and closed loop N / (D + N), monic, powers of s falling.
+    """Open loop L = N / D and closed loop N / (D + N), monic, in falling powers of s.
 
-    With an integral gain the order n_pole is 3, else 2.
+    The order n_pole is 3 with an integral gain, else 2.
 
     Args:
         numerator: N, (n_loop, n_pole), from s^(n_pole - 1) down to s^0.
@@ -60,9 +60,9 @@ class Loop:
 
     @property
     def final_value(self) -> Array:
-        """Speed that a reference of 1 rad/s leads to where the loop is stable (n_loop,) [rad/s].
+        """Final speed after a reference step of 1 rad/s, if the loop is stable (n_loop,) [rad/s].
 
-        NaN where the loop has no such value.
+        NaN if the closed loop has no finite DC gain.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             value = self.numerator[:, -1] / self.closed_denominator[:, -1]
@@ -70,22 +70,22 @@ class Loop:
 
 
 def motor_draws(draws: Mapping[str, ArrayLike], temperatures: Sequence[float]) -> dict[str, Array]:
-    """Draws of the declared parameters, checked and of one length.
+    """Draws of the nominal parameters, validated and broadcast to one length.
 
-    The temperature coefficients may be left out where only 25 degC is asked for, since they do
-    not enter there.
+    The temperature coefficients may be omitted if only 25 degC is requested, where they have no
+    influence.
 
     Args:
-        draws: Values by parameter name, (n_draw,) or single numbers; names that the declared
-            model does not have are left aside.
-        temperatures: Temperatures that will be asked for [degC].
+        draws: Values by parameter name, (n_draw,) or single numbers; names other than the nominal
+            parameters are ignored.
+        temperatures: Requested temperatures [degC].
 
     Returns:
-        (n_draw,) for each declared parameter.
+        (n_draw,) for each nominal parameter.
 
     Raises:
-        OptionError: A parameter is missing, not finite, of another length, or has a sign that no
-            motor has.
+        OptionError: A parameter is missing, not finite, of another length, or has a physically
+            impossible sign.
     """
     needed = dict(draws)
     if all(temperature == REFERENCE_TEMPERATURE_DEGC for temperature in temperatures):
@@ -126,16 +126,16 @@ def _check(name: str, value: Array, count: int) -> None:
 
 
 def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]:
-    """The motor from voltage to speed at one temperature (equations 7 to 10).
+    """Transfer function of the motor from voltage to speed at one temperature (equations 7 to 10).
 
         w/v = Kt / ((L s + Ra)(J s + b) + Kt^2) = gain / (s^2 + a1 s + a0)
 
     Args:
-        draws: (n_draw,) for each declared parameter, as `motor_draws` gives them.
+        draws: (n_draw,) for each nominal parameter, as `motor_draws` returns them.
         temperature: Temperature of winding and magnet [degC].
 
     Returns:
-        Gain (n_draw,) [rad/(V s^3)] and the monic denominator (n_draw, 3), powers falling.
+        Gain (n_draw,) [rad/(V s^3)] and the monic denominator (n_draw, 3), falling powers.
     """
     resistance = coefficient_at(draws["Ra25"], draws["alpha_Ra"], temperature)
     constant = coefficient_at(draws["Kt25"], draws["alpha_Kt"], temperature)
@@ -156,12 +156,12 @@ def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]
 def close(
     draws: Mapping[str, Array], temperatures: Sequence[float], controller: Controller
 ) -> Loop:
-    """The speed loop under unity feedback, all draws at all temperatures.
+    """Speed loop under unity feedback, for all draws at all temperatures.
 
     Args:
-        draws: (n_draw,) for each declared parameter, as `motor_draws` gives them.
+        draws: (n_draw,) for each nominal parameter, as `motor_draws` returns them.
         temperatures: Temperatures [degC].
-        controller: What turns the speed error into voltage.
+        controller: Controller of the speed error.
 
     Returns:
         Loops in the order of the temperatures, n_loop = n_temperature * n_draw.
@@ -171,7 +171,7 @@ def close(
     denominator = np.concatenate([motor[1] for motor in motors])
     gains = [controller.derivative, controller.proportional]
     if controller.integral:
-        # The integrator's pole at zero; without it, it would cancel and must not be counted.
+        # Pole of the integrator.  Without integral gain it would cancel, so it is left out.
         gains.append(controller.integral)
         denominator = np.pad(denominator, ((0, 0), (0, 1)))
     return Loop(gain[:, None] * np.array(gains), denominator)

@@ -1,8 +1,8 @@
-"""Gain margin, phase margin and bandwidth, from roots of polynomials.
+"""Gain margin, phase margin and bandwidth from the roots of polynomials.
 
-On the imaginary axis the squared modulus and the phase condition of a rational function are
-polynomials in x = omega^2.  Their positive real roots are all crossings there are, so nothing
-hides between the points of a frequency grid.
+On the imaginary axis, the squared modulus and the phase condition of a rational function are
+polynomials in x = omega^2.  Their positive real roots are all crossover frequencies, so none is
+missed between the points of a frequency grid.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ _BANDWIDTH_DROP_DB: Final = 3.0
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from the border of stability; each (n_loop,).
+    """Distances of a loop from the stability limit; each (n_loop,).
 
     Args:
-        gain_db: Factor on the loop gain that leads to the border.  Positive: the gain may rise by
-            it; negative: the border lies at a lower gain, which for an unstable loop says by how
-            much the gain has to fall.  Of several borders the nearest counts.  Infinite where no
-            gain leads there [dB].
-        phase_deg: Lag that leads to the border, the smallest over all frequencies where the loop
-            gain is 1, from -180 to 180; negative for an unstable loop.  Infinite where the loop
-            gain is below 1 everywhere, so that no lag can lead there [deg].
+        gain_db: Gain margin: the factor on the loop gain that reaches the stability limit [dB].
+            Positive: the gain may rise by it.  Negative: the limit is at a lower gain; the gain of
+            an unstable loop has to fall by it.  Of several limits the nearest counts.  Infinite if
+            no gain reaches the limit.
+        phase_deg: Phase margin: the lag that reaches the stability limit, the smallest in magnitude
+            over all gain crossover frequencies, from -180 to 180 [deg].  Negative for an unstable
+            loop.  Infinite if the loop gain is below 1 at all frequencies.
     """
 
     gain_db: Array
@@ -42,7 +42,7 @@ class Margins:
 
 
 def stability_margins(loop: Loop) -> Margins:
-    """Both margins of each loop.
+    """Gain and phase margin of each loop.
 
     Args:
         loop: Open loops N / D.
@@ -52,12 +52,12 @@ def stability_margins(loop: Loop) -> Margins:
 
 
 def bandwidth(loop: Loop) -> Array:
-    """Lowest frequency at which the closed loop's gain is 3 dB below its gain at rest [rad/s].
+    """Lowest frequency at which the closed-loop gain is 3 dB below the DC gain [rad/s].
 
-    NaN where the gain at rest is zero.  3 dB are a factor of 10^(3/20), not the root of 2.
+    NaN if the DC gain is zero or not finite.  3 dB is the factor 10^(3/20), not the root of 2.
 
     Args:
-        loop: The loops, of which stable ones have a bandwidth that means something.
+        loop: The loops; the bandwidth is meaningful for stable ones only.
     """
     closed = _squared_modulus(loop.closed_denominator)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -77,7 +77,10 @@ def _phase_margin(loop: Loop) -> Array:
 
 
 def _gain_margin(loop: Loop) -> Array:
-    """Where Im N conj(D) = 0 and Re N conj(D) < 0; the first is omega times a quadratic in x."""
+    """Gain margin at the phase crossovers, where Im N conj(D) = 0 and Re N conj(D) < 0.
+
+    The imaginary part is omega times a quadratic in x.
+    """
     numerator_even, numerator_odd = _parts(loop.numerator)
     even, odd = _parts(loop.open_denominator)
     phase = _product(numerator_odd, even) - _product(numerator_even, odd)
@@ -87,7 +90,8 @@ def _gain_margin(loop: Loop) -> Array:
     crossings = np.sqrt(np.stack([far / a, c / far], axis=1))
     crossings[~np.isfinite(crossings) | (crossings <= 0)] = np.nan
     if loop.numerator.shape[1] == 2:
-        # Without an integrator the loop gain at rest is finite and may itself be negative.
+        # Without an integrator the DC loop gain is finite and may be negative, so omega = 0 is a
+        # candidate.
         crossings = np.pad(crossings, ((0, 0), (1, 0)))
     value = _open_loop(loop, crossings).real
     margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
@@ -95,7 +99,7 @@ def _gain_margin(loop: Loop) -> Array:
 
 
 def _nearest_to_zero(candidates: Array) -> Array:
-    """Of each row the number of the smallest size; NaN where the row has none."""
+    """Entry of smallest magnitude in each row; NaN if the row has none."""
     size = np.where(np.isnan(candidates), np.inf, np.abs(candidates))
     rows = np.arange(candidates.shape[0])
     return np.asarray(candidates[rows, size.argmin(axis=1)])
@@ -112,27 +116,27 @@ def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
 
 
 def _positive(squared: Array) -> Array:
-    """Frequencies omega > 0 whose square is a root, (n_loop, n_root), NaN for other roots."""
+    """Frequencies omega > 0 whose square is a real root, (n_loop, n_root); NaN for other roots."""
     roots = monic_roots(squared)
     usable = (roots.imag == 0) & (roots.real > 0)
     return np.sqrt(np.where(usable, roots.real, np.nan))
 
 
 def _parts(falling: Array) -> tuple[Array, Array]:
-    """Even and odd part of P(j omega) = even(x) + j omega odd(x), powers of x rising, two each."""
+    """Even and odd part of P(j omega) = even(x) + j omega odd(x), rising powers of x, two each."""
     rising = np.pad(falling[:, ::-1], ((0, 0), (0, 4 - falling.shape[1])))
     signs = np.array([1.0, -1.0])
     return rising[:, 0::2] * signs, rising[:, 1::2] * signs
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Product of two polynomials of two coefficients each, powers rising."""
+    """Product of two polynomials of two coefficients each, rising powers."""
     middle = left[:, 0] * right[:, 1] + left[:, 1] * right[:, 0]
     return np.stack([left[:, 0] * right[:, 0], middle, left[:, 1] * right[:, 1]], axis=1)
 
 
 def _squared_modulus(falling: Array) -> Array:
-    """|P(j omega)|^2 in x, powers falling, of the degree that P has in s."""
+    """|P(j omega)|^2 as a polynomial in x, falling powers, of the degree that P has in s."""
     even, odd = _parts(falling)
     rising = np.pad(_product(even, even), ((0, 0), (0, 1)))
     rising[:, 1:] += _product(odd, odd)
@@ -140,5 +144,5 @@ def _squared_modulus(falling: Array) -> Array:
 
 
 def _numerator_modulus(loop: Loop) -> Array:
-    """|N(j omega)|^2 in x, without the leading zero that D's would have."""
+    """|N(j omega)|^2 as a polynomial in x, of one degree less than that of D."""
     return _squared_modulus(loop.numerator)

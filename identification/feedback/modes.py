@@ -1,14 +1,14 @@
-"""Sums of modes, safe where poles meet.
+"""Sums of exponential modes in Newton's divided-difference form, for any distance of the poles.
 
-Partial fractions write a response as a sum of c_k exp(p_k t).  Where two poles nearly meet, their
-weights c_k grow without bound and cancel, and where they meet the form has none.  Newton's form
-has no such place:
+Partial fractions write a response as a sum of c_k exp(p_k t).  For two nearly coincident poles the
+weights c_k grow without bound and cancel; for coincident poles the form does not exist.  Newton's
+form has no such singularity:
 
     x(t) = a_1 f[p_1] + a_2 f[p_1, p_2] + a_3 f[p_1, p_2, p_3]          f(p) = exp(p t)
 
-whose divided differences f[...] are smooth in the poles: f[p, p] is t exp(p t).  It is the same
-sum where the poles are apart.  The alternative, a matrix exponential for each draw and instant,
-is as safe and two hundred times slower.
+Its divided differences f[...] are smooth in the poles: f[p, p] is t exp(p t).  For separate poles
+both forms are equal.  A matrix exponential for each draw and time would be as robust, but two
+hundred times slower.
 
 Source: McCurdy, Ng and Parlett, Mathematics of Computation 43 (1984), 501-528 (divided
 differences of the exponential).
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 
-# Poles closer than 1/t are summed as a series around their mean; the terms fall like 1/k!.
+# Poles closer than 1/t are summed as a series around their mean; the terms decay as 1/k!.
 _SERIES_TERMS: Final = 18
 _SMALLEST_GAP: Final = 1e-150
 
@@ -39,8 +39,8 @@ class Modes:
 
     Args:
         poles: (n_loop, n_pole) [1/s].
-        numerator: N, (n_loop, n_pole), powers falling from s^(n_pole - 1).
-        weights: a_1 to a_n of Newton's form, (n_loop, n_pole).
+        numerator: N, (n_loop, n_pole), falling powers from s^(n_pole - 1).
+        weights: Coefficients a_1 to a_n of Newton's form, (n_loop, n_pole).
     """
 
     poles: Complex
@@ -49,7 +49,7 @@ class Modes:
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:
-        """The modal sum of a proper fraction, given by numerator and poles."""
+        """Sum of modes of a strictly proper fraction, given by numerator and poles."""
         weights = numerator.astype(np.complex128)
         count = poles.shape[1]
         # Repeated synthetic division: by the last pole, then the one before it.
@@ -59,11 +59,11 @@ class Modes:
         return cls(poles, numerator, weights)
 
     def at(self, time: Array, loop: Index) -> Array:
-        """Value of the sum.
+        """Values of the sums.
 
         Args:
-            time: Instants, any shape [s].
-            loop: The loop of each instant, of a shape that broadcasts with `time`.
+            time: Times, any shape [s].
+            loop: Index of the loop for each time, of a shape that broadcasts with `time`.
         """
         poles, weights = self.poles[loop], self.weights[loop]
         first = np.exp(poles[..., 0] * time)
@@ -74,7 +74,7 @@ class Modes:
         return np.asarray(total.real)
 
     def residues(self) -> Complex:
-        """Weights c_k of the partial fractions, (n_loop, n_pole); infinite where poles meet."""
+        """Weights c_k of the partial fractions, (n_loop, n_pole); infinite for coincident poles."""
         value = np.zeros_like(self.poles)
         for k in range(self.numerator.shape[1]):
             value = value * self.poles + self.numerator[:, k, None]
@@ -85,7 +85,7 @@ class Modes:
 
 
 def _pair(p: Complex, q: Complex, time: Array) -> Complex:
-    """f[p, q]; the pole that decays slower is drawn out, so that nothing overflows."""
+    """f[p, q]; the slower exponential is factored out, so that nothing overflows."""
     slow, fast = np.where(p.real >= q.real, p, q), np.where(p.real >= q.real, q, p)
     z = (fast - slow) * time
     # Complex division overflows on subnormal numbers, where the quotient is 1 to all digits.
@@ -95,9 +95,9 @@ def _pair(p: Complex, q: Complex, time: Array) -> Complex:
 
 
 def _triple(poles: Complex, time: Array) -> Complex:
-    """f[p_1, p_2, p_3], by the pair that lies furthest apart, or by a series where none does."""
+    """f[p_1, p_2, p_3], by recursion on the most distant pair, or by a series if all are close."""
     p, q, r = poles[..., 0], poles[..., 1], poles[..., 2]
-    # Bring the pole that is in no widest pair to the middle.
+    # Put the pole outside the most distant pair into the middle.
     gaps = np.abs(np.stack([q - r, p - r, p - q]))
     widest = gaps.argmax(axis=0)
     left = np.where(widest == 0, q, p)
@@ -112,7 +112,10 @@ def _triple(poles: Complex, time: Array) -> Complex:
 
 
 def _series(p: Complex, q: Complex, r: Complex, time: Array) -> Complex:
-    """f[p, q, r] = t^2 exp(m t) sum h_k / (k + 2)!, h_k the complete symmetric polynomials."""
+    """f[p, q, r] = t^2 exp(m t) sum h_k / (k + 2)!, with m the mean of the poles.
+
+    h_k is the complete homogeneous symmetric polynomial of degree k of the differences (p - m) t.
+    """
     mean = (p + q + r) / 3
     x, y, z = (p - mean) * time, (q - mean) * time, (r - mean) * time
     pairs, product = x * y + y * z + z * x, x * y * z

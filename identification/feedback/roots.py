@@ -1,9 +1,9 @@
 """Roots of many real polynomials of degree two or three at once.
 
 The eigenvalues of a companion matrix lose the small roots of a polynomial whose roots span ten
-decades, as electrical and mechanical time constants may.  Here they only start the search: one
-real root is polished on the polynomial itself and divided out from the end at which that is
-stable, and the formula for the remaining quadratic avoids its cancellation.
+decades, as electrical and mechanical time constants may.  Here they are starting values only.
+Newton's method refines one real root, deflation in the stable direction (forward or backward)
+divides it out, and a formula without cancellation solves the remaining quadratic.
 
 Source: Press et al., Numerical Recipes, 3rd edition, sections 5.6 (quadratic) and 9.5 (forward
 and backward deflation).
@@ -30,11 +30,11 @@ def monic_roots(coefficients: Array) -> Complex:
     """Roots of monic polynomials.
 
     Args:
-        coefficients: (n_polynomial, degree + 1), powers falling, the first 1, degree 2 or 3.
+        coefficients: (n_polynomial, degree + 1), falling powers, the first 1, degree 2 or 3.
 
     Returns:
-        (n_polynomial, degree).  The last two are a pair: complex conjugates, positive imaginary
-        part first, or real, the larger first.  Of a cubic, the first root is real.
+        (n_polynomial, degree).  The last two roots are a pair: complex conjugates, positive
+        imaginary part first, or real, the larger first.  The first root of a cubic is real.
     """
     if coefficients.shape[1] == 3:
         return quadratic_roots(coefficients[:, 1], coefficients[:, 2])
@@ -43,7 +43,7 @@ def monic_roots(coefficients: Array) -> Complex:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         product = -c0 / first
         backward = (product - c1) / first
-    # Dividing out a large root from the top, or a small one from the bottom, loses the others.
+    # Forward deflation by a large root, or backward deflation by a small one, is unstable.
     is_large = np.abs(first) ** 3 > np.abs(c0)
     total = np.where(is_large & np.isfinite(backward), backward, c2 + first)
     product = np.where(first == 0, c1, product)
@@ -51,11 +51,11 @@ def monic_roots(coefficients: Array) -> Complex:
 
 
 def quadratic_roots(total: Array, product: Array) -> Complex:
-    """Both roots of s^2 + total s + product, in the order of `monic_roots`.
+    """Roots of s^2 + total s + product, in the order of `monic_roots`.
 
     Args:
         total: (n_polynomial,) minus the sum of the roots.
-        product: (n_polynomial,) their product.
+        product: (n_polynomial,) product of the roots.
     """
     half = total / 2
     with np.errstate(over="ignore"):
@@ -71,7 +71,7 @@ def quadratic_roots(total: Array, product: Array) -> Complex:
 
 
 def _one_real_root(coefficients: Array) -> Array:
-    """A real root of each cubic, to the last digits; the largest where there are three."""
+    """Real root of each cubic to machine precision, the largest in magnitude if there are three."""
     _, c2, c1, c0 = coefficients.T
     companion = np.zeros((c0.size, 3, 3))
     companion[:, 0] = -coefficients[:, 1:]

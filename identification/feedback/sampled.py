@@ -1,12 +1,12 @@
-"""Rise, settling, peak and overshoot read off a simulated response, between its samples.
+"""Rise, settling, peak and overshoot of a simulated response, interpolated between its samples.
 
-A simulation knows the slope of the speed as well as the speed, so that between two samples the
-response is the cubic through values and slopes at both ends.  Every event is a root of that cubic,
-in error by the fourth power of the sample interval, where the straight line of the usual routines
-leaves the second and their nearest sample the first.
+The simulation gives the speed and its slope, so the response between two samples is the cubic
+Hermite polynomial.  Every event is a root of that cubic, with an error of fourth order in the
+sample interval; linear interpolation has an error of second order, the nearest sample one of first
+order.
 
-The final value is the mean over the last tenth of the response: a motor that cogs never stands
-still, and goes on around it.
+The final value is the mean over the last tenth of the response, because the speed of a motor with
+cogging oscillates around it.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ _HALVINGS: Final = 40
 
 @dataclass(frozen=True)
 class SampledEvents:
-    """What is read off simulated step responses; each (n_loop,), NaN where it does not exist.
+    """Metrics of simulated step responses; each (n_loop,), NaN if undefined.
 
     Args:
-        rise_time: From the first crossing of 10 % to the first of 90 % of the final value [s].
-        settling_time: Last time at which the response is 2 % of the final value off it; NaN where
-            it never stays within [s].
+        rise_time: Time from the first crossing of 10 % to the first of 90 % of the final value [s].
+        settling_time: Last entry into the 2 % band around the final value; NaN if the response does
+            not settle [s].
         peak: Largest value, in the direction of the final value [step].
-        peak_time: When; NaN without overshoot [s].
-        overshoot: Peak over final value; 0 below a hundredth of a per cent, which is what the
-            simulation is good for [%].
+        peak_time: Time of the peak; NaN without overshoot [s].
+        overshoot: Excess of the peak over the final value; 0 below 0.01 %, the accuracy of the
+            simulation [%].
         steady_state: Final value [step].
     """
 
@@ -56,10 +56,10 @@ class SampledEvents:
 
 
 def is_at_rest(speed: Array) -> Bool:
-    """Whether each response has come to its final value, (n_loop,).
+    """Whether each response has settled at its final value, (n_loop,).
 
     Args:
-        speed: (n_time, n_loop), even in time.
+        speed: (n_time, n_loop), sampled uniformly.
     """
     last, before = _ends(speed)
     with np.errstate(invalid="ignore"):
@@ -67,12 +67,12 @@ def is_at_rest(speed: Array) -> Bool:
 
 
 def sampled_events(time: Array, speed: Array, slope: Array) -> SampledEvents:
-    """Events of step responses.
+    """Metrics of simulated step responses.
 
     Args:
-        time: (n_time,) even, from 0 [s].
-        speed: (n_time, n_loop) over the step [-].
-        slope: (n_time, n_loop) its derivative [1/s].
+        time: (n_time,) uniform, from 0 [s].
+        speed: (n_time, n_loop) divided by the step [-].
+        slope: (n_time, n_loop) its time derivative [1/s].
     """
     final = _ends(speed)[0]
     usable = np.isfinite(speed).all(axis=0) & (np.abs(final) > _LEAST_FINAL)
@@ -100,7 +100,7 @@ def _ends(speed: Array) -> tuple[Array, Array]:
 
 
 class _Response:
-    """Responses over their final values, as cubics between samples."""
+    """Responses divided by their final values, as cubic polynomials between samples."""
 
     def __init__(self, time: Array, value: Array, slope: Array) -> None:
         self.time, self.value = time, value
@@ -109,12 +109,12 @@ class _Response:
         self.loops = np.arange(value.shape[1])
 
     def rise(self) -> tuple[Array, Array]:
-        """First crossings of 10 % and of 90 %, NaN where there is none [s]."""
+        """First crossings of 10 % and of 90 %, NaN if there is none [s]."""
         first, second = (self._crossing(self.value >= level, level) for level in _RISE)
         return first, second
 
     def settling(self) -> Array:
-        """When the band is entered for good; NaN where the last tenth leaves it [s]."""
+        """Time of the last entry into the band; NaN if the last tenth leaves the band [s]."""
         outside = np.abs(self.value - 1) > _BAND
         last = outside.shape[0] - 1 - np.argmax(outside[::-1], axis=0)
         last = np.where(outside.any(axis=0), last, 0)
@@ -124,12 +124,12 @@ class _Response:
         return np.where(ended, self._root(at, side), np.nan)
 
     def peak(self) -> tuple[Array, Array]:
-        """Excess of the peak over the final value [-] and its time [s]."""
+        """Excess of the peak over the final value [-], and its time [s]."""
         top = np.argmax(self.value, axis=0)
         excess = self.value[top, self.loops] - 1
         time = self.time[top]
         for begin in (top - 1, top):
-            # The extremum lies in the interval before the highest sample or in the one after it.
+            # The maximum lies in the interval before or after the highest sample.
             at = np.clip(begin, 0, self.value.shape[0] - 2)
             place = self._turning(at)
             value = self._at(at, place) - 1
@@ -145,7 +145,7 @@ class _Response:
         return np.where(found, self._root(np.maximum(first - 1, 0), level), np.nan)
 
     def _root(self, at: Index, level: Array | float) -> Array:
-        """When the cubic of interval `at` has the value `level`, by bisection [s]."""
+        """Time at which the cubic of interval `at` has the value `level`, by bisection [s]."""
         low, high = np.zeros(at.size), np.ones(at.size)
         begin = np.sign(self._at(at, low) - level)
         for _ in range(_HALVINGS):
@@ -155,7 +155,7 @@ class _Response:
         return self.time[at] + high * self.interval
 
     def _parts(self, at: Index) -> tuple[Array, Array, Array, Array]:
-        """Coefficients of the cubic of interval `at`, from the constant up."""
+        """Coefficients of the cubic of interval `at`, rising powers."""
         y0, y1 = self.value[at, self.loops], self.value[at + 1, self.loops]
         s0, s1 = self.slope[at, self.loops], self.slope[at + 1, self.loops]
         return y0, s0, 3 * (y1 - y0) - 2 * s0 - s1, 2 * (y0 - y1) + s0 + s1
@@ -165,7 +165,7 @@ class _Response:
         return np.asarray(a + place * (b + place * (c + place * d)))
 
     def _turning(self, at: Index) -> Array:
-        """Where in interval `at` the cubic has its maximum, else its beginning [-]."""
+        """Position of the maximum of the cubic in interval `at`, 0 if it has none [-]."""
         _, b, c, d = self._parts(at)
         with np.errstate(all="ignore"):
             root = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))

@@ -1,15 +1,15 @@
-"""The feedback list of a result: each metric with its spread over the posterior draws.
+"""Feedback list of a result: each metric with its spread over the posterior draws.
 
-Every draw goes through the loop on its own; only then are means and quantiles taken.  Some draws
-may have no value, and some an infinite one, and both are said instead of hidden:
+Each draw is evaluated in a loop of its own, before means and quantiles are taken.  A metric of a
+draw may be undefined or infinite, and both are reported:
 
-    undefined   a time of an unstable loop, the peak time of a response without overshoot.  Such
-                draws are left out and `defined_fraction` says which share remained.  Where less
-                than half remained, all numbers are null: the minority would not be typical.
-    infinite    a gain margin that no gain uses up, a phase margin of a loop whose gain is
-                below 1 everywhere.  Such draws count as larger than all others in the quantiles,
-                `infinite_fraction` is their share of the defined ones, and each number that is
-                itself infinite is null, as are mean and standard deviation if any draw is.
+    undefined   a time of an unstable loop, or the peak time of a response without overshoot.  Such
+                draws are excluded, and `defined_fraction` is the fraction that remains.  If it is
+                below one half, all numbers are null: the minority would not be typical.
+    infinite    a gain margin if no gain reaches the stability limit, or a phase margin if the loop
+                gain is below 1 everywhere.  Such draws rank above all others in the quantiles, and
+                `infinite_fraction` is their fraction of the defined draws.  A quantile that is
+                infinite is null; mean and standard deviation are null if any draw is infinite.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ METRIC_UNITS: Final = {
     "phase_margin_deg": "deg",
     "bandwidth_rad_s": "rad/s",
 }
-"""Unit of each metric; `peak` and `steady_state` follow a reference step of 1 rad/s."""
+"""Unit of each metric; `peak` and `steady_state` are for a reference step of 1 rad/s."""
 
 _QUANTILES: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 _LEAST_DEFINED: Final = 0.5
@@ -54,14 +54,14 @@ def feedback_metrics(
     """Metrics of the closed speed loop for each controller at each temperature.
 
     Args:
-        draws: Values of the declared parameters by name, (n_draw,) or single numbers; other names
-            are left aside.
+        draws: Values of the nominal parameters by name, (n_draw,) or single numbers; other names
+            are ignored.
         temperatures: Temperatures of winding and magnet [degC].
         controllers: Texts that `parse_controller` accepts.
 
     Returns:
-        One entry for each controller and, within it, each temperature.  Besides the metrics it
-        holds `stable_probability`, the share of the draws whose loop is stable, and `statement`,
+        One entry for each controller and, within it, each temperature.  In addition to the metrics
+        it holds `stable_probability`, the fraction of draws whose loop is stable, and `statement`,
         the same in words.
 
     Raises:
@@ -83,13 +83,13 @@ def feedback_metrics(
 
 
 def checked_temperatures(temperatures: Sequence[float]) -> list[float]:
-    """Temperatures as numbers [degC].
+    """Validate temperatures and convert them to numbers [degC].
 
     Args:
-        temperatures: At least one, finite.
+        temperatures: At least one, each between -273.15 and 400 degC.
 
     Raises:
-        OptionError: There is none, or one is not finite.
+        OptionError: There is none, or one is out of this range.
     """
     asked = [float(temperature) for temperature in temperatures]
     if not asked:
@@ -104,10 +104,10 @@ def checked_temperatures(temperatures: Sequence[float]) -> list[float]:
 
 
 def quantity(values: Array, unit: str) -> dict[str, Any]:
-    """Mean, standard deviation and quantiles over draws, as this module's first lines say.
+    """Mean, standard deviation and quantiles over draws, as the module's docstring defines them.
 
     Args:
-        values: (n_draw,), NaN where undefined, infinite where infinite.
+        values: (n_draw,), NaN if undefined, infinite if infinite.
         unit: Unit of the values.
     """
     defined = values[~np.isnan(values)]
@@ -128,7 +128,7 @@ def quantity(values: Array, unit: str) -> dict[str, Any]:
 
 
 def _quantile(ordered: Array, share: float) -> float | None:
-    """Interpolated quantile, None where it falls among infinite values."""
+    """Interpolated quantile, None if it falls among infinite values."""
     position = share * (ordered.size - 1)
     low, high = ordered[int(np.floor(position))], ordered[int(np.ceil(position))]
     if not np.isfinite(high):

@@ -1,21 +1,22 @@
-"""Rise, settling, peak and overshoot of a closed loop's step response, without a time grid.
+"""Exact rise time, settling time, peak and overshoot of closed-loop step responses.
 
-A grid is as wrong as it is coarse, and one widely used grid-based routine is 1.6 percent off on the
-source's hot motor.  Here the response is cut into pieces on which it is monotone, and each event
+A time grid is only as accurate as its spacing: one widely used grid-based routine is 1.6 percent
+off for the source's hot motor.  Here the response is divided into monotone pieces, and each event
 is the root of the exact response on one piece.
 
-The pieces come from the response's derivative w(t), a sum of two or three modes.  Multiplied by
-exp(-q t), q its real pole, w has a derivative of two modes only, whose zeros ("knots") are known in
-closed form: equally spaced under a complex pair, at most one under two real poles.  Between knots
-exp(-q t) w is monotone, so w has at most one zero there, bracketed by the knots (Rolle).  Loops of
-two poles have their extrema at the knots themselves.
+The pieces follow from the derivative w(t) of the response, a sum of two or three modes.  The
+product exp(-q t) w(t), with q the real pole, has a derivative of two modes only, whose zeros
+("knots") are known in closed form: equally spaced for a complex pair of poles, at most one for two
+real poles.  Between knots exp(-q t) w is monotone, so w has at most one zero there, bracketed by
+the knots (Rolle).  In loops of two poles the knots themselves are the extrema.
 
     knots    0 ------ k1 -------- k2 -------- k3 ---
     extrema       z1       z2          z3             at most one between two knots
 
-First crossings and the peak are looked for forwards from zero, the last entry into the band
-backwards from a time after which an envelope keeps the response inside; each draw stops as soon as
-it knows.  Everything is relative to the final value: e(t) = y(t) / y_final - 1.
+The search for first crossings and the peak runs forwards from zero.  The search for the last entry
+into the settling band runs backwards from a time after which an envelope keeps the response inside.
+Each draw stops as soon as its result is known.  All values are relative to the final value:
+e(t) = y(t) / y_final - 1.
 """
 
 from __future__ import annotations
@@ -41,26 +42,26 @@ Index = NDArray[np.intp]
 
 _RISE: Final = (0.1, 0.9)
 _BAND: Final = 0.02
-# An excess over the final value below this share is rounding, not overshoot.
+# A smaller relative excess over the final value is rounding, not overshoot.
 _LEAST_OVERSHOOT: Final = 1e-9
 _MOST_PIECES: Final = 200
-"""Pieces of a response between two knots that are looked at: 100 oscillations."""
+"""Largest number of pieces between knots that are searched: 100 oscillations."""
 
 
 @dataclass(frozen=True)
 class StepCharacteristics:
-    """What is read off a step response; each (n_loop,), NaN where it does not exist.
+    """Metrics of step responses; each (n_loop,), NaN if undefined.
 
-    Times and peak are NaN as well where 100 oscillations do not show them.
+    Times and peak are also NaN if 100 oscillations do not determine them.
 
     Args:
-        is_stable: All closed-loop poles have a negative real part.
-        rise_time: From the first crossing of 10 % to the first of 90 % of the final value [s].
-        settling_time: Last time at which the response is 2 % of the final value off it [s].
-        peak: Largest value, in the direction of the final value; without overshoot that value
-            itself, which is approached and never passed [rad/s].
-        peak_time: When the peak is reached; NaN without overshoot [s].
-        overshoot: Peak over final value; exactly 0 where no extremum passes it [%].
+        is_stable: Whether all closed-loop poles have a negative real part.
+        rise_time: Time from the first crossing of 10 % to the first of 90 % of the final value [s].
+        settling_time: Last entry into the 2 % band around the final value [s].
+        peak: Largest value, in the direction of the final value; without overshoot the final value
+            itself, which is approached and never exceeded [rad/s].
+        peak_time: Time of the peak; NaN without overshoot [s].
+        overshoot: Excess of the peak over the final value; exactly 0 if no extremum exceeds it [%].
         steady_state: Final value [rad/s].
     """
 
@@ -74,10 +75,10 @@ class StepCharacteristics:
 
 
 class StepResponse:
-    """Exact responses of the speed to a step of 1 rad/s of the reference.
+    """Exact responses of the speed to a reference step of 1 rad/s.
 
     Args:
-        loop: The loops; unstable ones are allowed here.
+        loop: The loops; they may be unstable.
     """
 
     def __init__(self, loop: Loop) -> None:
@@ -85,7 +86,8 @@ class StepResponse:
         self.final = loop.final_value
         self.poles = monic_roots(closed)
         self._speed_rate = Modes.of(loop.numerator, self.poles)
-        # y - y_final has the transform (N - y_final D) / (s D), whose numerator ends in zero.
+        # y - y_final has the transform (N - y_final D) / (s D), D the closed denominator; its
+        # numerator has no constant term, so s cancels.
         shifted = -self.final[:, None] * closed
         shifted[:, 1:] += loop.numerator
         self._error = Modes.of(shifted[:, :-1], self.poles)
@@ -96,7 +98,7 @@ class StepResponse:
         return np.asarray((self.poles.real < 0).all(axis=1))
 
     def at(self, time: Array) -> Array:
-        """Speed of every loop at every instant.
+        """Speed of every loop at every time.
 
         Args:
             time: (n_time,) [s].
@@ -109,7 +111,7 @@ class StepResponse:
             return self.final[:, None] + self._error.at(np.asarray(time)[None, :], loops)
 
     def relative(self, rows: Bool) -> _RelativeResponse:
-        """Stable responses over their final values."""
+        """Selected stable responses, divided by their final values."""
         scale = self.final[rows, None]
         return _RelativeResponse(
             Modes.of(self._error.numerator[rows] / scale, self.poles[rows]),
@@ -118,10 +120,10 @@ class StepResponse:
 
 
 def step_characteristics(response: StepResponse) -> StepCharacteristics:
-    """Events and extrema of each step response.
+    """Metrics of each step response.
 
     Args:
-        response: The responses; of unstable ones everything is NaN.
+        response: The responses; all metrics of unstable ones are NaN.
     """
     is_stable = response.is_stable
     usable = is_stable & np.isfinite(response.final) & (response.final != 0)
@@ -141,7 +143,7 @@ def step_characteristics(response: StepResponse) -> StepCharacteristics:
 
 
 class _RelativeResponse:
-    """Stable step responses over their final values, as e(t) and its derivative."""
+    """Stable step responses relative to their final values, as e(t) and its derivative."""
 
     def __init__(self, error: Modes, rate: Modes) -> None:
         self.error = error
@@ -151,12 +153,12 @@ class _RelativeResponse:
         self.horizon = time_below(error, _LEAST_OVERSHOOT)
 
     def events(self) -> tuple[Array, Array, Array, Array]:
-        """Rise time, settling time, excess of the peak (share of the final value), peak time."""
+        """Rise time, settling time, peak excess relative to the final value, and peak time."""
         crossing, excess, peak_time = self._forwards()
         return crossing[1] - crossing[0], self._settling(), excess, peak_time
 
     def _knot(self, number: Index, rows: Index) -> Array:
-        """The knot of that number, from 0; infinite where there is none."""
+        """Time of the knot with index `number`, from 0; infinite if there is none."""
         with np.errstate(invalid="ignore"):
             further = self.first_knot[rows] + number * self.spacing[rows]
         time = np.where(number == 0, self.first_knot[rows], further)
@@ -180,13 +182,13 @@ class _RelativeResponse:
             going = ~(is_found & is_highest) & (right < self.horizon[rows])
             left, rows, number = right[going], rows[going], number + 1
             if number == _MOST_PIECES:
-                # Nearly undamped: what is not known by now is undefined.
+                # Nearly undamped: results not found by now are undefined.
                 excess[rows] = peak_time[rows] = np.nan
                 break
         return crossing, excess, peak_time
 
     def _turning(self, left: Array, right: Array, rows: Index) -> Array:
-        """The one zero of the derivative in each open interval, or its right end."""
+        """Zero of the derivative in each open interval, or the right end if there is none."""
         begin, end = self.rate.at(left, rows), self.rate.at(right, rows)
         turning = right.copy()
         has = (np.sign(begin) * np.sign(end) < 0) & (left < right)
@@ -194,7 +196,7 @@ class _RelativeResponse:
         return turning
 
     def _cross(self, piece: tuple[Array, Array], rows: Index, crossing: Array) -> None:
-        """Enter the first crossings that lie in monotone pieces."""
+        """Store the first crossings that lie in monotone pieces."""
         begin, end = (self.error.at(time, rows) for time in piece)
         for k, share in enumerate(_RISE):
             level = share - 1
@@ -203,7 +205,7 @@ class _RelativeResponse:
             crossing[k, rows[has]] = self._reaches(level, bracket, rows[has])
 
     def _reaches(self, level: float | Array, bracket: tuple[Array, Array], rows: Index) -> Array:
-        """When e(t) has the value `level` (one for all or one a loop) in monotone pieces."""
+        """Time at which e(t) has the value `level` (scalar or one per loop) in monotone pieces."""
         levels = np.broadcast_to(level, self.size)
         return _root(lambda time, row: self.error.at(time, row) - levels[row], bracket, rows)
 
@@ -239,7 +241,7 @@ class _RelativeResponse:
         return settling
 
     def _enters(self, begin: Array, end: Array, rows: Index) -> Array:
-        """When a monotone piece that begins outside the band enters it."""
+        """Time at which a monotone piece that begins outside the band enters it."""
         side = np.zeros(self.size)
         side[rows] = np.sign(self.error.at(begin, rows)) * _BAND
         return self._reaches(side, (begin, end), rows)
@@ -248,8 +250,9 @@ class _RelativeResponse:
 def _knots(rate: Modes) -> tuple[Array, Array, Array]:
     """First zero, spacing and number of the zeros of the last two modes of `rate`.
 
-    With p, r the pair and a, b their weights, a f[p] + b f[p, r] vanishes for a complex pair where
-    tan(w t) = -a w / b, and for a real one where (exp((r - p) t) - 1) / (r - p) = -a / b.
+    With poles p, r and weights a, b, the sum a f[p] + b f[p, r] vanishes at
+    tan(omega t) = -a omega / b for a complex pair of imaginary part omega, and at
+    (exp((r - p) t) - 1) / (r - p) = -a / b for a real pair.
     """
     a, b = rate.weights[:, -2].real, rate.weights[:, -1].real
     upper, lower = rate.poles[:, -2], rate.poles[:, -1]
@@ -265,14 +268,14 @@ def _knots(rate: Modes) -> tuple[Array, Array, Array]:
         spacing = np.where(oscillates, np.pi / frequency, np.inf)
         many = np.floor((_last_turn(rate) - first) / spacing) + 1
     count = np.where(oscillates, np.nan_to_num(many, nan=np.inf).clip(min=0), 1.0 * has_single)
-    # A whole number that an index holds; nothing is ever that long.
+    # The limit fits an integer index and is never reached.
     return first, spacing, np.minimum(count, 2.0**62)
 
 
 def _last_turn(rate: Modes) -> Array:
-    """When the real mode outgrows the oscillation for good, so that no extremum follows [s].
+    """Time after which the real mode dominates the oscillation, so that no extremum follows [s].
 
-    Infinite where the oscillation is the slower one, and where there is no real mode.
+    Infinite if the oscillation decays more slowly, or if there is no real mode.
     """
     if rate.poles.shape[1] == 2:
         return np.full(rate.poles.shape[0], np.inf)
@@ -286,10 +289,10 @@ def _last_turn(rate: Modes) -> Array:
 def _root(
     function: Callable[[Array, Index], Array], bracket: tuple[Array, Array], rows: Index
 ) -> Array:
-    """Roots between brackets of opposite sign, to the last digits."""
+    """Roots in brackets with a change of sign, to machine precision."""
     if not rows.size:
         return np.empty(0)
-    # The search divides by differences of values that may be equal, and then bisects.
+    # The search may divide by a zero difference; it then falls back to bisection.
     with np.errstate(all="ignore"):
         found = elementwise.find_root(function, bracket, args=(rows,))
     return np.asarray(found.x)
