@@ -121,9 +121,10 @@ def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256:
     """Convert to SI units and check; the run lacks only the warnings about header and file end."""
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
+    clock = table.cells["time_s"]
     for name, channel in channels.items():
         cells = table.cells.pop(name)
-        filled, notes = _filled(name, cells, table, places)
+        filled, notes = _filled(name, cells, clock, places)
         warnings += notes
         if filled is not None:
             values[name] = _in_si(filled, channel, places)
@@ -150,9 +151,9 @@ def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256:
 
 
 def _filled(
-    name: str, cells: Array, table: Table, places: Places
+    name: str, cells: Array, clock: Array, places: Places
 ) -> tuple[Array | None, list[RunWarning]]:
-    """Fill the blanks of a channel logged at a lower rate by linear interpolation.
+    """Fill the blanks of a channel logged at a lower rate by linear interpolation over time.
 
     A motor's temperature changes over minutes, so linear interpolation is closer to it than a
     sample-and-hold.  Before the first and after the last value the nearest value is held.
@@ -163,10 +164,7 @@ def _filled(
     known = np.flatnonzero(~blank)
     if not known.size:
         return None, []
-    index = np.arange(cells.size, dtype=np.float64)
-    time = table.cells.get("time_s")
-    axis = index if time is None else time
-    return np.interp(axis, axis[known], cells[known]), [
+    return np.interp(clock, clock[known], cells[known]), [
         places.warning(
             "interpolated_temperature",
             f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is taken on "

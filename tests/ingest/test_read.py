@@ -236,9 +236,15 @@ def test_bad_cell_far_down_is_named_with_its_line(
 
 
 def test_temperature_logged_more_slowly_is_filled_on_straight_lines(tmp_path: Path) -> None:
-    """Every fourth temperature of a linear ramp is written; the ramp itself is expected."""
+    """Every fourth temperature of a ramp over time is written; the ramp itself is expected.
+
+    The sampling instants jitter by 30 % of an interval, so that interpolation over the sample
+    index would miss the ramp.
+    """
     path = tmp_path / "run.csv"
     columns = record(41)
+    interval = float(np.diff(columns["time_s"])[0])
+    columns["time_s"] = columns["time_s"] + 0.3 * interval * np.sin(np.arange(41.0))
     ramp = 25.0 + 10.0 * columns["time_s"]
     columns["temperature_degC"] = ramp
     lines = write(columns).decode().splitlines()
