@@ -1,24 +1,29 @@
-"""Lags of sensors and dry friction that the runs do not tell from L, J and b.
+"""Consider covariance for sensor lags and friction that are confounded with L, J and b.
 
-A lag in the logged current is that of the winding, L / Ra, or that of the current sensor,
+A lag of the logged current is that of the winding, L / Ra, or that of the current sensor,
 
-    i(s) / v(s) = 1 / (Ra (1 + s L/Ra)) 1 / (1 + s tau)     at a speed that hardly changes,
+    i(s) / v(s) = 1 / (Ra (1 + s L/Ra)) 1 / (1 + s tau)     at nearly constant speed.
 
-and the two factors may change places: only the speed, which follows the true current, tells them
-apart.  The same holds of the inertia and a filter of the speed, and, where the motor turns in one
-direction only, of viscous friction and a constant torque.  A search that found no such effect has
-not excluded it.
+Exchanging the two factors leaves the current unchanged; only the speed, which follows the true
+current, distinguishes them.  The same holds for the inertia and a filter of the speed and, if the
+motor turns in one direction only, for viscous friction and a constant torque.  A search that
+selects no such effect has not excluded it.
 
-*Near.*  A small lag, or a friction, of free size is fitted along to first order.  With its
-response d, d_perp what the parameters cannot imitate of it and m the step of the parameters that
-goes with it, the covariance grows by m m' / (d_perp' W d_perp + 1 / s^2) (Schur complement), where
-s is the size at which it has all of the lag or friction.  On a part of long records the information
-of the data counts as often as the part goes into all samples.
+*Near.* A small lag, or a friction, of free amplitude is fitted together with the parameters to
+first order.  The covariance of the parameters grows by (Schur complement)
 
-*Swapped.*  The sensor gets nearly the whole lag, and all parameters are fitted from there.  Where
-the log likelihood falls by less than the limit, the runs do not exclude this optimum, and with a
-loss of d at a step m of the parameters the covariance grows by m m' / max(2 d, 1).  An optimum that
-a part of long records excludes, all of them exclude; any other is fitted to all samples.
+    m m' / (d_perp' W d_perp + 1 / s^2)
+
+where m is the step of the parameters that accompanies the effect, d_perp the part of its response
+that the parameters cannot reproduce, and s the amplitude at which it causes the whole lag or
+friction.  On a representative subset, the information is multiplied by the ratio of all samples to
+those of the subset.
+
+*Swapped.* The sensor gets nearly the whole lag, and all parameters are fitted from there.  If the
+log likelihood falls by less than the limit, the runs do not exclude this optimum.  With its loss d
+and its parameter step m, the covariance grows by m m' / max(2 d, 1).  An optimum that the subset of
+long records excludes counts as excluded.  Any other is refitted to all samples, up to 100,000 of
+them.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
 Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
@@ -54,35 +59,36 @@ __all__ = ["LIMIT", "confounded_terms", "turns_one_way"]
 Array = NDArray[np.float64]
 
 LIMIT: Final = float(0.5 * chi2.isf(1e-3, 1))
-"""Loss of log likelihood that one right value in a thousand exceeds by chance: 5.4."""
+"""Loss of log likelihood that the true value exceeds by chance once in a thousand: 5.4."""
 
 _LEFT: Final = 0.1
-"""Share of the parameter that is left of it where the sensor has the lag."""
+"""Fraction of the parameter that is left if the sensor has the lag."""
 
 _SMALL: Final = 0.2
-"""Share of the lag that is small enough for a first order."""
+"""Fraction of the lag that is small enough for first order."""
 
 _REVERSES: Final = 0.1
-"""Least speed in one direction over the largest in the other of a motor that reverses."""
+"""Ratio of the peak speeds of the two directions above which a motor reverses."""
 
 _SEEN: Final = 0.46
-"""Change, over the standard deviation, that makes an interval wider by a tenth."""
+"""Change, in standard deviations, that widens an interval by a tenth."""
 
 _STEPS: Final = 20
+"""Gauss-Newton steps of a swapped fit at most."""
 
 _MOST: Final = 100_000
-"""Samples up to which an optimum that a part does not exclude is fitted to all."""
+"""Samples up to which an optimum that a subset does not exclude is fitted to all samples."""
 
 
 @dataclass(frozen=True)
 class _Rival:
-    """An effect that a parameter may be taken for.
+    """An effect that is confounded with a parameter.
 
     Args:
         parameter: Name of the parameter.
-        near: The effect with one prototype of it.
-        whole: Size at which it has all that the parameter does, over that of the prototype [-].
-        swapped: Its size where it has nearly all, from which a fit starts; None for no fit.
+        near: Candidate with one prototype of small amplitude.
+        whole: Amplitude that causes all of the lag or friction, over that of the prototype [-].
+        swapped: Amplitude that causes nearly all of it, where a fit starts; None for no fit.
     """
 
     parameter: str
@@ -92,24 +98,25 @@ class _Rival:
 
     @property
     def name(self) -> str:
-        """Kind of the effect."""
+        """Effect type."""
         return self.near.term.name
 
 
 def confounded_terms(
     final: Fit, nominal: Fit | None = None, *, is_structured: bool = False
 ) -> tuple[OmittedTerm, ...]:
-    """Effects that parameters may be taken for, the one that changes most of each parameter.
+    """Effects that are confounded with parameters; for each parameter the one that lowers it most.
 
-    Parameters that the user knows, or that the runs do not determine anyway, are left out, and so
-    are effects that the model has.
+    Parameters that the user knows or that the runs do not determine are skipped, and so are effects
+    that the model already has.
 
     Args:
-        final: The model that was found, with white noise.
-        nominal: The model without effects, where it is another: what stands in for a lag in
-            `final` may keep the lag itself out.
-        is_structured: Whether the residual holds what no effect explains.  The model is then wrong
-            somewhere, and a loss decides only where it is as large as the search wants of a gain.
+        final: Fit of the selected model, with white noise.
+        nominal: Fit of the model without effects, if `final` has effects: a surrogate for a lag in
+            `final` can prevent the fit from finding the lag itself.
+        is_structured: Whether the residual has structure that no effect explains.  The model is
+            then wrong somewhere, and a loss excludes an optimum only if it is as large as the gain
+            that the size criterion requires.
     """
     share = effective_share(final)
     known = identified(final, share)
@@ -132,7 +139,7 @@ def confounded_terms(
 
 
 def turns_one_way(records: Sequence[Record]) -> bool:
-    """Whether the speed has one sign, but for less than a tenth of its size.
+    """Whether the peak speed in one direction is at most a tenth of that in the other.
 
     Args:
         records: Records.
@@ -143,7 +150,7 @@ def turns_one_way(records: Sequence[Record]) -> bool:
 
 
 def _rivals(fit: Fit) -> Iterator[_Rival]:
-    """The effects in their textbook forms."""
+    """The confounded effects in their textbook forms."""
     survey = survey_of(fit)
     at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
     lag = at["L"] / at["Ra25"]
@@ -151,7 +158,7 @@ def _rivals(fit: Fit) -> Iterator[_Rival]:
     filters = CurrentFilter.candidates(survey)[0], SpeedFilter.candidates(survey)[0]
     yield _lagging("L", filters[0], lag, swaps=True)
     yield _lagging("L", delays[0], lag)
-    # A current follows the true speed, so that it tells the motor's lag from the sensor's.
+    # A logged current follows the true speed and so separates the motor's lag from the sensor's.
     unseen = not fit.weighting.counts[0] > 0
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
     yield _lagging("J", filters[1], slow, swaps=unseen)
@@ -163,7 +170,7 @@ def _rivals(fit: Fit) -> Iterator[_Rival]:
 
 
 def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) -> _Rival:
-    """A sensor's lag, its time the first parameter, in the place of that of the motor [s]."""
+    """A sensor lag [s], the first parameter of its term, in place of the lag of the motor [s]."""
     own = lagging.term.parameters[0]
     small, nearly = np.clip([_SMALL * lag, (1.0 - _LEFT) * lag], 1.01 * own.lower, 0.99 * own.upper)
     small = max(float(small), 1e-3 * own.upper)
@@ -172,7 +179,7 @@ def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) 
 
 
 def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
-    """The change by an effect of small and free size, to first order."""
+    """First-order change by an effect of small, free amplitude."""
     share *= _rows(final) / _rows(part)
     for score in screened(part, [rival.near]):
         if score.along is None or score.covariance is None:
@@ -180,7 +187,7 @@ def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[Omitte
         variance = float(score.covariance[0, 0])
         weight = float(np.sqrt(2.0 * score.gain * variance))
         if rival.near.term.parameters[0].vanishes:
-            # A size below zero has been replaced by that of the prototype.
+            # The score has replaced a negative amplitude by that of the prototype.
             weight = float(score.start[0] / rival.near.starts[0, 0])
         if not weight > 0.0:
             continue
@@ -193,7 +200,7 @@ def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[Omitte
 def _swapped(
     final: Fit, parts: Sequence[Fit], rival: _Rival, share: float, *, is_structured: bool
 ) -> Iterator[OmittedTerm]:
-    """The changes to optima at which the sensor has most of the lag and that are not excluded."""
+    """Changes to optima that are not excluded and at which the sensor has most of the lag."""
     if rival.swapped is None:
         return
     names, part = final.coordinates.names, parts[-1]
@@ -206,7 +213,7 @@ def _swapped(
         start = Start(np.array([rival.swapped]), along=along)
         limit = _limit(part, share, is_structured=is_structured)
         if part is not final:
-            # Each parameter of the part may follow its noise, by a half on average.
+            # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
             limit += part.position.size
         fit = refitted_with(
             base, rival.near.term, [start], Patience(_STEPS, part.cost + limit / share)
@@ -228,7 +235,7 @@ def _swapped(
 
 
 def _limit(fit: Fit, share: float, *, is_structured: bool) -> float:
-    """Loss of log likelihood on the records of a fit that excludes an optimum."""
+    """Loss of log likelihood, on the records of a fit, that excludes an optimum."""
     size = LEAST_SIZE * float(fit.weighting.counts.max()) * share
     return max(LIMIT, size) if is_structured else LIMIT
 
@@ -240,7 +247,7 @@ def _rows(fit: Fit) -> int:
 def _term(
     fit: Fit, rival: _Rival, step: Array, gain: float, limit: float, time: float | None = None
 ) -> OmittedTerm:
-    """The change, in the direction that takes from the parameter: no lag is negative."""
+    """The change, with the sign that lowers the parameter: a lag cannot be negative."""
     names = fit.coordinates.names
     sign = -1.0 if step[names.index(rival.parameter)] > 0.0 else 1.0
     steps = dict(zip(names, map(float, sign * step), strict=True))

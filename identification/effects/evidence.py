@@ -1,29 +1,28 @@
-"""What counts as evidence for an effect, and how probable the models are that survive.
+"""Acceptance criteria (significance, size, validation) and posterior model probabilities.
 
-Likelihood ratios of long records are enormous for anything real, and also for small errors of
-quite another kind: a temperature that was smoothed, noise that is not white.  So an effect has to
-pass three gates, none of which was tuned on a simulator:
+On long records the likelihood ratio is very large for every real effect, and also for small errors
+of another origin: a smoothed temperature, coloured noise.  An effect therefore has to meet three
+criteria.  None of them was tuned on a simulator.
 
-1. *Chance.*  Twice the gain of the log likelihood, counted in effective samples (the share that
-   correlated residuals leave), has to exceed what the best of all prototypes reaches by chance:
-   k log N (Schwarz) plus twice the logarithm of the number of prototypes tried (union bound); the
-   time of an event counts twice, since it may be at any sample (Zhang and Siegmund).
-2. *Size.*  The simulation error has to fall by at least two per cent, summed over the two channels;
-   less, a hundredth of each, is of no use to anybody and within the reach of what is left of other
-   imperfections: an inexact law, a smoothed temperature.
-3. *Prediction.*  On runs that were left out, the error has to fall too, by at least a quarter of
-   what it fell by on the training runs, or of what it could surely fall by before it reached the
-   noise, where that is less, and by so much that these runs prefer the effect by twenty to one; an
-   effect of a single run only must not make it worse.  How loud the noise is there is known as well
-   as their residual is even: a few spikes make a run louder that nothing is missing from.
-   Amplitudes that every record has for itself are fitted to the runs left out: a phase is no
-   prediction.
+1. *Significance.* Twice the gain of the log likelihood has to exceed k log N (Schwarz) plus twice
+   the logarithm of the number of prototypes tried (union bound).  Gain and N are counted in
+   effective samples, to allow for autocorrelated residuals.  The time of an event counts as two
+   parameters, since it can be at any sample (Zhang and Siegmund).
+2. *Size.* The simulation error has to fall by at least 2 %, summed over the two channels.  Less
+   than 1 % per channel has no practical use, and other imperfections cause as much: an inexact law,
+   a smoothed temperature.
+3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
+   training, or of the fall that is certainly possible above the noise if that is smaller.  These
+   runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
+   both; it may raise their error by at most a quarter of its fall in training.  The validation
+   noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
+   although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
+   a phase cannot be predicted.
 
-Models are compared by half the Bayesian information criterion of the training runs and by what
-they foretell of the runs left out: the chain rule of probability, in which the second factor asks
-for no penalty since nothing was fitted to it.  Two that differ by less than one
-are alike; the one whose kinds come first in the catalogue, commoner things first, is then named,
-and the other is listed beside it.
+The criterion for the comparison of models is half the BIC of the training runs minus the predictive
+log likelihood of the validation runs, which needs no complexity penalty.  If two models differ by
+less than 1, they are tied.  The model whose effect types come first in the catalogue (common
+effects first) is then selected, and the other is listed as an alternative.
 
 Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
 22-32; Kass and Raftery, J. American Statistical Association 90 (1995), 773-795 (probabilities from
@@ -58,32 +57,35 @@ __all__ = [
 Array = NDArray[np.float64]
 
 LEAST_SIZE: Final = 0.02
+"""Fall of the error, summed over the channels, that the size criterion requires [-]."""
 _LEAST_SHARE: Final = 0.25
+"""Fraction of the fall in training that the validation criterion requires."""
 _SCATTER: Final = 0.002
-"""Relative change of an error that is none."""
+"""Relative change of an error that counts as no change."""
 _LEAST_LOG_ODDS: Final = 3.0
-"""Logarithm of the odds by which runs left out have to prefer an effect, twenty to one: strong
-evidence on the scale of Kass and Raftery."""
+"""Log odds by which the validation runs have to prefer an effect, twenty to one: strong evidence on
+the scale of Kass and Raftery."""
 _SURELY: Final = 2.0
-"""Standard deviations by which the noise of the runs left out may be louder than is known."""
+"""Standard errors by which the validation noise may exceed its estimate."""
 _BY_CHANCE: Final = 0.5
-"""Log likelihood that a number which is fitted gains where there is nothing to gain."""
+"""Expected gain of the log likelihood by a parameter that has no effect."""
 UNCOMPUTED: Final = "cannot be computed: its simulation or its normal equations are not finite"
 
 
 @dataclass(frozen=True)
 class Gates:
-    """Outcome of the three gates.
+    """Result of the three acceptance criteria.
 
     Args:
         gain: Gain of the log likelihood over the model without the effect, in effective samples.
-        needed: Gain that chance reaches.
-        training: Relative fall of the error on training runs [-].
-        validation: Relative fall on runs left out, None where there are none [-].
-        possible: Relative fall on runs left out that would surely leave nothing but noise [-].
-        log_odds: Gain of the log likelihood of the runs left out, in effective samples.
-        local: Whether the effect concerns single runs only.
-        flaw: Why the effect is not what its kind is; empty where it is.
+        needed: Gain that chance reaches (significance limit).
+        training: Relative fall of the error of the training runs, summed over the channels [-].
+        validation: The same for the validation runs; None without such runs [-].
+        possible: Relative fall on the validation runs down to the noise, reduced by the uncertainty
+            of the noise level [-].
+        log_odds: Gain of the log likelihood of the validation runs, in effective samples.
+        local: Whether the effect is restricted to single runs.
+        flaw: Why the fitted effect is implausible for its type; empty if it is plausible.
     """
 
     gain: float
@@ -97,21 +99,23 @@ class Gates:
 
     @property
     def passed(self) -> bool:
-        """Whether the effect is real by all three."""
+        """Whether the effect meets all three criteria and is plausible."""
         return not self.refusal
 
     @property
     def refines(self) -> bool:
-        """Whether a richer form of an effect that is there is real; it claims nothing new.
+        """Whether an extended variant of an accepted effect is accepted.
 
-        However little it does to the error, parameters beside it may be off by many deviations.
+        The variant claims no new effect, so the size criterion is waived: a law that hardly changes
+        the error can still bias other parameters by many standard deviations.  The gain has to be
+        significant, and the validation error has to fall.
         """
         is_foretold = self.validation is None or self.validation > _SCATTER
         return self.passed or (self.gain > self.needed and is_foretold and not self.flaw)
 
     @property
     def refusal(self) -> str:
-        """Which gate refused it, in words; empty where none did."""
+        """The criterion that is not met, in words; empty if all are met."""
         if self.flaw:
             return self.flaw
         if not self.gain > self.needed:
@@ -139,12 +143,12 @@ class Gates:
 
 @dataclass(frozen=True)
 class Unseen:
-    """Errors of a model on the runs left out.
+    """Simulation errors of a model on the validation runs.
 
     Args:
         square: (2,) mean square error [A^2, rad^2/s^2].
         count: (2,) number of samples.
-        scatter: (2,) standard deviation of the root's logarithm, by how even the error is [-].
+        scatter: (2,) standard error of the logarithm of the RMS error, from its kurtosis [-].
     """
 
     square: Array
@@ -154,12 +158,12 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Judged:
-    """A model and its errors.
+    """A model with its validation errors.
 
     Args:
         fit: The fit.
-        share: Effective share of the samples.
-        unseen: Errors on the runs left out, None without such runs.
+        share: Effective sample fraction [-].
+        unseen: Errors on the validation runs; None without such runs.
     """
 
     fit: Fit
@@ -168,15 +172,15 @@ class Judged:
 
     @property
     def is_computed(self) -> bool:
-        """Whether cost and normal equations are finite; a model without is never chosen."""
+        """Whether cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
     def gates(self, simpler: Judged, tried: int) -> Gates:
-        """The three gates between this model and a simpler one.
+        """Acceptance criteria of this model against a simpler one.
 
         Args:
             simpler: The model without the effect.
-            tried: Number of prototypes among which the effect was found.
+            tried: Number of prototypes from which the effect was selected.
         """
         more = self.fit.position.size - simpler.fit.position.size
         more += _lasting(self.fit) - _lasting(simpler.fit)
@@ -207,12 +211,12 @@ class Judged:
             possible=possible,
             log_odds=log_odds,
             local=bool(added) and all(term.is_local for term in added),
-            # A richer form is no other kind, and may be flawed all the same.
+            # An extended variant has the type of the term it replaces, and can be implausible too.
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
         )
 
     def _flaw(self, terms: Sequence[AbstractTerm]) -> str:
-        """Why one of these terms is not what its kind is, or the model no candidate; else empty."""
+        """Why a term is implausible or the model cannot be computed; empty otherwise."""
         if not self.is_computed:
             return UNCOMPUTED
         values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
@@ -223,7 +227,7 @@ class Judged:
         return ""
 
     def predicts_worse(self, other: Judged) -> bool:
-        """Whether the runs left out prefer another model by twenty to one."""
+        """Whether the validation runs prefer the other model by twenty to one."""
         if self.unseen is None or other.unseen is None:
             return False
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -232,16 +236,16 @@ class Judged:
         return bool(max(self.share, other.share) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
 
     def score(self, share: float) -> float:
-        """What speaks against the model; smaller is better.
+        """Criterion for the comparison of models; smaller is better.
 
-        Half the Bayesian information criterion of the training runs, and the negative log
-        likelihood of the runs left out, foretold from there.
+        Half the BIC of the training runs, plus the negative predictive log likelihood of the
+        validation runs.
 
         Args:
-            share: Effective share of the samples, the same for all that are compared.
+            share: Effective sample fraction, the same for all compared models [-].
 
         Returns:
-            Infinity for a model that cannot be computed.
+            The criterion; infinity for a model that cannot be computed.
         """
         if not self.is_computed:
             return float("inf")
@@ -255,7 +259,7 @@ class Judged:
         )
 
     def _foretold(self) -> float:
-        """Negative log likelihood of the runs left out, their noise unknown, up to a constant."""
+        """Negative log likelihood of the validation runs at unknown noise level."""
         if self.unseen is None:
             return 0.0
         seen = self.fit.weighting.counts > 0
@@ -265,16 +269,16 @@ class Judged:
 
 
 def _lasting(fit: Fit) -> int:
-    """Number of initial values, over all records, that count as parameters.
+    """Number of initial values, over all records, that count as parameters in the BIC.
 
-    Those of current and speed do not, nor any that fades: what a sample tells of them ends early in
-    the record, so that they do not cost the logarithm of its length.
+    Current, speed and fading states do not count.  Late samples contain no information on them, so
+    their penalty does not grow with the logarithm of the record length.
     """
     return len(fit.states) * sum(not state.fades for state in _states(fit))
 
 
 def _fading(fit: Fit) -> int:
-    """Number of initial values, over all records, that fade."""
+    """Number of initial values of fading states, over all records."""
     return len(fit.states) * sum(state.fades for state in _states(fit))
 
 
@@ -283,31 +287,31 @@ def _states(fit: Fit) -> list[State]:
 
 
 def _determined(fit: Fit) -> float:
-    """Number of parameters that the data determine and not the priors.
+    """Effective number of parameters: those that the data determine and not the priors.
 
-    A parameter that is left where its prior has it costs no evidence: the asymmetry of a friction,
-    where a motor turns one way only.
+    A parameter that stays at its prior costs nothing.  Example: the asymmetry of a friction, if the
+    motor turns in one direction only.
     """
     return float(np.trace(least_squares(fit.equations.matrix, fit.equations.information)))
 
 
 def scores_of(models: Sequence[Judged]) -> list[float]:
-    """Scores of models against each other, counted in the samples of the whitest of them.
+    """Criteria of several models, counted in the effective samples of the whitest residual.
 
-    What a model lacks colours its residual, so that the best one says best how much the samples
-    are worth.
+    A missing effect makes the residual autocorrelated, so the best model gives the best estimate of
+    the effective sample fraction.
     """
     share = max((one.share for one in models if np.isfinite(one.fit.cost)), default=1.0)
     return [one.score(share) for one in models]
 
 
 def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
-    """A fit with its errors on the runs left out.
+    """Evaluate a fit on the validation runs.
 
     Args:
         fit: The fit.
-        campaign: Records.
-        share: Effective share of the samples.
+        campaign: Training and validation records.
+        share: Effective sample fraction [-].
     """
     if not campaign.validation:
         return Judged(fit, share)
@@ -327,13 +331,13 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
 
 
 def probabilities(scores: Sequence[float]) -> Array:
-    """Posterior probabilities of models from half their BIC, equal prior odds.
+    """Posterior model probabilities from half the BIC, at equal prior odds.
 
     Args:
-        scores: Half the criterion of each model, all on the same data and effective samples.
+        scores: Criterion of each model, all on the same data and effective samples.
     """
     if not np.isfinite(scores).any():
-        # The first is the model at hand; where none can be computed it keeps its place alone.
+        # The first model is the current one; if none can be computed, it gets probability 1.
         return np.asarray(np.arange(len(scores)) == 0, dtype=np.float64)
     relative = -(np.asarray(scores) - np.min(scores))
     weights = np.exp(np.maximum(relative, -700.0))

@@ -1,13 +1,13 @@
-"""Search on long records: on a representative part first, then on all samples for what was found.
+"""Search on long records: representative subset first, then all samples.
 
-    part      search the stretches that `part_of` chooses
-    whole     fit the model that was found to all samples, and each model without one of its effects
-    check     compare the simulation error of all samples with that of the part
+    subset    search the segments that `part_of` selects
+    fit       fit the selected model to all samples, and also without each of its effects
+    check     compare the simulation error of all samples with that of the subset
 
-An effect has to lower the error by two per cent to count.  Where the error of all samples exceeds
-that of the part by less, nothing that counts is missing outside it and the search ends; where it
-exceeds it by more (an event in a run, heat that gathers over minutes), the search goes on with all
-samples from the model that was found.
+An effect has to lower the error by 2 % to be accepted.  If the error of all samples exceeds that of
+the subset by less, no acceptable effect is missing outside the subset, and the search ends.
+Otherwise (an event in one run, heating over minutes) the search continues on all samples from the
+selected model.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from identification.work import Budget
 __all__ = ["search_long"]
 
 _PART: Final = 0.7
-"""Share of the budget that the search on the part may take."""
+"""Fraction of the operation budget for the search on the subset."""
 
 
 def search_long(
@@ -40,14 +40,14 @@ def search_long(
     work: float = np.inf,
     withheld: Collection[str] = (),
 ) -> Outcome:
-    """Search the catalogue for what the nominal model lacks, whatever the length of the records.
+    """Select the effects that the nominal model lacks, for records of any length.
 
     Args:
         declared: Fit of the nominal model.
-        campaign: Records of training and validation.
-        progress: Called with the fraction done.
-        work: Operations after which nothing new is begun.
-        withheld: Kinds of the catalogue that are not candidates.
+        campaign: Training and validation records.
+        progress: Called with the completed fraction [-].
+        work: Operation budget; no new step starts after it is spent.
+        withheld: Names of effect types that are not candidates.
     """
     tell = progress or (lambda fraction: None)
     part = part_of(campaign, declared)
@@ -76,7 +76,7 @@ def search_long(
 
 
 def _excess(whole: Fit, part: Fit) -> float:
-    """Logarithm of the error of all samples over that of the part, summed over the channels."""
+    """Log ratio of the error of all samples to that of the subset, summed over the channels."""
     counts = (whole.weighting.counts > 0) & (part.weighting.counts > 0)
     ratio = np.log(whole.weighting.deviation / part.weighting.deviation)
     return float(np.sum(ratio[counts]))
@@ -85,7 +85,7 @@ def _excess(whole: Fit, part: Fit) -> float:
 def _confirmed(
     declared: Fit, campaign: Campaign, found: Outcome, budget: Budget
 ) -> tuple[Fit, tuple[Found, ...]]:
-    """The model of the part fitted to all samples, without the effects that do not pass there."""
+    """The model of the subset fitted to all samples, without the effects that fail there."""
     if not found.effects:
         return declared, ()
     trials = Trials(campaign, budget, tried=max(len(found.searched), 1))

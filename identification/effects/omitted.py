@@ -1,17 +1,17 @@
-"""Consider covariance: how far omitted terms could change the parameters of a model.
+"""Consider covariance: parameter uncertainty caused by omitted terms.
 
-A search may end with structure in the residual: a term promises more gain in log likelihood than
-chance reaches and yet passes no gate, since its law is not that of the motor.  The structure is
-real, and it pulls at the parameters although nothing says by which law.  How far such a term could
-pull is known to first order: its screening tells the step of every parameter that goes with its
-best amplitude.  Each of these steps, times a standard normal number, is added to the draws of the
-posterior, so that the intervals hold what the model lacks (a consider covariance).
+After a search the residual may still have structure: a term has a predicted gain above chance, but
+it fails the acceptance criteria because its law is not that of the motor.  The structure is real
+and biases the parameters, although its law is unknown.  The screening gives this bias to first
+order: the change of every parameter at the best amplitude of the term.  Each of these changes,
+times a standard normal number, is added to the draws of the posterior, so that the intervals cover
+the bias.
 
-Where no term promises more than chance, nothing is added.
+If no term has a predicted gain above chance, nothing is added.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340; Tapley, Schutz and Born,
 Statistical Orbit Determination (2004), chapter 6 (consider covariance); Schwarz, Annals of
-Statistics 6 (1978), 461-464 (what chance reaches).
+Statistics 6 (1978), 461-464 (gain by chance).
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OmittedTerm:
-    """A term that promises more than chance and is not in the model.
+    """A term outside the model that may bias its parameters.
 
     Args:
-        name: Its kind, or ``unlisted``.
-        gain: Promised gain of the log likelihood, in effective samples; None where no data tell.
-        chance: Gain that the best of all prototypes reaches by chance.
-        steps: Change of each parameter that goes with its best amplitude, in search coordinates.
-        parameter: Parameter of the motor that may be taken for it; empty where there is none.
-            `chance` is then the loss of log likelihood that excludes it.
-        time: Time constant that it has at an optimum of its own [s], which draws lie on the way to;
-            None where the change is one of first order.
+        name: Effect type, ``unlisted`` or ``current_gain``.
+        gain: Predicted gain of the log likelihood, in effective samples; negative for the loss at
+            another optimum, None if the data contain no information on it.
+        chance: Gain that the best of all prototypes reaches by chance; for a confounded term, the
+            loss that excludes it; None if `gain` is None.
+        steps: Change of each parameter at the best amplitude of the term, in search coordinates.
+        parameter: Motor parameter that is confounded with the term; empty if there is none.
+        time: Time constant of the term at another optimum [s]; the draws lie between the fit and
+            that optimum.  None for a first-order change.
     """
 
     name: str
@@ -62,13 +63,13 @@ class OmittedTerm:
 def omitted_terms(
     fit: Fit, share: float, scores: Iterable[Score], tried: int
 ) -> tuple[OmittedTerm, ...]:
-    """Terms that promise more than chance beside a model, one of each kind, best first.
+    """Terms with a predicted gain above chance, one per effect type, best first.
 
     Args:
         fit: The model at its optimum.
-        share: Effective share of the samples.
-        scores: What was screened beside it.
-        tried: Number of prototypes among which the best was found.
+        share: Effective sample fraction [-].
+        scores: Scores of the terms in addition to the model.
+        tried: Number of prototypes from which the best was selected.
     """
     samples = max(float(fit.weighting.counts.sum()) * share, 2.0)
     found: dict[str, OmittedTerm] = {}
@@ -86,13 +87,13 @@ def omitted_terms(
 
 
 def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
-    """Changes by an unknown gain of the current sensor; empty where the gains agree.
+    """Parameter changes by an unknown gain of the current sensor; empty if the gains agree.
 
-    A sensor that reads g times the current gives Ra/g, L/g, J g and b g, and fits as well.
+    A sensor that reads g times the current gives Ra/g, L/g, J g and b g at the same fit.
 
     Args:
-        fit: Fit whose parameters they are.
-        ratios: Readings of runs over that of the first training run, for the same current [-].
+        fit: Fit whose parameters change.
+        ratios: Reading of each run over that of the first training run, for the same current [-].
     """
     largest = max((abs(float(np.log(ratio))) for ratio in ratios), default=0.0)
     if largest == 0.0:
@@ -107,10 +108,10 @@ def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
 
 
 def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
-    """(n_parameter,) variances that omitted terms add, in search coordinates.
+    """(n_parameter,) variances added by omitted terms, in search coordinates.
 
     Args:
-        fit: Fit whose parameters they are.
+        fit: Fit whose parameters change.
         omitted: The terms.
     """
     variances: Array = np.sum(_steps(fit, omitted) ** 2, axis=1)
@@ -120,13 +121,14 @@ def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
 def with_omitted_drawn(
     draws: dict[str, Array], fit: Fit, omitted: Sequence[OmittedTerm], seed: int
 ) -> dict[str, Array]:
-    """Draws with what omitted terms could change added to them.
+    """Draws with the changes by omitted terms added.
 
     Args:
-        draws: Physical values by name, of one shape each; others than parameters stay.
-        fit: Fit whose posterior they are of.
+        draws: Physical values by name, all of one shape; values that are not parameters are
+            unchanged.
+        fit: Fit to whose posterior the draws belong.
         omitted: The terms.
-        seed: Seed of their amplitudes.
+        seed: Seed of the random amplitudes.
     """
     if not omitted:
         return draws
@@ -137,7 +139,7 @@ def with_omitted_drawn(
     amplitudes[has_own] = np.abs(amplitudes[has_own])
     with np.errstate(invalid="ignore", divide="ignore"):
         position = fit.coordinates.of(np.stack([draws[name] for name in names]))
-    # A draw at a bound of 0 is a last digit below it now and then, and has no logarithm.
+    # Rounding can put a draw slightly below a bound of 0, where it has no logarithm.
     lowest = fit.coordinates.lower.reshape(-1, *[1] * len(shape))
     position = np.where(np.isnan(position) | np.isneginf(position), lowest, position)
     position = position + np.tensordot(_steps(fit, omitted), amplitudes, axes=1)
@@ -146,7 +148,7 @@ def with_omitted_drawn(
 
 
 def _steps(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
-    """(n_parameter, n_term) steps; parameters that a term was not screened with stay."""
+    """(n_parameter, n_term) steps; zero for a parameter that was not part of the screening."""
     names = fit.coordinates.names
     steps = [[term.steps.get(name, 0.0) for name in names] for term in omitted]
     return np.array(steps, dtype=np.float64).reshape(len(omitted), len(names)).T

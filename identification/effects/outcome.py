@@ -1,4 +1,4 @@
-"""What a search found, and everything that it looked at."""
+"""Result of a search: accepted effects, alternatives and examined candidates."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ __all__ = ["Alternative", "Found", "Outcome", "Searched"]
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another kind in the place of an effect.
+    """Another effect type in place of an accepted effect.
 
     Args:
-        name: The kind.
-        probability: Posterior probability of the model with it.
+        name: Effect type.
+        probability: Posterior probability of the model with it [-].
     """
 
     name: str
@@ -30,10 +30,10 @@ class Found:
     """An effect of the final model.
 
     Args:
-        name: The kind.
-        probability: Posterior probability against the alternatives in its place.
-        gates: How it passed against the model without it.
-        alternatives: Kinds that could stand in its place, most probable first.
+        name: Effect type.
+        probability: Posterior probability against the alternatives [-].
+        gates: Acceptance criteria against the model without the effect.
+        alternatives: Other effect types in its place, the most probable first.
     """
 
     name: str
@@ -44,16 +44,16 @@ class Found:
 
 @dataclass(frozen=True)
 class Searched:
-    """One candidate that was looked at.
+    """One examined candidate.
 
     Args:
-        name: The kind.
+        name: Effect type.
         round: Number of the round, from 1.
-        promised: Gain of the log likelihood that screening promised.
-        gates: How it fared in the refit, None where it was not refitted.
-        chosen: Whether it was taken in that round.
-        detail: Which variant of the kind: the channel or the run it concerns.
-        flaw: Why it could not be computed at all; empty where it could.
+        promised: Predicted gain of the log likelihood; for an extended variant the achieved gain.
+        gates: Acceptance criteria after the refit; None without a refit.
+        chosen: Whether the candidate was accepted in that round.
+        detail: Variant of the effect type, for example the channel or the run.
+        flaw: Why the candidate could not be computed; empty if it could.
     """
 
     name: str
@@ -67,16 +67,16 @@ class Searched:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the search found.
+    """Result of a search.
 
     Args:
         fit: Fit of the final model.
-        effects: Its effects, strongest evidence first.
-        searched: Everything that was looked at.
-        complete: Whether it ended by itself and not because its time was up.
-        traces: What the declared model lacks against the signals it may depend on, best first;
-            empty where nothing was found.
-        omitted: Terms that promise more than chance beside the final model and passed no gate.
+        effects: Its effects, the largest gain first.
+        searched: All examined candidates.
+        complete: Whether the search ended by itself and not because its budget was spent.
+        traces: Curves of what the nominal model lacks over single signals, best first; empty if no
+            effect was accepted.
+        omitted: Terms outside the final model with a predicted gain above chance.
     """
 
     fit: Fit

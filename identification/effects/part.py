@@ -1,14 +1,14 @@
-"""A representative part of long records, by greedy D-optimal design, for an affordable search.
+"""Representative subset of long records by greedy D-optimal design.
 
-A search refits dozens of models, and most of what it learns from a million samples it learns from
-some ten thousand: an effect that has to lower the error by two per cent gains hundreds in log
-likelihood on them.  So it works on one stretch of each record and is then repeated on all samples
-for the models that matter.
+A search refits dozens of models.  Some ten thousand samples contain most of what it learns from a
+million: on them, an effect that has to lower the error by 2 % gains hundreds in log likelihood.
+The search therefore uses one segment of each record, and only the models that matter are refitted
+to all samples.
 
-Which stretches: those whose regressors (current, speed, their signs and squares, voltage,
-temperature, and the residual of the nominal model) have the largest information together, the
-determinant of their moment matrix.  A stretch with both directions, standstill and large currents
-is worth more than one at constant speed.
+The segments maximise the determinant of the joint moment matrix of their regressors: current,
+speed, their signs and squares, voltage, temperature, and the residual of the nominal model.  A
+segment with both directions, standstill and large currents is worth more than one at constant
+speed.
 
 Source: Fedorov, Theory of Optimal Experiments, Academic Press (1972), chapter 3 (D-optimality and
 greedy exchange).
@@ -39,23 +39,24 @@ __all__ = ["fitted_to", "part_of", "part_of_fit"]
 Array = NDArray[np.float64]
 
 _LEAST: Final = 1_000
-"""Samples of a stretch at least; it has to be many times the slowest time constant."""
+"""Samples of a segment at least; a segment has to be many times the slowest time constant."""
 _LONGER: Final = 1.5
-"""Times the part that the records have to be long for a part to be worth its overhead."""
+"""Ratio of samples to subset size from which a subset is worth its overhead."""
 _PLACES: Final = 4
-"""Places to a stretch's length at which one may begin."""
+"""Possible start positions per segment length."""
 _SWEEPS: Final = 2
+"""Passes of the exchange over all records."""
 
 
 def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
-    """Stretches of the records of a campaign, and the nominal model fitted to them.
+    """Segments of the records of a campaign, and the nominal model fitted to them.
 
     Args:
-        campaign: Records of training and validation.
+        campaign: Training and validation records.
         declared: Fit of the nominal model to all training records.
 
     Returns:
-        The campaign of the stretches and its nominal fit; None where the records are short.
+        The campaign of the segments and its nominal fit; None if the records are short.
     """
     if sum(record.rows for record in campaign.training) <= _LONGER * PART_ROWS:
         return None
@@ -71,7 +72,7 @@ def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
 
 
 def part_of_fit(fit: Fit) -> Fit:
-    """A model on stretches of its records; the fit itself where the records are short.
+    """A model fitted to segments of its records; the fit itself if the records are short.
 
     Args:
         fit: Fit of the model to all training records.
@@ -83,12 +84,12 @@ def part_of_fit(fit: Fit) -> Fit:
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, patience: Patience | None = None) -> Fit:
-    """A model that was fitted to other records, fitted to these from there.
+    """Fit a model to other records, starting at its present optimum.
 
     Args:
-        records: Records.
-        fit: The fit.
-        patience: When to give up.
+        records: The other records.
+        fit: Present fit of the model.
+        patience: Termination limits.
     """
     model, values = fit.simulator.model, fit.values
     own = any(state.is_own for term in model.terms for state in term.states)
@@ -102,7 +103,7 @@ def fitted_to(records: Sequence[Record], fit: Fit, patience: Patience | None = N
 
 
 def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:
-    """One stretch of each record, so many samples together."""
+    """One segment of each record, about `rows` samples in total."""
     total = sum(record.rows for record in records)
     lengths = [min(r.rows, max(_LEAST, int(rows * r.rows / total))) for r in records]
     scale = np.sqrt(np.mean([np.mean(f**2, axis=0) for f in _regressors(records, residuals)], 0))
@@ -128,7 +129,7 @@ def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int)
 
 
 def _regressors(records: Sequence[Record], residuals: Sequence[Array]) -> list[Array]:
-    """For each record (n_sample, n_regressor) what effects may depend on."""
+    """For each record (n_sample, n_regressor) signals that effects may depend on."""
     found = []
     for record, residual in zip(records, residuals, strict=True):
         current, speed = record.measured.T
@@ -162,13 +163,13 @@ def _moments(features: Array, step: int) -> Array:
 
 
 def _windows(moments: Array, width: int) -> Array:
-    """Sums of so many blocks that follow each other, for each block that may be the first."""
+    """Sums over `width` consecutive blocks, for each possible first block."""
     sums = np.concatenate([np.zeros((1, *moments.shape[1:])), np.cumsum(moments, axis=0)])
     return np.asarray(sums[width:] - sums[:-width])
 
 
 def _slice(record: Record, start: int, rows: int) -> Record:
-    """A stretch of a record; its last interval has zero length."""
+    """One segment of a record; its last interval has zero length."""
     start = min(start, record.rows - rows)
     if rows == record.rows:
         return record

@@ -1,7 +1,7 @@
-"""Which of several models of one campaign is better, and whether one stands in another's place.
+"""Ranking of models by the comparison criterion, with ties decided by the catalogue.
 
-Models that differ by less than one in half their criterion are alike (see `evidence`); of those the
-one with the commonest kinds comes first.
+Models whose criterion differs by less than 1 are tied (see `evidence`); the model with the most
+common effect types then comes first.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ from identification.fit.solve import Fit
 __all__ = ["is_better", "is_strained", "ranked", "replaces"]
 
 _ALIKE: Final = 1.0
+"""Difference of the criterion below which models are tied."""
 _PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
+"""Position of each effect type in the catalogue, the most common first."""
 _AT: Final = 1e-3
+"""Fraction of its range within which a shape parameter counts as at its bound."""
 _WITHIN: Final = 2.0
-"""Share of a range, and standard deviations, within which a shape is at its bound."""
+"""Standard deviations within which a shape parameter counts as at its bound."""
 
 
 def ranked(models: Sequence[Judged]) -> list[int]:
-    """Places of models, best first; of those that are alike, the commonest kinds first.
+    """Indices of the models, best first; ties are decided by the catalogue, common types first.
 
     Args:
-        models: The models, judged on the same campaign.
+        models: Models evaluated on the same campaign.
     """
     scores = scores_of(models)
     best = min(scores, default=0.0)
@@ -48,10 +51,12 @@ def is_better(one: Judged, other: Judged) -> bool:
 
 
 def replaces(alone: Judged, listed: Judged) -> bool:
-    """Whether a curve stands in the place of the effects of the catalogue.
+    """Whether a curve replaces the effects of the catalogue.
 
-    Of a single one only where the error is smaller by what counts as a size: a free form that does
-    as well as a kind is that kind, unless the kind is strained.  Never where it predicts worse.
+    The curve has to rank better, and its validation error must not be clearly larger.  In place of
+    a single effect it also has to lower the error by the size limit, because a free curve that fits
+    only as well as an effect is that effect.  The size limit does not apply if the effect has a
+    shape parameter at its bound.
     """
     if alone.predicts_worse(listed):
         return False
@@ -61,10 +66,10 @@ def replaces(alone: Judged, listed: Judged) -> bool:
 
 
 def is_strained(fit: Fit) -> bool:
-    """Whether a shape that makes a kind what it is may lie beyond a bound of its range.
+    """Whether a defining shape parameter of an effect may lie beyond a bound of its range.
 
-    A drag with the highest power that is one bends more than drags do: the data ask for another
-    law, which happens to be imitated.
+    Example: a drag at the largest allowed exponent is more curved than real drag.  The data require
+    another law, with which the drag is confounded.
     """
     at = {name: k for k, name in enumerate(fit.coordinates.names)}
     shapes = [

@@ -1,4 +1,4 @@
-"""Greedy selection of the runs in which an event happens alike."""
+"""Greedy selection of the runs in which the same event occurs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ __all__ = ["recurring"]
 Array = NDArray[np.float64]
 
 _AGREES: Final = 3.0
-"""Log likelihood that a run has to add for an event to have happened there too: twenty to one."""
+"""Gain of the log likelihood that a run has to add, for odds of twenty to one that the event
+occurred in it too."""
 
 
 def recurring(
@@ -29,16 +30,16 @@ def recurring(
     along: Along,
     runs: Sequence[int],
 ) -> list[Score]:
-    """The score of a start with one amplitude in the runs that agree; none where fewer than two.
+    """Score of one start with a common amplitude in several runs; empty for fewer than two runs.
 
-    Runs are added one by one, as long as the gain of the one amplitude rises by strong evidence.
+    Runs are added one at a time while each raises the gain of the common amplitude by `_AGREES`.
 
     Args:
         candidate: The structure.
-        lane: Number of the start.
-        projections: (n_run,) of the residual on the deviation of the start in each run.
-        products: (n_run, n_run) of the deviations with each other.
-        along: How the fit moves along with each of them.
+        lane: Index of the start.
+        projections: (n_run,) projection of the residual on the deviation of the start in each run.
+        products: (n_run, n_run) inner products of these deviations.
+        along: First-order change of the fit with each deviation.
         runs: (n_run,) numbers of the runs.
     """
 

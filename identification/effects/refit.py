@@ -1,4 +1,4 @@
-"""Fitting a model with an effect added, or with one taken away."""
+"""Refits of a model with an effect added, extended or removed."""
 
 from __future__ import annotations
 
@@ -31,22 +31,25 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _STEPS: Final = 20
+"""Gauss-Newton steps of one refit at most."""
 _ATTEMPTS: Final = 3
+"""Refinements of the substeps at most."""
 _NEAR: Final = 0.005
-"""Gain of log likelihood a sample by which a simulation moves by a tenth of the noise."""
+"""Gain of the log likelihood per sample at which the simulation changes by a tenth of the noise."""
 
 
 def refitted_with(
     fit: Fit, term: AbstractTerm, starts: Sequence[Start], patience: Patience | None = None
 ) -> Fit:
-    """The fit of the model with `term` added, from where `fit` ended.
+    """Fit of the model with `term` added, from the optimum of `fit`.
 
     Args:
         fit: Fit of the current model.
-        term: What is added; a thermal one also starts from the usual temperature coefficients where
-            those of the fit are odd, and has the same budget again for that.
-        starts: Where it may start; the fit goes on from the best of them.
-        patience: When to give up.
+        term: The added term.  For a thermal term, if the temperature coefficients of `fit` are
+            implausible, a second fit starts from the usual coefficients with the same budget, and
+            the better fit is returned.
+        starts: Starting points; the fit continues from the best of them.
+        patience: Termination limits.
     """
     model, patience = fit.simulator.model.adding(term), patience or Patience(_STEPS)
     began = operations()
@@ -61,10 +64,11 @@ def refitted_with(
 
 
 def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) -> Fit:
-    """The fit with a term in a richer form, from where `fit` ended; what is new starts neutral.
+    """Fit with a term in an extended variant, from the optimum of `fit`.
 
-    Sample intervals are divided beforehand until the whole simulation is accurate: an angle that
-    adds up their errors would be a turn away once they are divided later.
+    New parameters start at their neutral values.  Substeps are chosen beforehand so that the whole
+    simulation is accurate.  Otherwise an angle that accumulates integration errors would be a
+    revolution off once the substeps become finer.
     """
     before = fit.simulator.model
     terms = tuple(term if own.name == term.name else own for own in before.terms)
@@ -75,13 +79,13 @@ def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) 
 
 
 def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
-    """The fit of the model without the term of that name, from where `fit` ended."""
+    """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
     return _refitted(fit, model, (), patience or Patience(_STEPS))
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:
-    """The place of a fit, with the declared parameters where the declared model has them."""
+    """The fit moved to the nominal values of the parameters that the nominal model has."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     values |= dict(zip(declared.coordinates.names, declared.values, strict=True))
     place = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
@@ -89,10 +93,10 @@ def as_declared(fit: Fit, declared: Fit) -> Fit:
 
 
 def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:
-    """The fit with the amplitudes that records have for themselves expected where they were found.
+    """The fit with the prior scale of per-record amplitudes set to their fitted RMS value.
 
-    A run that was not fitted then starts from amplitudes as large as those of the others, and not
-    from any that its first samples leave possible.
+    The amplitudes of a new run are then expected to be as large as those of the fitted runs.
+    Without this prior, the first samples of that run would leave almost any amplitude possible.
     """
     model, at = fit.simulator.model, 2
     terms = []
@@ -131,14 +135,15 @@ def _refitted(
 
 
 def refined(fit: Fit, patience: Patience | None = None) -> Fit:
-    """The fit with sample intervals divided until their error is far below the noise.
+    """The fit with substeps whose integration error is far below the noise.
 
-    Which intervals have to be divided depends on where the fit ended, so it is measured there and
-    the fit is repeated where it had not been enough, and measured again where it went far.
+    The substeps that are needed depend on the optimum, so the error is measured there.  If the
+    substeps were too coarse, the fit is repeated; if it then moved far, the error is measured
+    again.
 
     Args:
         fit: The fit.
-        patience: When to give up.
+        patience: Termination limits.
     """
     patience = patience or Patience(_STEPS)
     for _ in range(_ATTEMPTS):
@@ -152,7 +157,7 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
             return fit
         before = fit
         fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, patience)
-        # Finer intervals may lead to a stiffer motor than the plan of the steps holds for.
+        # With finer substeps the fit may reach a stiffer motor than its step plan allows.
         fit = replanned(fit, patience)
         if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
             return fit

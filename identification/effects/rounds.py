@@ -1,9 +1,6 @@
-"""One round of a search: what is added, enriched, taken away again and exchanged.
+"""Steps of one selection round: forward, enrich, backward, exchange.
 
-forward    screen every prototype, refit the most promising kinds, take the best that passes
-enrich     give effects the richer forms of their laws
-backward   try to take each effect away again
-exchange   take each effect away and look whether another kind serves as well or better
+The module `search` describes the steps and calls them in order.
 """
 
 from __future__ import annotations
@@ -34,21 +31,25 @@ __all__ = [
 ]
 
 _REFITTED: Final = 7
+"""Candidates refitted in one round at most."""
 _RIVALS: Final = 4
+"""Candidates refitted in place of one effect at most."""
 _NEAR: Final = 0.02
+"""Fraction of an effect's gain by which a rival may fall behind it."""
 _SLACK: Final = 30.0
+"""Log likelihood by which a rival may fall behind in any case."""
 _FAR_LESS: Final = 0.1
-"""Share of the best promise below which nothing is refitted."""
+"""Fraction of the largest predicted gain below which no candidate is refitted."""
 
 
 @dataclass
 class State:
-    """Where a search is.
+    """State of the selection.
 
     Args:
-        trials: Everything fitted and screened so far.
-        current: The model that is added to.
-        searched: What was looked at, in order.
+        trials: Cache of all fits and scores.
+        current: Model to which the next effect is added.
+        searched: Examined candidates, in order.
     """
 
     trials: Trials
@@ -57,7 +58,7 @@ class State:
 
 
 def forward(state: State, round_: int) -> bool:
-    """Add the best effect that passes; False where none does."""
+    """Add the best candidate that meets the acceptance criteria; return False if there is none."""
     trials, current = state.trials, state.current
     scores = trials.scores(current)
     wanted = promising(scores, _REFITTED, _least(trials, current, scores))
@@ -76,13 +77,13 @@ def forward(state: State, round_: int) -> bool:
 
 
 def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
-    """Promised gain below which no prototype is refitted."""
+    """Predicted gain below which no candidate is refitted."""
     most = max((score.gain for score in scores), default=0.0)
     return max(trials.worth_a_refit(current), _FAR_LESS * most)
 
 
 def is_promised(state: State) -> bool:
-    """Whether a kind promises enough beside what was found for a refit."""
+    """Whether the predicted gain of any candidate justifies a refit."""
     scores = state.trials.scores(state.current)
     return bool(promising(scores, 1, _least(state.trials, state.current, scores)))
 
@@ -90,22 +91,25 @@ def is_promised(state: State) -> bool:
 def taken(
     state: State, wanted: Sequence[Score], round_: int, hopeless: float = np.inf
 ) -> Judged | None:
-    """The best of the refits of prototypes that passes the gates and reaches a cost."""
+    """Refit candidates and return the best accepted model; None if none is accepted.
+
+    Fits with a cost above `hopeless` are dropped.
+    """
     trials, current = state.trials, state.current
     fits = trials.refits(current, wanted, hopeless)
     near = trials.near(current, fits)
     order = ranked(near)
     passing = [k for k in order if near[k].gates(current, trials.tried).passed]
-    # Ranked anew: those that are alike are alike among what passes.
+    # Rank the passing models again, because ties are counted from the best model of the set.
     chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
     left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
     if chosen is None and left_out:
-        # The best has failed; only then is it worth to refit those that promise far less.
+        # Candidates with a far smaller predicted gain are refitted only if the best have failed.
         fits += trials.refits(current, left_out, hopeless)
         left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
     far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
     if chosen is None and far:
-        # Those in reach of the best have failed; only then is it worth to judge the others.
+        # Fits far from the best are evaluated only if the near ones have failed.
         far = [trials.judge(one.fit, current.share) for one in far]
         passed = [one.gates(current, trials.tried).passed for one in far]
         chosen = len(near) + passed.index(True) if any(passed) else None
@@ -123,13 +127,16 @@ def taken(
 
 
 def lacks_more(state: State) -> bool:
-    """Whether more is promised than was of the effect taken last, which is then judged later."""
+    """Whether a candidate has a larger predicted gain than the last accepted change had.
+
+    Backward elimination and exchange are then postponed.
+    """
     promised = [one.promised for one in state.searched if one.chosen]
     return any(score.gain > promised[-1] for score in state.trials.scores(state.current))
 
 
 def enrich(state: State, round_: int) -> None:
-    """Give effects the richer forms of their laws, as long as these pass."""
+    """Replace effects by extended variants of their laws, as long as the variants are accepted."""
     for found in state.current.fit.simulator.model.terms:
         left = list(found.richer)
         while left and not state.trials.over:
@@ -144,7 +151,7 @@ def enrich(state: State, round_: int) -> None:
 
 
 def backward(state: State) -> None:
-    """Take effects away that do not pass any more beside the others."""
+    """Remove effects that no longer meet the criteria; the last remaining effect is kept."""
     for term in state.current.fit.simulator.model.terms:
         if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
             return
@@ -154,7 +161,7 @@ def backward(state: State) -> None:
 
 
 def exchange(state: State) -> None:
-    """Replace effects for which another kind serves better beside the others."""
+    """Replace effects by other types that meet the criteria and rank better."""
     for term in state.current.fit.simulator.model.terms:
         if state.trials.over:
             return
@@ -170,7 +177,7 @@ def exchange(state: State) -> None:
 
 
 def rivals_of(state: State, simpler: Judged, name: str) -> list[Judged]:
-    """Models in which another kind stands in the place of an effect and comes near it."""
+    """Models with another effect type in place of `name` and a cost close to the current one."""
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
     hopeless = hopeless_for(current, simpler)
@@ -180,5 +187,5 @@ def rivals_of(state: State, simpler: Judged, name: str) -> list[Judged]:
 
 
 def hopeless_for(current: Judged, simpler: Judged) -> float:
-    """Cost above which what is added to a simpler model is no rival of the current one."""
+    """Cost above which an extension of the simpler model is no rival of the current model."""
     return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))

@@ -1,4 +1,4 @@
-"""What a prototype promises."""
+"""Result of the score test: predicted gain and starting points of a refit."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ __all__ = ["Score", "gathered", "sized"]
 Array = NDArray[np.float64]
 
 _OTHERS: Final = 5
-"""Starts beside the most promising one from which a refit may go on."""
+"""Further starting points per structure at most, besides the best."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """A prototype and what it promises.
+    """Predicted gain of a candidate.
 
     Args:
         candidate: The structure.
-        start: (n_parameter,) its parameters, scaled to the size that explains most [unit].
-        gain: Promised gain of the log likelihood.
-        covariance: (n_joint, n_joint) of the amplitudes that were scored together, as multiples of
-            their prototypes, everything else fitted along [-]; None where they are a record's own.
-        own: For each record the amplitudes that are its own, in the order of the term's states;
-            empty where there are none.
-        along: How what was fitted so far moves along; None where it is held.
-        others: Starts of the same structure that promised less.
+        start: (n_parameter,) parameters, with the amplitudes that maximise the gain [unit].
+        gain: Predicted gain of the log likelihood.
+        covariance: (n_joint, n_joint) of the amplitudes scored together, as multiples of their
+            prototypes, with everything else refitted [-]; None for per-record amplitudes.
+        own: For each record its per-record amplitudes, in the order of the term's states; empty
+            without such amplitudes.
+        along: First-order change of the fitted parameters and states; None if they are held.
+        others: Starting points of the same structure with a smaller predicted gain.
     """
 
     candidate: Candidate
@@ -46,12 +46,12 @@ class Score:
 
     @property
     def starts(self) -> tuple[Start, ...]:
-        """Where a refit may start, the most promising first."""
+        """Starting points of a refit, the largest predicted gain first."""
         return (Start(self.start, self.own, self.along), *self.others)
 
 
 def gathered(scores: Sequence[Score]) -> list[Score]:
-    """One score of each structure, its other starts with it.
+    """One score per structure, with the other starting points attached to it.
 
     Args:
         scores: Best first.
@@ -66,13 +66,13 @@ def gathered(scores: Sequence[Score]) -> list[Score]:
 
 
 def sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
-    """Start of a refit: amplitudes scaled as the score says, within reason, shapes kept.
+    """Starting point of a refit: amplitudes from the score within their bounds, shapes unchanged.
 
-    Where that leaves nothing, since the score points where the effect cannot go, the prototype is
-    the start: what is best far from nothing need not show there.
+    An amplitude outside the bounds can be clipped to zero.  The start then has the amplitude of the
+    prototype, because an effect that fits well at a finite amplitude need not gain near zero.
 
     Returns:
-        The start and the weights of the prototypes in it.
+        The starting point, and the weights of the prototypes in it.
     """
     parameters = candidate.term.parameters
     columns = candidate.starts[:, first : first + weights.size]

@@ -1,13 +1,16 @@
-"""Which effects could explain the residual: a score of every prototype, one simulation each.
+"""Rao score (Lagrange multiplier) screening of candidate terms.
 
-A prototype's deviation from the current model, with everything taken out that the fitted
-parameters and initial states could imitate, is compared with the residual:
+Each prototype costs one simulation.  Its deviation d from the current model is projected on the
+complement of everything that the fitted parameters and initial states can reproduce.  The remainder
+d_perp is compared with the residual r:
 
     gain = (d_perp' W r)^2 / (2 d_perp' W d_perp)               [log likelihood]
 
-This is what the log likelihood would gain if the effect's size were free and all parameters were
-fitted again, to first order.  Marginal correlation would not do: the parameters that were fitted
-without the effect have soaked part of it up.
+To first order, this is the gain in log likelihood if the amplitude of the effect were free and all
+parameters were refitted.  The plain correlation of d with r would mislead, because the parameters
+fitted without the effect have absorbed part of it.
+
+Source: Rao, Proc. Cambridge Philosophical Society 44 (1948), 50-57 (score test).
 """
 
 from __future__ import annotations
@@ -35,27 +38,28 @@ from identification.work import TOUCH, charge
 __all__ = ["screened"]
 
 _MANY = 1_000_000
-"""Samples times prototypes above which better code pays for itself in one run."""
+"""Samples times prototypes above which better optimised code pays off even if it runs once."""
 
 _ENOUGH = 20_000
-"""Samples at which deviations are compared with the residual; an effect that changes the error by
-two per cent gains hundreds in log likelihood on so many."""
+"""Samples at which deviations are compared with the residual.  On this many samples, an effect that
+changes the error by 2 % gains hundreds in log likelihood."""
 
 _PASSES = 6.0
-"""How often a product reads or writes each deviation."""
+"""Memory passes of a product over each deviation, for the operation count."""
 
 _PARTS = 2
-"""Parts of a sample interval at most; which effect it is shows without its sharpest moments."""
+"""Substeps of a sample interval at most.  Effects can be told apart without their fastest
+transients."""
 
 Array = NDArray[np.float64]
 
 
 def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
-    """The best prototypes of every candidate, best first.
+    """Scores of the prototypes of all candidates, best first.
 
     Args:
-        fit: The current model at its optimum.
-        candidates: Structures to try.
+        fit: Fit of the current model at its optimum.
+        candidates: Structures to score.
     """
     fit = fit.full()
     residuals = [
@@ -77,10 +81,11 @@ def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
 
 
 def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
-    """Candidates that share one simulation: those with few prototypes that can be switched off.
+    """Groups of candidates that share one simulation.
 
-    Lanes come in blocks, and every structure has to be compiled, so that several small structures
-    in one model cost little more than one of them.
+    Only candidates with few prototypes and an amplitude that can be zero are grouped.  Lanes come
+    in blocks, and every structure has to be compiled, so several small structures in one model cost
+    little more than one of them.
     """
     groups: list[list[Candidate]] = []
     small: list[Candidate] = []
@@ -97,7 +102,7 @@ def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
 
 
 def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Iterator[Array]:
-    """Deviations of terms that push and nothing else, all side by side, record by record."""
+    """Deviations caused by forcing terms, all lanes side by side, record by record."""
 
     def forces(k: int) -> Array:
         record = fit.simulator.records[k]
@@ -134,7 +139,7 @@ def _separated(responses: Iterator[Array], candidates: Sequence[Candidate]) -> l
 def _scores_of_forced(
     fit: Fit, candidates: Sequence[Candidate], residuals: Sequence[Array]
 ) -> list[Score]:
-    """Scores of many curves at once; only one record's responses are kept at a time."""
+    """Scores of many forcing terms; only one record's responses are in memory at a time."""
     if not candidates:
         return []
     lanes = sum(candidate.lanes for candidate in candidates)
@@ -151,7 +156,7 @@ def _scores_of_forced(
 
 
 def _stride(fit: Fit) -> int:
-    """Samples from one that is compared to the next; all of them where noise is whitened."""
+    """Decimation factor of the comparison; 1 if the noise is whitened."""
     if any(len(taps) > 1 for taps in fit.weighting.whitening):
         return 1
     return max(sum(record.rows for record in fit.simulator.records) // _ENOUGH, 1)
@@ -172,7 +177,7 @@ def _scores(
 def _scores_together(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
-    """Scores of starts whose amplitudes are the same in all records."""
+    """Scores of starts with amplitudes common to all records."""
     stride = _stride(fit)
     kept = [deviation[::stride] for deviation in deviations]
     return _scores_from(candidate, *_normal(fit, kept, residuals, candidate.lanes, stride))
@@ -181,7 +186,7 @@ def _scores_together(
 def _scores_by_run(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
-    """Scores of starts in single runs and, where the candidate recurs, in runs that agree."""
+    """Scores of starts in single runs and, if the event can recur, in several runs together."""
     stride, lanes = _stride(fit), candidate.lanes
     runs = list(dict.fromkeys(record.run for record in fit.simulator.records))
     places = [runs.index(record.run) for record in fit.simulator.records]
@@ -203,7 +208,7 @@ def _scores_by_run(
 
 
 def _apart(deviations: Sequence[Array], places: Sequence[int], stride: int) -> Iterator[Array]:
-    """The deviations of each record in the columns of its place, those of other places empty."""
+    """Decimated deviations of each record in the columns of its position; all others are zero."""
     for deviation, place in zip(deviations, places, strict=True):
         part = deviation[::stride]
         lanes = part.shape[2]
@@ -215,7 +220,7 @@ def _apart(deviations: Sequence[Array], places: Sequence[int], stride: int) -> I
 def _score_of_each_record(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
-    """Score of one start whose amplitude is free in each record; what else may move moves along."""
+    """Score of one start with a free amplitude per record; parameters are projected out."""
     stride, count = _stride(fit), len(candidate.final.parameters)
     apart = _apart(deviations, range(len(deviations)), stride)
     projections, products, along = _normal(fit, apart, residuals, len(deviations), stride)
@@ -246,7 +251,7 @@ def _scores_from(
 def _scores_by_record(
     fit: Fit, candidate: Candidate, deviations: Sequence[Array], residuals: Sequence[Array]
 ) -> list[Score]:
-    """Scores of starts whose amplitudes are free in each record; what else may move is held."""
+    """Scores of starts with free amplitudes per record; parameters and states are held."""
     group, count = candidate.joint, len(candidate.final.parameters)
     scores = []
     for first in range(0, candidate.lanes, group):
@@ -268,7 +273,7 @@ def _scores_by_record(
 
 
 def _gain(square: Array, right: Array) -> tuple[float, Array]:
-    """Gain of the log likelihood by amplitudes at their best, and the amplitudes."""
+    """Gain of the log likelihood at the optimal amplitudes, and these amplitudes."""
     if not (np.isfinite(square).all() and np.isfinite(right).all()):
         return np.nan, right
     size = np.sqrt(np.maximum(np.diag(square), 0.0))
@@ -280,7 +285,7 @@ def _gain(square: Array, right: Array) -> tuple[float, Array]:
 
 
 def _rough(fit: Fit) -> Fit:
-    """The fit with sample intervals in few parts, which is enough for differences of models."""
+    """The fit with few substeps per sample interval, accurate enough for differences of models."""
     divisions = fit.simulator.divisions
     if divisions is None:
         return fit
@@ -291,7 +296,8 @@ def _rough(fit: Fit) -> Fit:
 def _deviations(fit: Fit, known: Sequence[Array], group: Sequence[Candidate]) -> list[list[Array]]:
     """For each candidate of a group and each record (n_sample, 2, n_start) deviations from `known`.
 
-    All terms of the group are in one model; in the lanes of one the others are switched off.
+    One model contains all terms of the group; in the lanes of one candidate the amplitudes of the
+    others are zero.
     """
     model = fit.simulator.model.adding(*[candidate.term for candidate in group])
     records = fit.simulator.records
@@ -329,12 +335,12 @@ def _normal(
     count: int,
     stride: int = 1,
 ) -> tuple[Array, Array, Along]:
-    """(n_start,) d_perp'Wr and (n_start, n_start) d_perp'Wd_perp.
+    """Projected products (n_start,) d_perp'Wr and (n_start, n_start) d_perp'Wd_perp, and the moves.
 
-    Each sample stands for `stride`.  Where the fit is at a bound or not quite at its optimum d'Wr
-    holds some of what the parameters could still do; that is taken away.  So does it where the
-    samples that are looked at are not at the optimum of all: they ask for parameters of their own.
-    And how what is fitted already moves along with each start.
+    Each compared sample stands for `stride` samples.  At a bound, or short of the optimum, d'Wr
+    contains gain that the parameters can still achieve by themselves.  This gain is subtracted.
+    The same holds if the decimated samples have another optimum than all samples.  The third value
+    is the first-order change of parameters and initial states for each start.
     """
     equations, weighting = fit.equations, fit.weighting
     n = fit.position.size

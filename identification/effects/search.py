@@ -1,16 +1,19 @@
-"""Finding the effects that the declared model lacks.
+"""Forward selection of effects with backward elimination and exchange.
 
-    forward    screen every prototype, refit the most promising kinds, take the best that passes
-    backward   try to take each effect away again
-    exchange   take each effect away and look whether another kind serves as well or better
+    forward    score every prototype, refit the candidates with the largest predicted gain, and
+               add the best one that meets the acceptance criteria
+    enrich     replace effects by extended variants of their laws
+    backward   remove the effects that no longer meet the criteria
+    exchange   replace effects by other types that meet the criteria and rank better
 
-until nothing passes.  Exchange is what guards against proxies: a wrong effect that was taken
-first since it soaked up part of two right ones is replaced once the others are in.  Kinds that
-serve as well are kept as alternatives with their probabilities.
+The rounds end when no candidate is accepted or the budget is spent.  Exchange removes surrogates:
+an effect that was added first because it absorbed part of two true effects is replaced once these
+are in the model.  Effect types that fit equally well are reported as alternatives with their
+posterior probabilities.
 
-What is left then is looked at once more, with curves that belong to no kind: where one of them
-passes the same gates, nothing in the catalogue explains the motor, and the kinds that had been
-taken in its place have to pass again beside it.
+At the end, curves that belong to no effect type are tried.  If a curve meets the same criteria,
+nothing in the catalogue explains the residual.  The curve then replaces the effects, or it is added
+and all effects have to meet the criteria again together with it.
 """
 
 from __future__ import annotations
@@ -46,15 +49,23 @@ from identification.work import Budget, operations
 __all__ = ["search"]
 
 _CURVES: Final = 4
+"""Curves refitted at most."""
 _RUNNERS: Final = 2
+"""Runner-up models of the first round from which the selection is repeated."""
 _CURVE_UNDERSTATED: Final = 2.0
+"""Largest ratio of achieved to predicted gain assumed for a curve."""
 _FAR_MORE: Final = 3.0
+"""Gain of a curve over that of the best effect, above which the rounds end."""
 _MOST_OF_IT: Final = 0.5
+"""Fraction of a curve's gain; effects that predict more are tried before the curve."""
 _LISTED_SHARE: Final = 0.75
+"""Fraction of the operation budget for the catalogue."""
 _REFIT_SHARE: Final = 0.06
-"""Shares of the budget for the catalogue and for one refit."""
+"""Fraction of the operation budget for one refit."""
 _MOST_EFFECTS: Final = 6
+"""Rounds at most; each adds at most one effect."""
 _KEPT: Final = 0.005
+"""Posterior probability below which an alternative is not reported."""
 
 
 def search(
@@ -67,17 +78,18 @@ def search(
     *,
     is_part: bool = False,
 ) -> Outcome:
-    """Search the catalogue for what the declared model lacks.
+    """Select the effects that the nominal model lacks.
 
     Args:
-        declared: Fit of the declared model.
-        campaign: Records of training and of runs left out.
-        progress: Called with the fraction done.
-        work: Operations after which nothing new is begun; what passed until then stands.
-        begin: Fit of the model that the search goes on from; the nominal one where None.
-        withheld: Kinds of the catalogue that are not candidates.
-        is_part: Whether the model will be fitted to more samples, so that it need not be made
-            more accurate here.
+        declared: Fit of the nominal model.
+        campaign: Training and validation records.
+        progress: Called with the completed fraction [-].
+        work: Operation budget.  After it is spent no new step starts; the effects accepted until
+            then are kept.
+        begin: Fit of the model from which the selection starts; the nominal model if None.
+        withheld: Names of effect types that are not candidates.
+        is_part: Whether the records are a representative subset.  The selected model is then
+            refitted to all samples later and is not refined here.
     """
     tell = progress or (lambda fraction: None)
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
@@ -99,7 +111,7 @@ def search(
         if alone is None and _asks_for_a_curve(state, round_):
             began = operations()
             alone = _curve_alone(state, first)
-            # A curve is no kind of the catalogue, whose rounds keep what is theirs.
+            # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
             listed = listed.longer(operations() - began)
         if alone is not None and _ends(state, round_, alone, first):
             break
@@ -126,10 +138,11 @@ def search(
 
 
 def _second_thoughts(state: State) -> None:
-    """Go on from kinds that came next in the first round, where the best leaves something.
+    """Repeat the selection from runner-up models of round 1 if the residual still has structure.
 
-    One kind may bend its shape so far that it stands for two: beside a Stribeck friction that does
-    for a dry one as well, the dry one promises nothing any more, and the other way round it does.
+    A flexible effect can absorb a second one.  Example: a Stribeck friction that is selected first
+    also fits a dry friction, which then has no predicted gain.  If the dry friction is selected
+    first, the Stribeck friction still has a predicted gain.
     """
     if not state.current.fit.simulator.model.terms:
         return
@@ -148,7 +161,10 @@ def _second_thoughts(state: State) -> None:
 
 
 def _is_left(state: State) -> list[Score]:
-    """Curves that promise something beside what the model has; they have no shape to find."""
+    """Curves with a predicted gain, given the current model, that justifies a refit.
+
+    A curve has no shape parameters, so its gain is underestimated less than that of an effect.
+    """
     trials, current = state.trials, state.current
     return [
         score
@@ -159,17 +175,17 @@ def _is_left(state: State) -> list[Score]:
 
 
 def _amplitudes(current: Judged, score: Score) -> int:
-    """Numbers that a curve has, those that each record has for itself counted for each."""
+    """Number of amplitudes of a curve; per-record amplitudes count once for each record."""
     records = len(current.fit.states) if score.candidate.by_record else 1
     return score.candidate.joint * records
 
 
 def _asks_for_a_curve(state: State, round_: int) -> bool:
-    """Whether a curve by itself may do better than the kinds that were taken in so many rounds.
+    """Whether to fit a curve to the nominal model alone before the next round.
 
-    Where the catalogue promises most of what curves do, the next kind is refitted first, which is
-    cheaper.  After the first round curves have to promise more beside the kind than it promised
-    itself.
+    If effects predict at least half of the gain that curves predict, an effect is refitted first,
+    which is cheaper.  Otherwise, in round 1, a curve has to predict more than the accepted effect
+    did; in later rounds, a curve has to justify a refit.
     """
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
     listed = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
@@ -181,10 +197,10 @@ def _asks_for_a_curve(state: State, round_: int) -> bool:
 
 
 def _curve_alone(state: State, declared: Judged) -> Judged | None:
-    """The best curve beside the declared model alone, where the effects found leave something.
+    """Fit the best curve to the nominal model alone if the effects leave structured residuals.
 
-    Stand-ins pile up where nothing in the catalogue is what is missing; one curve that does better
-    than two of them ends that.
+    If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
+    fits better than two of them stops this.
     """
     if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
         return None
@@ -194,7 +210,7 @@ def _curve_alone(state: State, declared: Judged) -> Judged | None:
 
 
 def _ends(state: State, round_: int, alone: Judged, declared: Judged) -> bool:
-    """Whether a curve does so much better than what was found that more kinds would not help."""
+    """Whether a curve fits so much better than the effects that further rounds would not help."""
     if round_ > 1:
         return replaces(alone, state.current)
     is_far = _is_far_better(alone, state.current, declared)
@@ -202,18 +218,18 @@ def _ends(state: State, round_: int, alone: Judged, declared: Judged) -> bool:
 
 
 def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
-    """Whether a curve gains several times what the best kind does.
+    """Whether a curve gains more than three times as much as the best effect.
 
-    Then nothing in the catalogue is what is missing, and more rounds would pile up stand-ins.
+    The missing effect is then not in the catalogue, and further rounds would accumulate surrogates.
     """
     gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
     return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
 
 
 def _closes_the_gap(state: State, alone: Judged) -> bool:
-    """Whether another kind beside the one found promises most of what a curve does better.
+    """Whether a further effect is predicted to gain most of what the curve gains over the model.
 
-    Two effects that are both in the catalogue may be imitated by one curve in two signals.
+    Two effects of the catalogue can be confounded with one curve in two signals.
     """
     gap = state.current.fit.cost - alone.fit.cost
     promised = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
@@ -221,12 +237,12 @@ def _closes_the_gap(state: State, alone: Judged) -> bool:
 
 
 def _unlisted(state: State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
-    """Put a curve in the place of the effects of the catalogue, or beside them, where one passes.
+    """Replace the effects by a curve, or add a curve to them, if the curve is accepted.
 
-    Where something is left beside the effects that were found, or one of them is strained, they
-    may all be stand-ins: a curve by itself is tried first.  One beside them is tried only where the
-    catalogue is exhausted; after it they have to pass again, and so has the curve against the kinds
-    that were not taken.  A model that began with a curve gets no second one.
+    If the residual has structure, or an effect has a shape parameter at its bound, all effects may
+    be surrogates; a curve alone is tried first.  A curve in addition to the effects is tried only
+    if the catalogue is exhausted.  Backward elimination and exchange then test the effects and the
+    curve again.  A model with an unlisted term gets no second one.
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
@@ -247,10 +263,10 @@ def _unlisted(state: State, declared: Judged, alone: Judged | None, is_exhausted
 
 
 def _settled(state: State) -> list[Found]:
-    """The effects of the final model, after exchanges that need no further fit.
+    """Effects of the final model, after exchanges that need no further refit.
 
-    A search that was cut short, or that changed its model last, may end with an effect in whose
-    place another kind that was judged before does better.
+    If the search was cut short, or changed its model last, a model that was evaluated before may
+    rank better with another type in place of an effect.
     """
     effects, better = _explained(state)
     for _ in range(_MOST_EFFECTS):
@@ -262,7 +278,7 @@ def _settled(state: State) -> list[Found]:
 
 
 def _explained(state: State) -> tuple[list[Found], Judged | None]:
-    """The effects of a model, each with what could stand in its place, and a better model."""
+    """Effects of the current model with alternatives, and a better-ranked model if there is one."""
     current, trials = state.current, state.trials
     effects, better = [], None
     for term in current.fit.simulator.model.terms:

@@ -1,13 +1,15 @@
-"""Where a refit starts.
+"""Starting point of a refit: line search along the step that the score test predicts.
 
-The score of a prototype says which size of it explains most and how everything that was fitted
-before moves along, all to first order.  An effect that is not small may do better with less of it,
-or with another shape that promised less.  So every start is simulated, at several shares of its
-size, with the rest moved along and held, and the fit goes on from the best.
+To first order, the score of a prototype gives the amplitude with the largest gain and the
+accompanying change of all fitted parameters.  A large effect may fit better at a smaller amplitude,
+or with another shape that has a smaller predicted gain.  Every start is therefore simulated at
+several fractions of its amplitude, with the fitted parameters held and with the predicted change.
+The refit continues from the best.
 
-Where heat is missing from the model, the temperature coefficients have taken its place as well as
-they could: a winding that heats itself may leave a resistance that seems to fall with temperature,
-from where no heating can raise it.  So there is a way back to the coefficients that materials have.
+If the model lacks heating, the temperature coefficients have absorbed it as well as they could.
+Example: self-heating of the winding can leave a resistance that seems to fall with temperature, and
+a heating term then cannot raise it.  `with_usual_coefficients` therefore returns to the
+coefficients of usual materials.
 """
 
 from __future__ import annotations
@@ -39,39 +41,40 @@ Array = NDArray[np.float64]
 Place = tuple[Array, list[Array]]
 
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
+"""Fractions of the amplitude at which a start is simulated."""
 _ROUGH: Final = 0.1
-"""Share of the residual by which one interval may be wrong where a refit begins."""
+"""Largest integration error of one interval at the start of a refit, over the residual."""
 
 
 @dataclass(frozen=True)
 class Along:
-    """How a fit moves along with what is added to it, to first order.
+    """First-order change of a fit that accompanies an added term.
 
     Args:
-        position: (n_parameter, ...) change of its search coordinates.
-        states: For each record (n_state, ...) change of its initial states.
+        position: (n_parameter, ...) change of the search coordinates.
+        states: For each record (n_state, ...) change of the initial states.
     """
 
     position: Array
     states: tuple[Array, ...]
 
     def of(self, columns: slice) -> Along:
-        """Some of the columns."""
+        """Selected columns."""
         return Along(self.position[:, columns], tuple(state[:, columns] for state in self.states))
 
     def by(self, weights: Array) -> Along:
-        """The columns weighed together."""
+        """Weighted sum of the columns."""
         return Along(self.position @ weights, tuple(state @ weights for state in self.states))
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where something that is added starts.
+    """Starting point of an added term.
 
     Args:
-        values: (n_added,) physical values of the parameters that are new.
-        own: For each record initial values of the states that are new; the usual ones where empty.
-        along: How the fit is expected to move along; it is held where None.
+        values: (n_added,) physical values of the new parameters.
+        own: For each record initial values of the new states; default values if empty.
+        along: Predicted change of the fit; None holds it.
     """
 
     values: Array
@@ -86,17 +89,19 @@ def begun(
     starts: Sequence[Start],
     weighting: Weighting,
 ) -> tuple[Simulator, Array, list[Array]]:
-    """The simulator of a changed model, and the place from which it is best fitted.
+    """Simulator of a changed model, and the point from which its fit starts.
 
     Args:
-        fit: Where the fit of the model before it was changed ended.
+        fit: Fit of the model before the change.
         model: The changed model.
-        coordinates: Of the changed model.
-        starts: Of what is new in it, the most promising first; empty where nothing is.
-        weighting: Noise by which places are compared.
+        coordinates: Search coordinates of the changed model.
+        starts: Starting points of what is new, the largest predicted gain first; empty if nothing
+            is new.
+        weighting: Noise model for the comparison of the points.
 
     Returns:
-        The simulator, (n_parameter,) search coordinates and for each record (n_state,).
+        The simulator, (n_parameter,) search coordinates and for each record (n_state,) initial
+        states.
     """
     records = fit.simulator.records
     whole = [_place(fit, model, coordinates, start) for start in starts or [Start(np.zeros(0))]]
@@ -105,7 +110,7 @@ def begun(
     simulator = Simulator.fitting(model, records, values, fit.simulator.divisions)
     if not starts:
         return simulator, position, states
-    # What blows up on intervals that are too long cannot be compared with what does not.
+    # Too few substeps make a stiff start diverge, and it could not be compared with the others.
     simulator = simulator.divided_for(
         values, states, _ROUGH * weighting.deviation, start=fit.simulator.divisions
     )
@@ -123,7 +128,7 @@ def begun(
 
 
 def _place(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Place:
-    """Where the fit ended, with what is new at its start."""
+    """Optimum of the fit, extended by the values of a start."""
     here = dict(zip(fit.coordinates.names, fit.values, strict=True))
     new = [name for name in coordinates.names if name not in here]
     here |= dict(zip(new, start.values, strict=True))
@@ -136,7 +141,7 @@ def _place(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) 
 def _shorter(
     fit: Fit, coordinates: Coordinates, model: MotorModel, start: Start, whole: Place
 ) -> list[Place]:
-    """The place and those with less of what is new, everything else held or moved along."""
+    """The point at several fractions of the new amplitudes, with the fit held and moved along."""
     position, states = whole
     known = set(fit.coordinates.names)
     is_size = np.array([p.name not in known and p.vanishes for p in coordinates.parameters])
@@ -154,11 +159,11 @@ def _shorter(
 
 
 def traded(fit: Fit, candidate: Candidate) -> list[Start]:
-    """Starts at which parameters of the fit give back what they had taken of an effect.
+    """Starts at which parameters of the fit return what they had absorbed of the effect.
 
     Args:
-        fit: The model that is added to.
-        candidate: What is added.
+        fit: Fit of the model to which the candidate is added.
+        candidate: The candidate.
     """
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     rest = tuple(np.zeros_like(state) for state in fit.states)
@@ -170,7 +175,7 @@ def traded(fit: Fit, candidate: Candidate) -> list[Start]:
 
 
 def has_odd_coefficients(fit: Fit) -> bool:
-    """Whether a temperature coefficient is not one that materials have, by its prior."""
+    """Whether a temperature coefficient is more than one prior sd off its prior mean."""
     return any(
         parameter.name in ("alpha_Ra", "alpha_Kt")
         and abs(value - parameter.prior_mean) > parameter.prior_sd * parameter.scale
@@ -179,9 +184,9 @@ def has_odd_coefficients(fit: Fit) -> bool:
 
 
 def with_usual_coefficients(fit: Fit) -> Fit:
-    """The place of a fit moved to the temperature coefficients that materials have.
+    """The fit moved to the temperature coefficients of usual materials.
 
-    Resistance and torque constant stay what they are at the mean temperature of the records.
+    Resistance and torque constant keep their values at the mean temperature of the records.
     """
     warmth = np.concatenate([record.column("temperature") for record in fit.simulator.records])
     rise = float(np.mean(warmth)) - 25.0
@@ -197,12 +202,12 @@ def with_usual_coefficients(fit: Fit) -> Fit:
 
 
 def _held(position: Array, states: Sequence[Array]) -> Along:
-    """Nothing that was fitted moves."""
+    """Zero change: the fit is held."""
     return Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))
 
 
 def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Along) -> Along:
-    """How a fit moves along, in the parameters and states of the model that was added to."""
+    """The change of the fit in the parameters and states of the changed model."""
     moves = dict(zip(fit.coordinates.names, along.position, strict=True))
     names = fit.simulator.model.state_names
     shifts = [dict(zip(names, state, strict=True)) for state in along.states]
@@ -213,7 +218,7 @@ def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Alo
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:
-    """Initial state of record `k` of a changed model: what is known of it, else at rest."""
+    """Initial state of record `k` of a changed model: fitted values, defaults for new states."""
     record = fit.simulator.records[k]
     fresh = dict(zip(model.state_names, initial_states(model, record), strict=True))
     fresh |= {

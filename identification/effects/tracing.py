@@ -1,8 +1,8 @@
-"""What is missing, against the signals it may depend on.
+"""Missing torque and voltage as spline curves over single signals.
 
-A smooth curve in one signal enters one of the two balances, and its heights are scored like any
-prototype: what the fitted parameters and the initial states could imitate is projected out, so the
-gain is that of a dependence on top of the declared model and not of what leaks through from it.
+A smooth curve in one signal is added to one of the two balances, and its spline coefficients are
+scored like a prototype.  Everything that the fitted parameters and initial states can reproduce is
+projected out, so that the gain belongs to a dependence that the model does not have yet.
 """
 
 from __future__ import annotations
@@ -30,19 +30,22 @@ __all__ = ["Trace", "missing_curves", "traced"]
 Array = NDArray[np.float64]
 
 _PEAKS: Final = 3
+"""Spectral peaks per channel."""
 _POINTS: Final = 60
+"""Grid points of a curve."""
 _LEAST_SHARE: Final = 0.02
+"""Fraction of the largest gain below which a curve is not reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """How well one signal accounts for what is missing in one balance.
+    """What one balance lacks, as a curve over one signal.
 
     Args:
         equation: ``electrical`` or ``mechanical``.
         driver: The signal: current, voltage, speed, position, temperature or time.
-        gain: Gain of the log likelihood that the curve promises.
-        share: Share of the most promising curve's gain [-].
+        gain: Predicted gain of the log likelihood.
+        share: Gain over that of the best curve [-].
         grid: (n_point,) values of the signal, in its unit.
         curve: (n_point,) missing torque [N m] or voltage [V].
         curve_sd: (n_point,) its standard deviation.
@@ -58,10 +61,10 @@ class Trace:
 
 
 def missing_curves(fit: Fit) -> list[Score]:
-    """Scores of curves and ripples, one of each structure, best first.
+    """Scores of curves, ripples and other unlisted terms, one per structure, best first.
 
     Args:
-        fit: A model at its optimum.
+        fit: Fit of a model at its optimum.
     """
     survey = survey_of(fit)
     candidates = [*curves(survey), *ripples(survey, _peaks(fit))]
@@ -71,10 +74,10 @@ def missing_curves(fit: Fit) -> list[Score]:
 
 
 def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
-    """What a model lacks against each signal by itself, best first; hardly any left out.
+    """Curves of what a model lacks over each signal alone, best first; negligible ones are dropped.
 
     Args:
-        scores: Of `missing_curves`.
+        scores: Result of `missing_curves`.
     """
     alone = [s for s in scores if getattr(s.candidate.term, "carrier", None) == ""]
     most = max((score.gain for score in alone), default=0.0)
@@ -96,7 +99,7 @@ def _trace(score: Score, most: float) -> Trace:
 
 
 def _peaks(fit: Fit) -> Array:
-    """Frequencies that stand out of the residual, in either channel [Hz]."""
+    """Frequencies of the largest peaks in the spectrum of the residual of either channel [Hz]."""
     records = fit.simulator.records
     pairs = list(zip(records, fit.equations.logged, strict=True))
     longest = max(pairs, key=lambda pair: pair[0].rows)[0]
@@ -114,7 +117,7 @@ def _peaks(fit: Fit) -> Array:
 
 
 def _highest(power: Array, duration: float) -> list[float]:
-    """The highest separate maxima of a spectrum [Hz]."""
+    """Frequencies of the largest separate maxima of a spectrum [Hz]."""
     left = power.copy()
     found = []
     for _ in range(_PEAKS):

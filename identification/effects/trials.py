@@ -1,8 +1,8 @@
-"""Everything a search has fitted and screened so far, each model once.
+"""Cache of the fits, scores and evaluations of one search.
 
-A search comes back to the same model by several ways: as the best of a round, as what is left when
-an effect is taken away again, as a rival in the place of another.  `Trials` remembers what became
-of it, so that looking again costs nothing.
+The search reaches the same model in several ways: as the best of a round, after the removal of an
+effect, or as a rival in an exchange.  `Trials` stores the results, so that repeated requests cost
+nothing.
 """
 
 from __future__ import annotations
@@ -41,29 +41,35 @@ __all__ = ["UNDERSTATED", "Trials", "promising"]
 Key = frozenset[tuple[str, str]]
 
 _STEPS: Final = 20
+"""Gauss-Newton steps of one fit at most."""
 _LEGS: Final = 4
+"""Continuations of a fit that has not converged, at most."""
 _WORTH: Final = 2.0
+"""Predicted gain that a candidate needs, by default."""
 _SLACK: Final = 30.0
+"""Log likelihood by which a fit may fall behind the best before it is abandoned."""
 _REACH: Final = 0.15
+"""Fraction of the best gain by which a fit may fall behind and still be close to the best."""
 UNDERSTATED: Final = 5.0
-"""Gain of a refit over what screening promised, at most."""
+"""Largest ratio of achieved to predicted gain that is assumed."""
 _COMMON: Final = 4.0
+"""Predicted gain of a local effect over the median of the other runs, at least."""
 _FINISH: Final = 2.5
 """Operations to finish a model of a round, over those of a first refit."""
 _PART: Final = 0.2
-"""Share of the gain of the best kind that makes another one worth to go on from."""
+"""Fraction of the largest gain above which a model with another effect is a runner-up."""
 
 
 @dataclass
 class Trials:
-    """Models of one campaign.
+    """Cache of the models of one campaign.
 
     Args:
-        campaign: Records of training and of runs left out.
-        budget: Operations after which nothing new is begun.
-        longest: Operations after which a first refit is given up; the best are finished later.
-        tried: Number of prototypes that were scored in one round.
-        withheld: Kinds of the catalogue that are not candidates.
+        campaign: Training and validation records.
+        budget: Operation budget; no new fit starts after it is spent.
+        longest: Operations after which a first refit stops; the best fits are finished later.
+        tried: Largest number of prototypes that were scored together, for the significance limit.
+        withheld: Names of effect types that are not candidates.
     """
 
     campaign: Campaign
@@ -87,26 +93,29 @@ class Trials:
     def patience(
         self, hopeless: float = np.inf, longest: float = np.inf, reference: float = np.inf
     ) -> Patience:
-        """What a refit may take.
+        """Termination limits of a fit.
 
         Args:
-            hopeless: Cost of a rival; the fit stops where it is not going to come near it.
-            longest: Operations after which it is given up.
-            reference: Cost of a better model that it is compared with.
+            hopeless: Cost that the fit has to approach; it is abandoned once it is predicted to
+                stay above it.
+            longest: Operations after which the fit stops.
+            reference: Cost of a better model with which the fit is compared.
         """
         return Patience(_STEPS, hopeless, Budget(longest, within=self.budget), reference)
 
     def judge(self, fit: Fit, share: float | None = None) -> Judged:
-        """The fit with its errors on the runs left out; the first of a model is kept.
+        """Evaluate a fit on the validation runs; one result per model structure is cached.
+
+        A later fit replaces the cached one if its cost is lower by more than 0.001.
 
         Args:
             fit: The fit.
-            share: Effective share of the samples; from its own residual where none is given.
+            share: Effective sample fraction [-]; computed from the residual of the fit if None.
         """
         key = _key(fit)
         known = self._judged.get(key)
         if known is None and not np.isfinite(fit.cost):
-            # It runs away: whatever mends that is needed, and it is never chosen itself.
+            # The simulation diverges; it is never selected, and a term that stabilises it is kept.
             known = self._judged[key] = Judged(fit.light(), 1.0)
         elif known is None or fit.cost < known.fit.cost - 1e-3:
             share = effective_share(fit) if share is None else share
@@ -114,10 +123,10 @@ class Trials:
         return known
 
     def without(self, current: Judged, term: AbstractTerm) -> Judged:
-        """The model without one of its terms.
+        """Model without one of its terms.
 
-        One that is known but had not come to its optimum is fitted again from here: what was added
-        to it may have done nothing but lead it on.
+        A cached fit that has not converged is repeated from the current optimum: the removed term
+        may only have helped the optimiser.
         """
         key = _key(current.fit) - {_name(term)}
         known = self._judged.get(key)
@@ -126,7 +135,7 @@ class Trials:
             patience = self.patience(reference=current.fit.cost)
             fit = refitted_without(current.fit, term.name, patience)
             if not np.isfinite(fit.cost):
-                # What the term held back runs away; the declared model did not.
+                # Without the term the simulation diverges; restart from the nominal parameters.
                 declared = self._judged[frozenset()].fit
                 place = as_declared(current.fit, declared)
                 fit = refitted_without(place, term.name, patience)
@@ -134,7 +143,7 @@ class Trials:
         return known
 
     def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
-        """The model with one of its terms in this richer form."""
+        """Model with a term replaced by an extended variant, fitted over continuation steps."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
@@ -150,7 +159,7 @@ class Trials:
         return known
 
     def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:
-        """What was judged of models with another kind in the place of a term."""
+        """Evaluated models that add a term of another type than `term` to the simpler model."""
         key = _key(simpler.fit)
         return [
             one
@@ -161,7 +170,7 @@ class Trials:
         ]
 
     def scores(self, current: Judged) -> list[Score]:
-        """Scores of every prototype of every kind that is not in the model, best first."""
+        """Scores of all prototypes of the effect types that are not in the model, best first."""
         key = _key(current.fit)
         known = self._scores.get(key)
         if not np.isfinite(current.fit.cost):
@@ -177,11 +186,11 @@ class Trials:
         return known
 
     def uncomputed(self, current: Judged) -> list[str]:
-        """Kinds of which no prototype has a finite score beside a model that was screened."""
+        """Effect types without a finite score for a screened model."""
         return self._uncomputed.get(_key(current.fit), [])
 
     def curves(self, current: Judged) -> list[Score]:
-        """Scores of curves and ripples that belong to no kind, best first."""
+        """Scores of terms that belong to no effect type (curves, ripples, ...), best first."""
         key = _key(current.fit)
         known = self._curves.get(key)
         if known is None:
@@ -189,21 +198,21 @@ class Trials:
         return known
 
     def omitted(self, current: Judged) -> tuple[OmittedTerm, ...]:
-        """What a model leaves out and is no chance, the kinds and the curves."""
+        """Terms outside the model with a predicted gain above chance, effect types and curves."""
         scores = [*self.scores(current), *self.curves(current)]
         return omitted_terms(current.fit, current.share, scores, self.tried)
 
     def refits(
         self, current: Judged, scores: Sequence[Score], hopeless: float = np.inf
     ) -> list[tuple[Score, Fit]]:
-        """Refits of prototypes, best first; those far behind the best are cut short.
+        """Fits of the model with each candidate added, best first; poor fits are stopped early.
 
-        A prototype is left out where even several times its promise would not come in reach of
-        what the best of them gained, or of the cost that has to be reached.
+        A candidate is skipped if `UNDERSTATED` times its predicted gain is less than the gain that
+        `hopeless` requires, or less than a gain close to the best so far.
 
         Args:
-            current: The model that is added to.
-            scores: Prototypes.
+            current: Model to which the candidates are added.
+            scores: Candidates.
             hopeless: Cost that has to be reached.
         """
         found = []
@@ -230,7 +239,7 @@ class Trials:
         return sorted(found, key=lambda trial: trial[1].cost)
 
     def runners(self) -> list[Judged]:
-        """Models with one kind beside the declared ones, that gain a part of what the best does."""
+        """Runner-up models with a single effect: more than 20 % of the best gain."""
         bare = self._judged[frozenset()].fit.cost
         alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
         gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
@@ -239,7 +248,7 @@ class Trials:
         return [self.judge(self._finished(self._fits[key])) for key in far]
 
     def near(self, current: Judged, trials: Sequence[tuple[Score, Fit]]) -> list[Judged]:
-        """The refits in reach of the best, on intervals as fine as they need, in their order."""
+        """Finish and evaluate the fits with a cost close to the best, in their order."""
         if not trials:
             return []
         reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
@@ -255,18 +264,18 @@ class Trials:
             finished = self._finished(fit, patience)
             if finished.is_behind(patience) or operations() - began > self.longest_finish:
                 self._unfinished.add(key)
-            # Judged while its derivatives are in memory.
+            # Evaluate the fit while its derivatives are still in memory.
             finer.append(self.judge(finished))
             self._fits[key] = finished.light()
         return finer
 
     @property
     def longest_finish(self) -> float:
-        """Operations after which a model that may get further terms is not made more accurate."""
+        """Operation limit for finishing a model to which further terms may be added."""
         return _FINISH * self.longest
 
     def final(self, current: Judged) -> Fit:
-        """The fit of the final model, finished where its budget had ended before it was."""
+        """Fit of the final model, finished now if the search had left it unfinished."""
         fit = current.fit
         return (
             refined(fit, Patience(_STEPS, budget=Budget()))
@@ -275,19 +284,19 @@ class Trials:
         )
 
     def _finished(self, fit: Fit, patience: Patience | None = None) -> Fit:
-        """The fit at its optimum, on intervals as fine as it needs.
+        """Fit at its optimum, with substeps as fine as it needs.
 
-        A base that has not converged would make everything that is added to it look good.
+        If the base model had not converged, every added effect would seem to improve it.
 
         Args:
             fit: The fit.
-            patience: When it is left as it is.
+            patience: Termination limits.
         """
         patience = patience or self.patience()
         return self._converged(refined(self._converged(fit, patience), patience), patience)
 
     def _converged(self, fit: Fit, patience: Patience) -> Fit:
-        """The fit taken on until it converges, or hardly gets better."""
+        """Continue a fit until it converges or gains less than 1 in log likelihood."""
         for _ in range(_LEGS):
             if fit.converged or patience.over or fit.is_behind(patience):
                 break
@@ -310,16 +319,16 @@ class Trials:
     def worth_a_refit(
         self, current: Judged, understated: float = UNDERSTATED, amplitudes: int = 1
     ) -> float:
-        """Promised gain below which an effect would fail even if it were several times larger.
+        """Predicted gain below which an effect would fail even if its gain were underestimated.
 
-        Screening is exact for small effects and understates large ones, whose prototypes have
-        another shape parameter than the motor; five is more than any has been seen to be
-        understated by.
+        The score is exact for small effects.  It underestimates large effects, whose shape
+        parameters differ from those of the prototype; no effect has been observed to exceed a
+        factor of five.  The size limit is divided by `understated`, the significance limit by two.
 
         Args:
-            current: The model that is added to.
-            understated: How many times larger the gain may be than what is promised.
-            amplitudes: Numbers that are fitted.
+            current: Model to which the effect is added.
+            understated: Largest ratio of achieved to predicted gain.
+            amplitudes: Number of fitted amplitudes.
         """
         counts = current.fit.weighting.counts
         each = 0.5 * np.log(max(counts.sum() * current.share, 2.0))
@@ -329,12 +338,12 @@ class Trials:
 
 
 def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
-    """The best prototypes of the most promising kinds, one a variant and two a kind.
+    """Candidates with the largest predicted gain, one per variant and two per effect type.
 
     Args:
         scores: Best first.
-        count: Most that are taken.
-        least: Gain that has to be promised.
+        count: Number of candidates at most.
+        least: Predicted gain that each candidate has to exceed.
     """
     kinds: dict[str, int] = {}
     kept = []
@@ -355,7 +364,7 @@ def _key(fit: Fit) -> Key:
 
 
 def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
-    """Every structure of every kind that is not in the model yet."""
+    """All structures of the effect types that are not in the model."""
     survey = survey_of(fit)
     absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
     return [
@@ -367,11 +376,11 @@ def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
 
 
 def _single(scores: Sequence[Score]) -> list[Score]:
-    """The scores without effects of some runs that the other runs ask for as well.
+    """Drop local effects whose predicted gain the other runs share.
 
-    An event in a run promises much there and nothing elsewhere.  What else is wrong with the model
-    promises about as much in every run, so the other runs are the control: a run has to promise
-    four times what they do in the middle.
+    An event in one run has a large predicted gain in that run and none in the others.  Any other
+    model error has about the same gain in every run, so the other runs serve as the control: the
+    gain per affected run has to be at least four times the median of the others.
     """
     promised: dict[str, dict[int, float]] = {}
     for score in scores:
@@ -391,6 +400,6 @@ def _single(scores: Sequence[Score]) -> list[Score]:
 
 
 def _runs_of(score: Score) -> tuple[int, ...]:
-    """Numbers of the runs that a prototype belongs to; empty where it belongs to all."""
+    """Numbers of the runs to which a candidate is restricted; empty for all runs."""
     run = getattr(score.candidate.term, "run", None)
     return () if run is None else (run, *getattr(score.candidate.term, "others", ()))
