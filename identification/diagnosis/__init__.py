@@ -1,1 +1,1 @@
-"""Whether the model lacks something, in which equation, and against which signal it shows."""
+"""Residual analysis: detection of missing physics and its localisation in one equation."""

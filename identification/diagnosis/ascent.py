@@ -1,9 +1,9 @@
-"""Quasi-Newton ascent of a function of which many places are valued at once.
+"""Maximisation by BFGS with parallel function evaluations.
 
-A likelihood on lanes gives a dozen values for the price of two, so the gradient comes from forward
-differences in one call, and with it come shorter steps in case the full one fails.  The first
-curvature comes from second differences: sizes and memories differ by decades in how sharply they
-are determined, and BFGS would spend most of its steps on finding that out.
+A likelihood evaluated on lanes gives a dozen values for the price of two.  One call therefore
+evaluates the forward differences of the gradient together with shorter steps, in case the full step
+fails.  The first Hessian comes from second differences: the curvatures of intensities and
+correlation times differ by decades, and BFGS would need most of its steps to find them.
 
 Source: Nocedal and Wright, Numerical Optimization, 2nd edition, section 6.1 (BFGS), procedure 18.2
 (damping of the update).
@@ -24,7 +24,7 @@ __all__ = ["Summit", "climb"]
 
 Array = NDArray[np.float64]
 Valued = Callable[[Array], Array]
-"""(n, n_lane) places to (n_lane,) values, minus infinity where there is none."""
+"""Function of (n, n_lane) points; returns (n_lane,) values, minus infinity if undefined."""
 
 _DIFFERENCE: Final = 1e-4
 _SECOND: Final = 3e-2
@@ -33,18 +33,21 @@ _LONGEST: Final = 2.0
 _ENOUGH: Final = 0.01
 _STEPS: Final = 40
 _TRIED: Final = 4
+"""Steps before the comparison with a rival may end the iteration."""
 _OPTIMISM: Final = 20.0
+"""Largest assumed ratio of the remaining gain to the gain that one step predicts."""
 _FAR: Final = 50.0
+"""Deficit to the rival, beyond the remaining gain, from which the iteration ends."""
 
 
 @dataclass(frozen=True)
 class Summit:
-    """Where an ascent ended.
+    """Result of a maximisation.
 
     Args:
-        place: (n,) the place.
-        value: The value there.
-        inverse: (n, n) inverse of minus the curvature, approximately.
+        place: (n,) point of the maximum.
+        value: Value there.
+        inverse: (n, n) approximate inverse of the negative Hessian.
     """
 
     place: Array
@@ -59,15 +62,15 @@ def climb(
     inverse: Array | None = None,
     rival: float | None = None,
 ) -> Summit:
-    """Climb from `start` to a maximum inside bounds.
+    """Maximise a function within bounds.
 
     Args:
-        valued: The function, in units where 1 matters and a hundredth does not.
-        start: (n,) where to begin.
-        bounds: (n,) lowest and (n,) highest place; equal where a coordinate is fixed.
-        inverse: (n, n) inverse of minus the curvature where it is known already.
-        rival: A value with which the maximum is compared; where it is sure to stay far below, only
-            that is found out.
+        valued: The function, scaled so that a difference of 1 matters and 0.01 does not.
+        start: (n,) starting point.
+        bounds: (n,) lower and (n,) upper bounds; equal for a fixed coordinate.
+        inverse: (n, n) inverse of the negative Hessian, if known.
+        rival: Value to compare the maximum with.  The iteration ends once it has reached this value
+            or is sure to stay far below it.
     """
     lower, upper = bounds
     place = np.clip(start, lower, upper)
@@ -107,7 +110,7 @@ def climb(
 
 
 def _is_decided(number: int, value: float, promised: float, rival: float) -> bool:
-    """Whether a maximum is as high as its rival, or sure to stay far below."""
+    """Whether the value has reached its rival, or the maximum is sure to stay far below it."""
     behind = rival - value
     return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * promised)
 
@@ -117,7 +120,7 @@ def _columns(bounds: tuple[Array, Array]) -> tuple[Array, Array]:
 
 
 def _free(place: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:
-    """Indices of coordinates that may move the way they are pulled."""
+    """Indices of the coordinates that the gradient does not push against a bound."""
     lower, upper = bounds
     held = ((place <= lower) & (gradient <= 0)) | ((place >= upper) & (gradient >= 0))
     return np.flatnonzero(~held)
@@ -126,7 +129,7 @@ def _free(place: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray
 def _looked(
     valued: Valued, place: Array, bounds: tuple[Array, Array], others: Array
 ) -> tuple[float, Array, Array]:
-    """Value and gradient at a place, and values at others, in one call."""
+    """Value and gradient at one point, and values at others, in one call."""
     lower, upper = bounds
     moving = np.flatnonzero(upper > lower)
     lanes = np.repeat(place[:, None], moving.size + 1, axis=1)
@@ -143,7 +146,7 @@ def _looked(
 
 
 def _first_inverse(valued: Valued, place: Array, bounds: tuple[Array, Array]) -> Array:
-    """Inverse of the diagonal of minus the curvature, from second differences."""
+    """Inverse of the diagonal of the negative Hessian, from second differences."""
     size = place.size
     lanes = np.repeat(place[:, None], 2 * size + 1, axis=1)
     lanes[np.arange(size), np.arange(1, size + 1)] += _SECOND
@@ -152,7 +155,7 @@ def _first_inverse(valued: Valued, place: Array, bounds: tuple[Array, Array]) ->
     with np.errstate(invalid="ignore"):
         bend = (2 * values[0] - values[1 : size + 1] - values[size + 1 :]) / _SECOND**2
         slope = np.abs(values[1 : size + 1] - values[size + 1 :]) / (2 * _SECOND)
-    # Where the curvature has the wrong sign, the slope sets a step of about one half.
+    # Where the curvature is negative or below the slope, the slope limits the step to one half.
     bend = np.where(np.isfinite(bend) & (bend > 0), bend, 0.0)
     slope = np.where(np.isfinite(slope), slope, 0.0)
     return np.diag(
@@ -161,7 +164,7 @@ def _first_inverse(valued: Valued, place: Array, bounds: tuple[Array, Array]) ->
 
 
 def _bent(inverse: Array, step: Array, change: Array) -> Array:
-    """BFGS update of the inverse, damped where the curvature would turn negative."""
+    """BFGS update of the inverse, damped so that it stays positive definite."""
     if not np.abs(step).max() > 0:
         return inverse
     matrix = _inverted(inverse)

@@ -1,11 +1,11 @@
-"""The colour of a residual: which frequencies it is made of, from a short autoregression.
+"""Autoregressive spectrum of a residual.
 
-A sample autocorrelation is noisy at every lag, and sums over it drown in that noise.  An
-autoregression of the order that Akaike's criterion picks is smooth and stable:
+A sample autocorrelation is noisy at every lag, and sums over lags accumulate that noise.  An
+autoregression with the order of Akaike's criterion is smooth and stable:
 
     e(t) = sum_i a_i e(t-i) + white noise
 
-White noise gets order zero in most cases, and then everything here is exact.
+White noise gets order zero in most cases; all results are then exact.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 
 
 def autoregression(residual: Array) -> Array:
-    """Coefficients of the autoregression, its order by Akaike's criterion.
+    """Coefficients of an autoregression, with the order of Akaike's criterion.
 
-    A noise model pays for each order, a band must not forget one: the criterion is more generous
-    than that of `identification.fit.noise.autoregression`, which does the work.
+    `identification.fit.noise.autoregression` does the computation; its default criterion is
+    stricter.  A noise model pays for every order, but a confidence band must not miss one.
 
     Args:
-        residual: (n_sample,) any unit; its mean is not taken away.
+        residual: (n_sample,) any unit; its mean is not subtracted.
 
     Returns:
         (n_order,) coefficients a_i [-]; empty for white noise.
@@ -42,14 +42,14 @@ def autoregression(residual: Array) -> Array:
 
 
 def spectrum(coefficients: Array, length: int) -> Array:
-    """Spectrum of an autoregression on the Fourier grid.
+    """Power spectrum of an autoregression on the Fourier grid.
 
     Args:
         coefficients: (n_order,) as from `autoregression` [-].
-        length: Number of frequencies, from zero once around the circle.
+        length: Number of frequencies on the full circle, from zero.
 
     Returns:
-        (length,) power, scaled to a mean of 1: the sum of the correlations at frequency zero [-].
+        (length,) power with mean 1; at frequency zero it is the sum of the autocorrelations [-].
     """
     transfer = fft.fft(np.concatenate(([1.0], -coefficients)), length)
     power = 1.0 / np.abs(transfer) ** 2

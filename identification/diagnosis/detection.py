@@ -1,22 +1,24 @@
-"""Whether a fitted model lacks anything at all.
+"""Residual tests for missing physics: size, whiteness, cross-correlation with the voltage.
 
-Three questions are asked of the current and of the speed, on the runs that were fitted and on those
-that were not: is the residual larger than the noise, has its whitened form a memory, and does it
-follow the voltage?
+Each test is applied to current and speed, on the training and on the validation runs:
+
+    size           is the residual larger than the noise?
+    whiteness      is the whitened residual autocorrelated?
+    correlation    is the residual correlated with the voltage?
 
     found = detect(fit, campaign, localise(fit).noise)
     found.missing, found.sentence
 
-*Which noise.*  A residual cannot be compared with itself: what the model lacks would count as noise
-and nothing would ever be missing.  The noise of `localise` has the missing voltage and torque taken
-out.
+*Noise level.* A residual cannot be its own reference: missing physics would count as noise and
+would never be detected.  The noise from `localise` excludes the missing voltage and torque.
 
-*Which level.*  A model that is complete is called incomplete with at most `LEVEL`, all questions
-together; each has an equal part (Bonferroni), so the bands are wider than those of one question.
-They hold for white, coloured and spiky noise: the scatter of a mean square grows with the colour of
-the residual and with the kurtosis of its innovations, memory is looked for after whitening, and the
-band of the correlation with the voltage is Bartlett's for two coloured series.  On unseen runs size
-and correlation allow for the error that uncertain parameters make.
+*Significance level.* A complete model is called incomplete with a probability of at most `LEVEL`,
+all tests together.  Each test has an equal part of it (Bonferroni), so the bands are wider than
+those of a single test.  The bands hold for white noise, for coloured noise and for noise with
+outliers.  The variance of the mean square includes the autocorrelation of the residual and the
+kurtosis of its innovations, whiteness is tested after whitening, and the band of the correlation is
+Bartlett's for two coloured series.  On validation runs, the limits of size and correlation include
+the error caused by parameter uncertainty.
 """
 
 from __future__ import annotations
@@ -46,26 +48,28 @@ LEVEL: Final = 0.01
 """Probability that a complete model is called incomplete."""
 
 _QUESTIONS: Final = 3
+"""Tests per channel and role."""
 _CHANNELS: Final[tuple[Channel, Channel]] = ("current", "speed")
 _RESOLVED: Final = 0.02
-"""Excess of the noise ratio that is not called a fault even where endless records resolve it: a
-remainder of a fifth of the noise, as big as quantisation by half of the noise adds."""
+"""Excess of the noise ratio that is not called a fault even if very long records resolve it.  An
+independent error of a fifth of the noise causes it, or quantisation in steps of 0.7 times the
+noise."""
 
 
 @dataclass(frozen=True)
 class ChannelCheck:
-    """What one channel says on the runs of one role.
+    """Results of the tests of one channel on the runs of one role.
 
     Args:
         channel: ``current`` or ``speed``.
         role: ``training`` or ``validation``.
         noise_ratio: Root mean square of the residual over the noise [-].
-        noise_ratio_limit: Upper edge of its band, all questions together at the level [-].
-        whiteness_p: p value of no memory in the whitened residual [-].
-        voltage_outside: Share of lags at which the correlation with the voltage leaves a band that
-            holds for all lags together [-].
-        passed: Whether all three are as a complete model leaves them.
-        reason: Why not, or that it did, in words.
+        noise_ratio_limit: Upper limit of the noise ratio at the joint level of all tests [-].
+        whiteness_p: p value of the test that the whitened residual is white [-].
+        voltage_outside: Fraction of lags at which the correlation with the voltage leaves a band
+            that holds for all lags together [-].
+        passed: Whether all three tests are passed.
+        reason: The tests that failed, in words, or that none did.
     """
 
     channel: Channel
@@ -79,13 +83,13 @@ class ChannelCheck:
 
     @property
     def is_too_large(self) -> bool:
-        """Whether the residual is larger than noise can be."""
+        """Whether the residual exceeds the limit of the noise."""
         return self.noise_ratio > self.noise_ratio_limit
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Whether something is missing.
+    """Joint result of all tests.
 
     Args:
         level: Probability that a complete model is called incomplete [-].
@@ -100,17 +104,17 @@ class Detection:
     sentence: str
 
     def of(self, channel: str, role: str) -> tuple[ChannelCheck, ...]:
-        """The check of a channel in a role; none where it was not made."""
+        """The check of a channel in a role; empty if it was not made."""
         return tuple(c for c in self.checks if (c.channel, c.role) == (channel, role))
 
 
 def detect(fit: Fit, campaign: Campaign, noise: Array) -> Detection:
-    """Ask all questions of a fitted model.
+    """Apply all residual tests to a fitted model.
 
     Args:
-        fit: The fit, its records those of training.
-        campaign: Where the runs that were left out are.
-        noise: (2,) noise of current and speed [A, rad/s], that of `localise`.
+        fit: The fit; its records are the training records.
+        campaign: Campaign with the validation records.
+        noise: (2,) noise of current and speed from `localise` [A, rad/s].
     """
     floor = np.asarray(noise, dtype=np.float64)
     training = remains_of_training(fit)
@@ -153,7 +157,7 @@ def _check(
 
 
 def _limit(left: Remains, noise: float, training: Remains | None, level: float) -> float:
-    """Upper edge of the noise ratio: noise as estimated in training, and what parameters add."""
+    """Upper limit of the noise ratio: noise of the training runs plus parameter uncertainty."""
     variance = left.scatter() + (training.scatter() if training is not None else 0.0)
     mean, more = left.imitated(noise)
     reach = float(stats.norm.isf(level))

@@ -1,17 +1,17 @@
-"""How far the motor strays from its simulation when something pushes that the model lacks.
+"""Linear model of the deviation from the simulation under a missing voltage and torque.
 
-A missing voltage e_v and a missing torque e_tau stand on the right-hand sides of the two balances.
-The deviation from the fitted simulation then obeys, to first order,
+A missing voltage e_v and a missing torque e_tau are added to the right-hand sides of the two
+balances.  To first order, the deviation from the fitted simulation then obeys
 
     d(t + h) = A d(t) + B e(t),      residual = C d(t) + T dp + noise
 
-with A, B and C the derivatives of the very step that is simulated (so they are exact for a linear
-motor however short its electrical time constant), e held over a sample interval as the voltage
-is, and T the derivative of the simulation by the parameters, which are not known for certain.
+A, B and C are the derivatives of the simulated step itself, so they are exact for a linear motor
+with any electrical time constant.  The disturbances e are held over a sample interval, like the
+voltage.  T is the derivative of the simulation with respect to the parameters, which are uncertain.
 
-The two disturbances are ordinary terms of the model (`term.py`), so nothing of the physics is
-written a second time.  Delayed channels are taken without their delay here: a delay of a few
-samples moves the trace by as much and changes no strength.
+The two disturbances are ordinary terms of the model (`term.py`), so the physics is implemented only
+once.  Delayed channels are used without their delay: a delay of a few samples shifts the trace by
+as much and does not change the intensities.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _SOURCE: Final = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineerin
 
 
 class MissingTorque(AbstractTorque):
-    """A torque that the model lacks, held over a sample interval."""
+    """Missing torque, held over a sample interval."""
 
     name = "missing_torque"
     equation = "mechanical"
@@ -61,12 +61,12 @@ class MissingTorque(AbstractTorque):
     parameters = (Parameter("level", "N m", "missing torque"),)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The torque itself [N m]."""
+        """Missing torque [N m]."""
         return values.level
 
 
 class MissingVoltage(AbstractVoltage):
-    """A voltage that the model lacks, held over a sample interval."""
+    """Missing voltage, held over a sample interval."""
 
     name = "missing_voltage"
     equation = "electrical"
@@ -75,18 +75,19 @@ class MissingVoltage(AbstractVoltage):
     parameters = (Parameter("level", "V", "missing voltage"),)
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The voltage itself [V]."""
+        """Missing voltage [V]."""
         return values.level
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Which entries of A, B and C are numbers and which change from row to row.
+    """Entries of A, B and C: which are constant and which vary from row to row.
 
     Args:
         shape: Number of states.
-        fixed: For each entry of [A, B, C'], column by column, its number, or None where it changes.
-        tangents: Number of parameters that are let float.
+        fixed: For each entry of [A, B, C'], column by column, its constant value, or None if it
+            varies.
+        tangents: Number of uncertain parameters.
     """
 
     shape: int
@@ -95,11 +96,11 @@ class Structure:
 
     @property
     def changing(self) -> int:
-        """Number of entries that change from row to row."""
+        """Number of entries that vary from row to row."""
         return sum(value is None for value in self.fixed)
 
     def matrices(self, entries: Expression) -> tuple[Expression, Expression, Expression]:
-        """A (n, n), B (n, 2) and C (2, n) with the `changing` entries filled in."""
+        """A (n, n), B (n, 2) and C (2, n) from the varying entries."""
         n, place = self.shape, 0
         whole: Expression = ca.SX(n, n + 4)
         for k, value in enumerate(self.fixed):
@@ -113,14 +114,13 @@ class Structure:
 
 @dataclass(frozen=True)
 class Piece:
-    """One record in the units of the filter.
+    """One record, or a segment of it, in the units of the filter.
 
     Args:
         record: The record.
-        entries: (n_sample, n_changing) entries of A, B and C.
+        entries: (n_sample, n_changing) varying entries of A, B and C.
         targets: (n_sample, 2, 1 + n_tangent) residual and its derivatives by the parameters.
-        weight: (n_sample, 2) by which the variance of the noise is divided; zero where the sensor
-            was clipped.
+        weight: (n_sample, 2) divisor of the noise variance; zero where the sensor was clipped.
         spread: (n_state,) variance of the deviation at the first sample.
     """
 
@@ -136,7 +136,7 @@ class Piece:
         return int(self.targets.shape[0])
 
     def part(self, start: int, stop: int) -> Piece:
-        """Some of the rows, with a beginning as free as that of the whole."""
+        """A segment of the rows, with the initial variance of the whole piece."""
         return Piece(
             self.record,
             self.entries[start:stop],
@@ -148,20 +148,20 @@ class Piece:
 
 @dataclass(frozen=True)
 class Deviation:
-    """The linear model of the deviation over all records.
+    """Linear model of the deviation over all records.
 
-    Both channels are divided by `noise`, both disturbances by `scale`, so that every number in the
-    filter is of order one for any motor.
+    Channels are divided by `noise` and disturbances by `scale`, so that every number in the filter
+    is of order one for any motor.
 
     Args:
-        structure: What stands in the rows.
-        pieces: One for each record.
+        structure: Constant and varying entries of the matrices.
+        pieces: One per record.
         noise: (2,) unit of current and speed [A, rad/s].
-        scale: (2,) unit of missing voltage and torque: what held for ever moves a channel by about
-            its noise [V, N m].
-        interval: Usual sample interval [s].
-        precision: (n_tangent,) inverse variance of the floating parameters before the data.
-        offset: (n_tangent,) centre of that prior, from the fit.
+        scale: (2,) unit of missing voltage and torque: a constant disturbance of this size shifts a
+            channel by about its noise [V, N m].
+        interval: Median sample interval [s].
+        precision: (n_tangent,) inverse prior variance of the parameters.
+        offset: (n_tangent,) prior mean of the parameters, relative to the linearisation.
     """
 
     structure: Structure
@@ -174,11 +174,11 @@ class Deviation:
 
 
 def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
-    """The deviation from a simulation, with its parameters floating in search coordinates.
+    """Linearise a simulation in states, disturbances and parameters (search coordinates).
 
     Args:
         fit: The fit.
-        position: (n_parameter,) search coordinates of the simulation; those of the fit if absent.
+        position: (n_parameter,) search coordinates of the simulation; those of the fit if None.
     """
     if position is not None:
         simulator = Simulator.fitting(
@@ -215,13 +215,13 @@ def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
 
 
 def _noise_unit(fit: Fit) -> Array:
-    """(2,) about the noise of both channels; one for a channel that never counts."""
+    """(2,) approximate noise of both channels; 1 for a channel without a finite estimate."""
     found = np.maximum(fit.weighting.deviation, fit.weighting.floor)
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
 
 def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
-    """Entries of A, B and C' that are numbers, and for each record the others (n_sample, k)."""
+    """Constant entries of A, B and C', and for each record the varying ones (n_sample, k)."""
     simulator = fit.simulator
     kept = [term for term in simulator.model.terms if not isinstance(term, AbstractDelay)]
     model = replace(simulator.model, terms=(*kept, MissingVoltage(), MissingTorque()))
@@ -238,7 +238,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     entries = [whole[k % n, k // n] for k in range(n * (n + 4))]
     fixed = tuple(float(entry) if entry.is_constant() else None for entry in entries)
     if simulator.divisions is not None:
-        # Products of the matrices of parts keep no entry that is certain to stay what it is.
+        # The matrices of the substeps are multiplied, so no entry is certain to stay constant.
         fixed = (None,) * len(entries)
     moving = [entry for entry, value in zip(entries, fixed, strict=True) if value is None]
     step = ca.Function(
@@ -263,7 +263,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
 
 
 def _composed(parts: Array, n: int, counts: NDArray[np.integer[Any]]) -> Array:
-    """Entries of whole sample intervals from those of their parts, all entries changing."""
+    """Entries over whole sample intervals from those of their substeps; all entries vary."""
     begins = np.cumsum(counts) - counts
     whole = parts[begins].copy()
     matrices = parts.reshape(-1, n + 4, n).transpose(0, 2, 1)
@@ -296,7 +296,7 @@ def _scale(structure: Structure, rows: Sequence[Array], noise: Array) -> Array:
 def _in_units(
     structure: Structure, rows: list[Array], units: tuple[Array, Array, Array]
 ) -> tuple[Structure, list[Array]]:
-    """Everything over its unit: states, disturbances, channels."""
+    """Structure and rows with states, disturbances and channels divided by their units."""
     states, scale, noise = units
     right = np.concatenate([states, scale, 1.0 / noise])
     left = np.concatenate([np.ones(states.size + 2), np.zeros(2)])

@@ -1,19 +1,19 @@
-"""The Kalman filter of the deviation: likelihood of the strengths, with parameters floating.
+"""Augmented Kalman filter: likelihood of disturbance intensities, parameters integrated out.
 
-State of the filter, with two disturbances and one slow noise a channel:
+The state of the filter has two disturbances and one slow noise process per channel:
 
     d      deviation of the motor's own states      d+   = A d + B (e + white voltage noise)
     e      missing voltage, missing torque          e+   = a e + w
     c      coloured part of each channel's noise    c+   = r c + w
     residual = C d + c + white noise + T dp
 
-First-order Gauss-Markov processes, all of unknown size and memory.  The gains of the filter do not
-depend on data, so residual and parameter tangents pass through the same gains side by side; the
-likelihood with the parameters integrated out under their prior then is a small least-squares
-problem in the innovations.  Without it, what the parameters have soaked up of a missing torque
-would show as a missing voltage.
+The processes e and c are first-order Gauss-Markov, with unknown intensities and correlation times.
+The gains of the filter do not depend on data, so residual and parameter tangents pass through the
+same gains side by side.  The likelihood with the parameters integrated out under their prior is
+then a small least-squares problem in the innovations.  With fixed parameters, the part of a missing
+torque that the fit has absorbed would appear as a missing voltage.
 
-Candidates of strengths and memories are the lanes.
+Each lane is one candidate set of intensities and correlation times.
 
 Source: Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237; the
 parameters by de Jong, Annals of Statistics 19 (1991) 1073-1083 (augmented filter).
@@ -48,24 +48,25 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _STRUCTURES: Final = 32
+"""Compiled filters kept in the cache."""
 
 HYPER: Final = (
     "keep_voltage", "drive_voltage", "keep_torque", "drive_torque",
     "keep_current", "drive_current", "keep_speed", "drive_speed",
     "white_current", "white_speed", "supply",
 )  # fmt: skip
-"""Numbers of one candidate: for the four slow processes the factor from sample to sample and the
-variance that drives them, then the variances of white noise of current, speed and voltage; all
-in the units of `Deviation`."""
+"""Hyperparameters of one candidate: for each of the four slow processes the factor from sample to
+sample and the variance of the driving noise, then the variances of the white noise of current,
+speed and voltage; all in the units of `Deviation`."""
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Likelihood of each lane, and where the parameters are best under it.
+    """Marginal likelihood of each lane and the posterior of the parameters.
 
     Args:
         value: (n_lane,) log likelihood with the parameters integrated out, up to a constant.
-        shift: (n_lane, n_tangent) posterior mean of the floating parameters.
+        shift: (n_lane, n_tangent) posterior mean of the parameters, relative to the linearisation.
         covariance: (n_lane, n_tangent, n_tangent) their posterior covariance.
     """
 
@@ -76,22 +77,22 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Symbols:
-    """Symbolic filter of one structure.
+    """Symbolic Kalman filter of one structure.
 
     Args:
-        structure: Sizes and fixed entries.
+        structure: Sizes and constant entries.
     """
 
     structure: Structure
 
     @property
     def size(self) -> int:
-        """Components of the filter's state."""
+        """Number of filter states."""
         return self.structure.shape + 4
 
     @property
     def triangle(self) -> list[tuple[int, int]]:
-        """Places of the covariance that are kept."""
+        """Indices of the covariance entries that are stored (lower triangle)."""
         return [(i, j) for i in range(self.size) for j in range(i + 1)]
 
     def full(self, packed: ca.SX) -> ca.SX:
@@ -103,11 +104,11 @@ class Symbols:
         return whole
 
     def packed(self, whole: ca.SX) -> ca.SX:
-        """The lower triangle."""
+        """Packed lower triangle of a symmetric matrix."""
         return ca.vertcat(*[whole[i, j] for i, j in self.triangle])
 
     def transition(self, entries: ca.SX, hyper: ca.SX) -> ca.SX:
-        """(size, size) transition of the filter's state."""
+        """(size, size) transition matrix of the filter state."""
         n = self.structure.shape
         a, b, _ = self.structure.matrices(entries)
         whole = ca.SX(self.size, self.size)
@@ -118,7 +119,7 @@ class Symbols:
         return whole
 
     def seen(self, entries: ca.SX) -> list[ca.SX]:
-        """For each channel the row (1, size) that takes the filter's state to the residual."""
+        """For each channel the observation row (1, size) from the filter state to the residual."""
         n = self.structure.shape
         c = self.structure.matrices(entries)[2]
         rows = []
@@ -133,7 +134,7 @@ class Symbols:
 def predicted(
     symbols: Symbols, mean: ca.SX, covariance: ca.SX, entries: ca.SX, hyper: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """Mean (size, n_column) and covariance one sample on."""
+    """Time update: mean (size, n_column) and covariance one sample later."""
     n = symbols.structure.shape
     f = symbols.transition(entries, hyper)
     moved = ca.mtimes(ca.mtimes(f, covariance), f.T)
@@ -147,9 +148,12 @@ def predicted(
 def updated(
     row: ca.SX, mean: ca.SX, covariance: ca.SX, target: ca.SX, weight: ca.SX, white: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Mean and covariance after one channel, its innovations (1, n_column) and w / variance.
+    """Measurement update by one channel.
 
-    A weight divides the white noise; a weight of zero leaves everything as it was.
+    The variance of the white noise is divided by the weight; at weight zero the state is unchanged.
+
+    Returns:
+        Mean, covariance, innovations (1, n_column) and inverse innovation variance.
     """
     gain = ca.mtimes(covariance, row.T)
     inverse = weight / (weight * ca.mtimes(row, gain) + white)
@@ -163,7 +167,7 @@ def updated(
 
 
 def _square(column: ca.SX, factor: ca.SX) -> ca.SX:
-    """The matrix factor column column', its upper triangle the same expressions as the lower."""
+    """The matrix factor column column', with identical expressions in both triangles."""
     lower = ca.tril(ca.mtimes(column, (column * factor).T))
     return lower + ca.tril(lower, False).T
 
@@ -190,7 +194,7 @@ def _filter_scan(structure: Structure) -> Scan:
 
 
 def _filter_step(structure: Structure) -> ca.Function:
-    """Carry: packed covariance, means, sums of products of innovations, log of variances."""
+    """Filter step; carries packed covariance, means, innovation products and log variances."""
     symbols = Symbols(structure)
     columns = 1 + structure.tangents
     packed = ca.SX.sym("P", len(symbols.triangle))
@@ -226,11 +230,11 @@ def _filter_step(structure: Structure) -> ca.Function:
 
 
 def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> Likelihood:
-    """Log likelihood of candidates, parameters integrated out.
+    """Log likelihood of candidates with the parameters integrated out.
 
     Args:
-        deviation: The model.
-        pieces: Records, or parts of them, that are independent of each other.
+        deviation: The linear model.
+        pieces: Records or segments of them, treated as independent.
         hyper: (n_hyper, n_lane) in the order of `HYPER`.
     """
     structure = deviation.structure
@@ -247,23 +251,23 @@ def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> L
     sums, logs = np.zeros((pairs, lanes)), np.zeros(lanes)
     for final, piece in zip(finals, pieces, strict=True):
         sums += final[own : own + pairs]
-        # A sample without weight has left the logarithm of its white noise behind.
+        # A sample of zero weight has added the logarithm of its white noise variance; subtract it.
         absent = np.sum(piece.weight == 0.0, axis=0)
         logs += final[own + pairs] - absent @ np.log(hyper[8:10])
     return _integrated(deviation, sums, logs)
 
 
 def rows_of(piece: Piece) -> Array:
-    """What the filter reads of each row: entries, targets by column, weights."""
+    """Input rows of the filter: entries, targets by column, weights."""
     flat = piece.targets.transpose(0, 2, 1).reshape(piece.rows, -1)
     return np.column_stack([piece.entries, flat, piece.weight])
 
 
 def _integrated(deviation: Deviation, sums: Array, logs: Array) -> Likelihood:
-    """Likelihood from sums of products of innovations of the residual and of the tangents.
+    """Marginal likelihood from the summed innovation products of residual and tangents.
 
-    The innovation of residual minus tangents times shift is linear in the shift, so its posterior
-    is normal with the inverse of sum z z' / s + prior as covariance.
+    The innovation of residual minus tangents times shift is linear in the shift.  The posterior of
+    the shift is therefore normal, and its covariance is the inverse of sum z z' / s + prior.
     """
     n = deviation.structure.tangents
     lanes = logs.size

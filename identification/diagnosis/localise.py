@@ -1,29 +1,29 @@
-"""Which of the two balances lacks something, how much, and when.
+"""Localisation of missing physics by a Kalman filter with unknown disturbances.
 
-Both state equations are given an unknown disturbance, a missing voltage and a missing torque,
+Both state equations get an unknown disturbance, a missing voltage and a missing torque,
 
     L di/dt = ... + e_v,      J dw/dt = ... + e_tau,
 
-each a first-order Gauss-Markov process of unknown strength and memory.  A Kalman filter of the
-deviation from the fitted simulation gives the likelihood of the strengths (`strengths.py`), and a
-smoother the two missing terms over time (`smoothing.py`):
+each a first-order Gauss-Markov process of unknown intensity and correlation time.  A Kalman filter
+of the deviation from the fitted simulation gives the likelihood of the intensities
+(`strengths.py`), and a smoother gives the two missing terms over time (`smoothing.py`):
 
     found = localise(fit)
     found.mechanical.significant, found.missing[0].torque
 
-*What is held and what floats.*  A fit has soaked part of a missing torque up in its parameters, and
-at those parameters a voltage seems to be missing as well.  The parameters are therefore not held:
-they are integrated out under the prior of the fit, to first order, and the model is linearised a
-second time where they move to.  What declared parameters can imitate exactly is for that reason
-split by prior and memory rather than by data, and the bands of the traces say so.
+*Parameters.* The fitted parameters have absorbed part of a missing torque, and with these values a
+voltage seems to be missing as well.  The parameters are therefore integrated out under the prior of
+the fit, to first order, and the model is linearised a second time at their posterior mean.  A
+disturbance that the nominal parameters can reproduce exactly is divided between parameters and
+disturbance by prior and correlation time rather than by data; the bands of the traces include this.
 
-*What a complete model may do.*  Sensor noise may be white, and slow besides, with unknown memory,
-in each channel by itself, and the logged voltage may be noisy: none of these counts as missing.
-A strength has to be significant with spikes weighted down as well (`spikes.py`); size and noise
-are those of unweighted samples, since a jump of what is missing looks like a spike at first.
+*Null hypothesis.* In a complete model each sensor may have white noise and slow noise of unknown
+correlation time, and the logged voltage may be noisy; none of these counts as missing.  An
+intensity also has to be significant with outliers down-weighted (`spikes.py`).  Intensities and
+noise come from unweighted samples, because a jump of a missing term first looks like an outlier.
 
-*Which rows.*  Strengths are estimated from about 12,000 rows, in stretches spread evenly over all
-records; the traces use and cover all rows.
+*Samples.* Intensities are estimated from about 12,000 rows, in segments spread evenly over all
+records.  The traces use and cover all rows.
 
 Source: Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237; Rauch et
 al., AIAA J. 3 (1965) 1445-1450.
@@ -59,25 +59,30 @@ LEVEL: Final = 0.01
 """Probability that a complete model is found deficient in either equation; each has half of it."""
 
 _COARSE: Final = 4_000
+"""Rows of the first estimate."""
 _FINE: Final = 12_000
+"""Rows of the final estimate."""
 _STRETCH: Final = 600
+"""Rows of one segment."""
 _WORSE: Final = 3.0
+"""Loss of log likelihood at which a linearisation at shifted parameters is rejected."""
 _DIFFERENCES: Final = 4
+"""Highest order of the differences of a residual."""
 
 
 @dataclass(frozen=True)
 class Deficiency:
-    """What one state equation lacks.
+    """Missing term of one state equation.
 
     Args:
         equation: ``electrical`` or ``mechanical``.
         unit: ``V`` or ``N m``.
-        strength: Stationary standard deviation of the missing term [unit].
-        time_constant: Its memory [s].
-        gain: Log likelihood over strength zero, the other equation's term allowed in both; where
-            it is far beyond any doubt the best strength zero is not found exactly, and this is
-            more than it.
-        p_value: Probability of so large a gain from a complete model.
+        strength: Intensity (stationary standard deviation) of the missing term [unit].
+        time_constant: Correlation time [s].
+        gain: Gain of the log likelihood over zero intensity, with the other equation's term allowed
+            in both.  A gain far above the significance limit is an overestimate, because the fit
+            with zero intensity then stops early.
+        p_value: Probability of at least this gain for a complete model.
         significant: Whether `p_value` is below half of `LEVEL`.
     """
 
@@ -92,14 +97,15 @@ class Deficiency:
 
 @dataclass(frozen=True)
 class Missing:
-    """Missing voltage and torque over one training record, smoothed.
+    """Smoothed missing voltage and torque over one training record.
 
-    The bands are those of a disturbance that knows nothing of the signals.  Of a term that follows
-    the speed, like friction, a part looks like a change of b, is given to the parameters and is
-    not in the band; what parameters cannot imitate is.
+    The bands are those of a disturbance that is independent of the signals.  If the missing term
+    follows the speed, like friction, the part of it that looks like a change of b is attributed to
+    the parameters, and the bands do not include it.  They include the part that the parameters
+    cannot reproduce.
 
     Args:
-        record: Number of the record among those of the fit.
+        record: Index of the record in the fit.
         run: Number of its run.
         start: First sample of the record in its run.
         time: (n,) time in the run [s].
@@ -121,14 +127,14 @@ class Missing:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Where a fitted model is deficient.
+    """Deficiencies of a fitted model.
 
     Args:
-        electrical: The armature loop.
-        mechanical: The shaft.
-        noise: (2,) standard deviation of the noise of current and speed with the significant
-            disturbances allowed, so that what the model lacks does not count as noise [A, rad/s].
-        missing: The missing terms, one a training record.
+        electrical: Missing voltage of the armature equation.
+        mechanical: Missing torque of the shaft equation.
+        noise: (2,) standard deviation of the noise of current and speed, estimated together with
+            the significant disturbances so that missing physics does not count as noise [A, rad/s].
+        missing: The missing terms, one per training record.
     """
 
     electrical: Deficiency
@@ -138,16 +144,16 @@ class Localisation:
 
 
 def localise(fit: Fit) -> Localisation:
-    """Find out which equation of a fitted model lacks something, and its course over time.
+    """Find the deficient equation of a fitted model, and the missing term over time.
 
     Args:
-        fit: The fitted model with its training records; it may hold effects.
+        fit: The fitted model with its training records; it may contain effects.
     """
     deviation = deviation_of(fit)
     coarse = _stretches(deviation.pieces, _COARSE)
     both = strongest(deviation, coarse, (True, True))
     known = likelihood(deviation, coarse, both.hyper)
-    # The rows of all records are in memory once.
+    # Free the first linearisation, so that the rows are in memory only once.
     del deviation, coarse
     deviation = _moved(fit, both, known)
     fits = _nested(deviation, _stretches(deviation.pieces, _FINE), both.place)
@@ -173,11 +179,11 @@ def localise(fit: Fit) -> Localisation:
 
 
 def _quickest(deviation: Deviation) -> Array:
-    """(2,) noise below which no sensor can be, from how residuals differ from sample to sample.
+    """(2,) lower bound of the sensor noise, from higher differences of the residual.
 
-    Where the current follows the voltage within a sample, a strong missing voltage explains white
-    noise of the current as well as the sensor does.  What is missing moves on or jumps now and
-    then; the median of higher differences sees the noise between the jumps.
+    If the current follows the voltage within one sample, a strong missing voltage explains white
+    noise of the current as well as the sensor does.  A missing term changes slowly or jumps now and
+    then; the median of higher differences measures the noise between the jumps.
     """
     least = np.full(2, np.inf)
     for order in range(1, _DIFFERENCES + 1):
@@ -195,7 +201,7 @@ def _quickest(deviation: Deviation) -> Array:
 
 @dataclass(frozen=True)
 class _Nested:
-    """Strengths with both disturbances, and with one alone."""
+    """Maximum likelihood intensities with both disturbances, and with each one alone."""
 
     pieces: list[Piece]
     both: Strengths
@@ -204,11 +210,11 @@ class _Nested:
 
     @property
     def gains(self) -> tuple[float, float]:
-        """By a missing voltage, by a missing torque, each beside the other."""
+        """Gains by the missing voltage and by the missing torque, each in addition to the other."""
         return self.both.value - self.torque.value, self.both.value - self.voltage.value
 
     def chosen(self, deviation: Deviation, electrical: bool, mechanical: bool) -> Strengths:
-        """The model without what is not significant: that explains coloured noise as well."""
+        """The model without insignificant disturbances, which would absorb coloured noise."""
         if electrical:
             return self.both if mechanical else self.voltage
         if mechanical:
@@ -226,7 +232,7 @@ def _nested(deviation: Deviation, pieces: list[Piece], start: Array) -> _Nested:
 def _gains_beside_spikes(
     deviation: Deviation, fits: _Nested, gains: tuple[float, float]
 ) -> tuple[float, float]:
-    """The gains that are left when spikes of the sensors are weighted down."""
+    """The smaller of the gains with and without down-weighted outliers."""
     known = likelihood(deviation, fits.pieces, fits.both.hyper)
     pieces = weighted(deviation, fits.pieces, fits.both.hyper, known)
     if pieces is None:
@@ -240,9 +246,9 @@ def _is_significant(gain: float, longest: float) -> bool:
 
 
 def _moved(fit: Fit, both: Strengths, known: Likelihood) -> Deviation:
-    """The model linearised where the parameters move once a disturbance is allowed.
+    """The model linearised at the posterior mean of the parameters with disturbances allowed.
 
-    A shift is halved where the simulation is too curved to follow all of it.
+    The shift is halved if the simulation is too nonlinear to follow all of it.
     """
     value, shift = float(known.value[0]), known.shift[0]
     for share in (1.0, 0.5, 0.25):
@@ -257,7 +263,7 @@ def _moved(fit: Fit, both: Strengths, known: Likelihood) -> Deviation:
 
 
 def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:
-    """Stretches of the records, evenly spread, with about `rows` rows in all."""
+    """Segments of the records, evenly spread, about `rows` rows in total."""
     total = sum(piece.rows for piece in pieces)
     if total <= 1.5 * rows:
         return list(pieces)

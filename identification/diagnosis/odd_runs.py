@@ -1,4 +1,4 @@
-"""Runs that do not fit the others: another motor, a load, a sensor that failed in one of them."""
+"""Detection of outlying runs: another motor, another load, or a sensor fault in one of them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["noise_of_most", "odd_runs", "root_mean_square"]
 Array = NDArray[np.float64]
 
 _FAR: Final = 2.0
-"""Error over the middle of the errors of the other runs."""
+"""Error of an outlying run over the median error of the other runs, at least."""
 _LEAST: Final = 1.5
-"""Error over the noise."""
+"""Error of an outlying run over the noise, at least."""
 
 
 def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
-    """Sentences on runs whose error is far larger than that of the others.
+    """Warnings for runs whose error is far larger than that of the others.
 
     Args:
-        simulated: Training records beside their simulation.
+        simulated: Training records with their simulation.
         noise: (2,) noise of current and speed [A, rad/s].
     """
     names = list(dict.fromkeys(s.record.name for s in simulated))
@@ -45,11 +45,11 @@ def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
 
 
 def noise_of_most(simulated: Sequence[Simulated], noise: Array) -> Array:
-    """(2,) noise of current and speed without what only runs that do not fit have [A, rad/s].
+    """(2,) noise of current and speed without the excess error of outlying runs [A, rad/s].
 
     Args:
-        simulated: Training records beside their simulation.
-        noise: (2,) noise as the residuals of all of them have it.
+        simulated: Training records with their simulation.
+        noise: (2,) noise estimated from the residuals of all runs.
     """
     found = noise.copy()
     for channel in range(2):
@@ -61,10 +61,10 @@ def noise_of_most(simulated: Sequence[Simulated], noise: Array) -> Array:
 
 
 def root_mean_square(simulated: Sequence[Simulated]) -> Array:
-    """(2,) error of current and speed over all records [A, rad/s].
+    """(2,) RMS error of current and speed over all records [A, rad/s].
 
     Args:
-        simulated: Records beside their simulation.
+        simulated: Records with their simulation.
     """
     weight = np.sum([s.record.weight.sum(axis=0) for s in simulated], axis=0)
     square = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
@@ -72,13 +72,13 @@ def root_mean_square(simulated: Sequence[Simulated]) -> Array:
 
 
 def _middles(errors: Array) -> Array:
-    """(n_run,) the middle error of the other runs, infinite where there is none."""
+    """(n_run,) median error of the other runs; infinite if there are none."""
     others = [np.delete(errors, k) for k in range(errors.size)]
     return np.array([np.median(each) if each.size else np.inf for each in others])
 
 
 def _errors(simulated: Sequence[Simulated], channel: int) -> Array:
-    """(n_run,) root mean square error of each run, zero where nothing was measured."""
+    """(n_run,) RMS error of each run; zero if nothing was measured."""
     found: dict[str, list[Array]] = {}
     for s in simulated:
         kept = s.record.weight[:, channel] > 0

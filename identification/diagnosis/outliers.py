@@ -1,9 +1,11 @@
-"""Single samples far from the simulation: spikes of a sensor, its cable or its converter.
+"""Detection of isolated outliers: spikes of a sensor, its cable or its converter.
 
-The scale is the median absolute deviation times 1.4826, the standard deviation of normal noise that
-outliers do not move (Rousseeuw and Croux, Journal of the American Statistical Association 88
-(1993), 1273-1283).  A normal residual leaves ten of them once in 10^23 samples, and where samples
-are closer than its time constants a motor takes the neighbours of a sample with it.
+The scale is the median absolute deviation times 1.4826, an estimate of the standard deviation of
+normal noise that is robust against outliers (Rousseeuw and Croux, Journal of the American
+Statistical Association 88 (1993), 1273-1283).  A normal residual exceeds ten standard deviations
+once in 10^23 samples.  A sample counts only if its neighbours deviate much less: if the time
+constants of the motor exceed the sample interval, a real deviation of the motor includes the
+neighbours.
 """
 
 from __future__ import annotations
@@ -21,19 +23,21 @@ __all__ = ["outlier_warnings"]
 Array = NDArray[np.float64]
 
 _NORMAL: Final = 1.4826
+"""Standard deviation of normal noise over its median absolute deviation."""
 _FAR: Final = 10.0
+"""Deviation of an outlier at least, in standard deviations."""
 _BESIDE: Final = 0.5
 """Largest deviation of a neighbour, over that of the sample."""
 _SHARE: Final = 0.5
-"""Share of the squared error from which these samples decide what is called noise."""
+"""Fraction of the squared error from which the outliers decide the noise estimate."""
 _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
 
 
 def outlier_warnings(simulated: Sequence[Simulated]) -> list[str]:
-    """Channels of which single samples make more than half of the squared error.
+    """Warnings for channels in which isolated outliers cause more than half of the squared error.
 
     Args:
-        simulated: Training records beside their simulation.
+        simulated: Training records with their simulation.
     """
     messages = []
     for channel, (column, unit) in enumerate(_CHANNELS):
@@ -63,7 +67,7 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[str]:
 
 
 def _alone(residual: Array, far: float) -> NDArray[np.bool_]:
-    """Samples farther than a limit whose neighbours are not."""
+    """Samples beyond a limit whose neighbours deviate by less than half as much."""
     size = np.abs(residual)
     padded = np.pad(size, 1)
     beside = np.maximum(padded[:-2], padded[2:])

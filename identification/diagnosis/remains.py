@@ -1,9 +1,9 @@
-"""Residuals of one channel as a complete model would leave them, and what to expect of them.
+"""Residual statistics of one channel, and their distribution under a complete model.
 
-A residual of a complete model is sensor noise, which may be coloured and spiky, and on unseen runs
-also the error that uncertain parameters make.  The second is known: the covariance of the
-parameters seen through the derivative of the simulation.  What is left open by the initial state of
-an unseen run is no matter of the model, so its directions are projected out.
+Under a complete model the residual is sensor noise, possibly coloured and with outliers.  On
+validation runs it also contains the error caused by parameter uncertainty, whose covariance is
+known: the parameter covariance propagated through the derivative of the simulation.  The unknown
+initial state of a validation run is not a fault of the model, so its directions are projected out.
 
 Source: Bartlett, J. R. Statist. Soc. Suppl. 8 (1946) 27-41 (variance of the mean square of a linear
 process: (2 sum rho^2 + excess kurtosis of its innovations) / n).
@@ -36,8 +36,11 @@ __all__ = ["Remains", "remains_of_training", "remains_of_validation"]
 Array = NDArray[np.float64]
 
 _CLIP: Final = 5.0
+"""Robust standard deviations at which innovations are clipped."""
 _LAGS: Final = 30
+"""Lags of the whiteness test, in addition to the order of the whitening filter."""
 _BEYOND: Final = 60
+"""Largest lag of the cross-correlation with the voltage [samples]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +48,11 @@ class Remains:
     """Residuals of one channel over the records of one role.
 
     Args:
-        residuals: For each record (n_sample,), zero where a sample does not count.
+        residuals: For each record (n_sample,), zero at samples without weight.
         voltages: For each record (n_sample,) [V].
-        errors: For each record (n_sample, n_direction): what the channel logs besides noise is
-            this times a standard normal vector.
-        count: Number of samples that count.
+        errors: For each record (n_sample, n_direction) matrix; the error by parameter uncertainty
+            is this matrix times a standard normal vector.
+        count: Number of samples with weight.
     """
 
     residuals: tuple[Array, ...]
@@ -64,38 +67,38 @@ class Remains:
 
     @cached_property
     def innovations(self) -> list[Array]:
-        """For each record (n_sample,) what its past does not foretell."""
+        """For each record (n_sample - n_tap,) one-step prediction errors."""
         order = self.taps.size
         return [signal.lfilter(self.taps, [1.0], r)[order:] for r in self.residuals]
 
     @cached_property
     def rms(self) -> float:
-        """Root of the mean square of the samples that count."""
+        """Root mean square over the samples with weight."""
         return float(np.sqrt(sum(float(np.sum(r * r)) for r in self.residuals) / self.count))
 
     def scatter(self) -> float:
-        """Relative variance of the mean square, were the residual noise of its colour [-]."""
+        """Relative variance of the mean square for noise with this spectrum and kurtosis [-]."""
         power = spectrum(-self.taps[1:], fft.next_fast_len(4096))
         stacked = np.concatenate(self.innovations)
         excess = max(float(stats.kurtosis(stacked)), 0.0) if stacked.size > 3 else 0.0
         return (2.0 * float(np.mean(power**2)) + excess) / self.count
 
     def imitated(self, noise: float) -> tuple[float, float]:
-        """Mean and variance of what uncertain parameters add to the mean square over noise^2."""
+        """Mean and variance, over noise^2, of the mean square error by uncertain parameters."""
         if not self.errors or not self.errors[0].shape[1]:
             return 0.0, 0.0
         gram = np.sum([e.T @ e for e in self.errors], axis=0) / (self.count * noise**2)
         values = np.maximum(eigh(gram)[0], 0.0)
-        # Beside their own squares, errors meet the noise: 4 sigma^2 z'Gz / count, coloured.
+        # Cross term of the errors with the noise: 4 sigma^2 z'Gz / count, times the noise spectrum.
         power = float(spectrum(-self.taps[1:], 4096).max())
         met = 4.0 * power * float(values.sum()) / self.count
         return float(values.sum()), float(2.0 * np.sum(values**2) + met)
 
     def whiteness(self) -> float:
-        """Probability of as much correlation after whitening from noise, by Ljung and Box.
+        """Ljung-Box test of the whitened residual: p value.
 
-        Innovations are clipped at five robust deviations: a handful of spikes would otherwise
-        decide the variance of the correlations.
+        Innovations are clipped at five robust standard deviations, because a few outliers would
+        otherwise determine the variance of the correlations.
         """
         order = self.taps.size - 1
         lags = min(_LAGS + order, max(len(r) for r in self.innovations) // 4)
@@ -122,10 +125,10 @@ class Remains:
         return float(stats.chi2.sf(statistic, lags - order))
 
     def voltage_outside(self, level: float) -> float:
-        """Share of lags at which the residual follows the voltage beyond a band for all lags.
+        """Fraction of lags at which the correlation with the voltage leaves a band for all lags.
 
         Args:
-            level: Probability of any lag of a complete model to be outside.
+            level: Probability that any lag of a complete model is outside.
         """
         lag = min(_BEYOND, max(max(r.size for r in self.residuals) // 4, 1))
         each = 1.0 - level / (2 * lag + 1)
@@ -151,18 +154,18 @@ class Remains:
 
 
 def remains_of_training(fit: Fit) -> list[Remains]:
-    """Of current and of speed, over the records of the fit."""
+    """Residuals of current and speed over the training records."""
     simulated = simulate_fitted(fit)
     none = [np.zeros((s.record.rows, 2, 0)) for s in simulated]
     return _remains([s.record for s in simulated], [s.residual for s in simulated], none)
 
 
 def remains_of_validation(fit: Fit, records: Sequence[Record], noise: Array) -> list[Remains]:
-    """Of current and of speed, over records that were not fitted; empty without records.
+    """Residuals of current and speed over the validation records; empty without records.
 
     Args:
         fit: The fit.
-        records: Records that it never saw.
+        records: Validation records.
         noise: (2,) noise of both channels [A, rad/s].
     """
     if not records:
@@ -184,9 +187,9 @@ def remains_of_validation(fit: Fit, records: Sequence[Record], noise: Array) -> 
 
 
 def _spread(fit: Fit, noise: Array) -> Array:
-    """(n, n) matrix that takes standard normal numbers to errors of the search coordinates.
+    """(n, n) factor of the parameter covariance under a complete model, in search coordinates.
 
-    The covariance of the fit is that of its own residuals; a complete model leaves only noise.
+    The covariance of the fit is based on its own residuals; here it is scaled down to the noise.
     """
     residuals = fit.residuals()
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
@@ -198,7 +201,7 @@ def _spread(fit: Fit, noise: Array) -> Array:
 
 
 def _without_start(series: Array, directions: Array, weight: Array, noise: Array) -> Array:
-    """Series (n_sample, 2, k) with what a shift of the initial state could add projected out."""
+    """Series (n_sample, 2, k) with the influence of the initial state projected out."""
     scale = np.where(noise > 0, noise, 1.0)
     root = (weight > 0) / scale
     basis = (directions * root[:, :, None]).reshape(-1, directions.shape[2])

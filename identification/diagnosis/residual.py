@@ -1,16 +1,15 @@
-"""What a residual still knows: correlation with itself and with the inputs, with honest bands.
+"""Autocorrelation and cross-correlation of residuals with confidence bands.
 
-A residual of a complete model is zero-mean noise that has forgotten its own past and has nothing
-in common with the voltage.  Each question is asked of one run or of several at once; a run is an
-array, several runs are a list, and runs are never glued together, so that no correlation arises
-where one run ends and another begins:
+The residual of a complete model is white noise of zero mean, uncorrelated with the voltage.  Every
+function takes a list of runs, one array per run.  Runs are not concatenated, so that no correlation
+arises across the end of one run and the start of the next:
 
     current = autocorrelation([residual_of_run_1, residual_of_run_2])
-    current.outside            # share of lags beyond the band; near 1 - level for white noise
+    current.outside            # fraction of lags outside the band; about 1 - level for white noise
     whiteness([residual_of_run_1]).p_value
 
-The mean of a residual is *not* taken away: under the hypothesis it is zero, and a residual that is
-an offset is not white.
+The mean of a residual is *not* subtracted: it is zero under the null hypothesis, and a residual
+with an offset is not white.
 """
 
 from __future__ import annotations
@@ -36,17 +35,18 @@ __all__ = [
 Array = NDArray[np.float64]
 
 LEVEL = 0.99
+"""Default probability that one lag stays inside the band."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """A correlation function with the band in which it stays when nothing is left.
+    """Correlation function with its confidence band under the null hypothesis.
 
     Args:
         lags: (n_lag,) [samples].
         values: (n_lag,) correlation [-].
         half_width: (n_lag,) the band is plus and minus this [-].
-        level: Probability of one lag to fall inside the band under the hypothesis [-].
+        level: Probability that one lag stays inside the band under the null hypothesis [-].
     """
 
     lags: NDArray[np.int_]
@@ -56,13 +56,13 @@ class Correlation:
 
     @property
     def outside(self) -> float:
-        """Share of lags that leave the band [-]; near ``1 - level`` under the hypothesis."""
+        """Fraction of lags outside the band [-]; about ``1 - level`` under the null hypothesis."""
         return float(np.mean(np.abs(self.values) > self.half_width))
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Portmanteau test of no correlation at any of the first lags.
+    """Result of a portmanteau test: no correlation at any of the first lags.
 
     Args:
         statistic: Sum of squared correlations, each over its variance [-].
@@ -78,18 +78,18 @@ class Whiteness:
 def autocorrelation(
     residuals: Sequence[Array], max_lag: int | None = None, level: float = LEVEL
 ) -> Correlation:
-    """Correlation of a residual with its own past.
+    """Autocorrelation of a residual.
 
         r(k) = sum_t e(t) e(t-k) / sum_t e(t)^2
 
-    Sums run over all runs.  The variance of r(k) under white noise is exact for one Gaussian run,
-    (n - k) / (n (n + 2)), and follows from it where runs differ in length and in noise.
+    The sums include all runs.  The variance of r(k) under white noise is exact for one Gaussian
+    run, (n - k) / (n (n + 2)).  For several runs it is combined from their variances, since they
+    differ in length and noise.
 
     Args:
-        residuals: One array (n_sample,) a run, any unit.
-        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run where that is
-            less.
-        level: Probability that one lag stays in the band [-].
+        residuals: One array (n_sample,) per run, any unit.
+        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run if that is less.
+        level: Probability that one lag stays inside the band [-].
 
     Returns:
         Lags 1 to `max_lag`.
@@ -112,24 +112,22 @@ def cross_correlation(
     max_lag: int | None = None,
     level: float = LEVEL,
 ) -> Correlation:
-    """Correlation of a residual with an input, before and after.
+    """Cross-correlation of a residual with an input, at negative and positive lags.
 
         r(k) = sum_t e(t) u(t-k) / sqrt(sum_t e(t)^2 sum_t u(t)^2)
 
-    At positive lags the residual answers an earlier input, at negative lags the residual comes
-    first, as it does under feedback.  Inputs of a bench are slow, and the plain band of 1/sqrt(n)
-    is far too narrow as soon as the residual is coloured too.  By Bartlett's formula
-    n var r(k) = sum_j rho_e(j) rho_u(j).  The input is known, so its sample correlation is exact
-    here; the noise in a sample rho_e, however, adds up over thousands of lags.  It is therefore
-    taken from an autoregression, and the sum is done as an integral of the two spectra, which
-    cannot turn negative.
+    At positive lags the residual responds to an earlier input.  At negative lags the residual comes
+    first, as under feedback.  The inputs of a bench are slow, and the band 1/sqrt(n) is far too
+    narrow if the residual is coloured as well.  By Bartlett's formula n var r(k) = sum_j rho_e(j)
+    rho_u(j).  The input is known, so its sample correlation is exact.  The noise of a sample rho_e,
+    however, would accumulate over thousands of lags.  An autoregression therefore gives rho_e, and
+    the sum is computed as an integral of the two spectra, which cannot become negative.
 
     Args:
-        residuals: One array (n_sample,) a run, any unit.
-        signals: The input of the same runs, (n_sample,) each; its mean is taken away run by run.
-        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run where that is
-            less.
-        level: Probability that one lag stays in the band [-].
+        residuals: One array (n_sample,) per run, any unit.
+        signals: The input of the same runs, (n_sample,) each; its mean is subtracted run by run.
+        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run if that is less.
+        level: Probability that one lag stays inside the band [-].
 
     Returns:
         Lags ``-max_lag`` to ``max_lag``.
@@ -159,18 +157,18 @@ def cross_correlation(
 
 
 def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
-    """Whether a residual is white noise, as one number.
+    """Portmanteau test of the whiteness of a residual (Ljung and Box).
 
         Q = sum_k r(k)^2 / var r(k),   chi-squared with as many degrees of freedom as lags
 
-    For one run this is the statistic of Ljung and Box.  For several runs the correlation is pooled
-    first: a weak colour that all runs share then shows, where adding up the statistics of single
-    runs would drown it.  No degree of freedom is taken off, since a simulation error has no
+    For one run this is the Ljung-Box statistic.  For several runs the correlation is pooled first:
+    this detects a weak autocorrelation that all runs share, which the sum of the statistics of
+    single runs would hide.  No degree of freedom is subtracted, since a simulation error has no
     parameters of a noise model.
 
     Args:
-        residuals: One array (n_sample,) a run, any unit.
-        lags: Number of lags; by default 20, or a quarter of the longest run where that is less.
+        residuals: One array (n_sample,) per run, any unit.
+        lags: Number of lags; by default 20, or a quarter of the longest run if that is less.
 
     Returns:
         Statistic, degrees of freedom and p value; p is 1 for a residual that is zero throughout.
@@ -207,7 +205,7 @@ def _max_lag(runs: Sequence[Array], asked: int | None, usual: int = 60) -> int:
 
 
 def _energy(run: Array) -> float:
-    # Not np.dot: its threads cost more than they save at the length of a run.
+    # Not np.dot: at the length of a run its threads cost more than they save.
     return float(np.sum(np.square(run)))
 
 
@@ -216,7 +214,7 @@ def _quantile(level: float) -> float:
 
 
 def lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
-    """sum_t e(t) u(t-k) for k from -max_lag to max_lag; zero where the lag exceeds the run.
+    """sum_t e(t) u(t-k) for k from -max_lag to max_lag; zero if the lag exceeds the run.
 
     Args:
         run: (n_sample,) e.
@@ -224,7 +222,7 @@ def lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
         max_lag: Last lag [samples].
 
     Returns:
-        (2 max_lag + 1,)
+        (2 max_lag + 1,) products.
     """
     length = fft.next_fast_len(run.size + max_lag, real=True)
     spectrum = fft.rfft(run, length) * np.conj(fft.rfft(signal, length))
@@ -247,7 +245,7 @@ def _correlation(
 
 
 def _colour_factor(run: Array, signal: Array) -> float:
-    """sum_j rho_e(j) rho_u(j), as the mean residual spectrum seen through the input's power."""
+    """sum_j rho_e(j) rho_u(j), as the residual spectrum averaged over the power of the input."""
     length = fft.next_fast_len(2 * run.size, real=True)
     power = np.abs(fft.fft(signal, length)) ** 2
     total = float(power.sum())

@@ -1,8 +1,10 @@
-"""How large a simulation error is, alone and against what the channel does.
+"""Simulation error: RMSE, NRMSE and fit percentage.
 
-rmse   = sqrt(mean e^2)
-nrmse  = rmse / standard deviation of the measured channel
-fit    = 100 (1 - nrmse)   [%]
+With the residual e of a channel:
+
+    rmse   = sqrt(mean e^2)
+    nrmse  = rmse / standard deviation of the measured channel
+    fit    = 100 (1 - nrmse)   [%]
 """
 
 from __future__ import annotations
@@ -20,11 +22,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Errors:
-    """Size of a simulation error.
+    """Simulation error of one channel.
 
     Args:
-        rmse: Root of the mean square error, in the unit of the channel.
-        nrmse: The same over the standard deviation of the measured channel [-].
+        rmse: Root mean square error, in the unit of the channel.
+        nrmse: RMSE over the standard deviation of the measured channel [-].
     """
 
     rmse: float
@@ -32,30 +34,30 @@ class Errors:
 
     @property
     def fit_percent(self) -> float:
-        """``100 (1 - nrmse)``: 100 is perfect, 0 is no better than the mean of the record [%]."""
+        """``100 (1 - nrmse)`` [%]: 100 is perfect, 0 is no better than the mean of the record."""
         return 100.0 * (1.0 - self.nrmse)
 
 
 def rmse(residual: Array) -> float:
-    """Root of the mean square, in the unit of the residual (n_sample,)."""
+    """Root mean square of a residual (n_sample,), in its unit."""
     return float(np.sqrt(np.mean(np.square(residual))))
 
 
 def nrmse(residual: Array, measured: Array) -> float:
-    """`rmse` over the standard deviation of the measured channel about its mean [-].
+    """RMSE over the standard deviation of the measured channel [-].
 
     Args:
         residual: (n_sample,) measured minus simulated.
         measured: (n_sample,) the channel, in the same unit.
 
     Returns:
-        The ratio; infinite where the channel never moves and the residual is not zero.
+        The ratio; infinite if the channel is constant and the residual is not zero.
     """
     return pooled_errors([residual], [measured]).nrmse
 
 
 def fit_percent(residual: Array, measured: Array) -> float:
-    """``100 (1 - nrmse)``, the fit percentage usual in system identification [%].
+    """Fit percentage ``100 (1 - nrmse)`` [%].
 
     Args:
         residual: (n_sample,) measured minus simulated.
@@ -68,20 +70,20 @@ def fit_percent(residual: Array, measured: Array) -> float:
 
 
 def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:
-    """Error of several runs together.
+    """Simulation error of several runs together.
 
-    Squares are added up over the runs; each run deviates about its own mean, so that two runs at
-    two steady speeds do not pass for a well-fitted one.
+    Squares are summed over the runs.  The variance of each run is taken about its own mean, so that
+    the difference between two steady speeds does not improve the NRMSE.
 
     Args:
-        residuals: One array (n_sample,) a run, measured minus simulated.
+        residuals: One array (n_sample,) per run, measured minus simulated.
         measured: The channel of the same runs, in the same unit.
 
     Returns:
         RMSE and NRMSE over all samples.
 
     Raises:
-        ValueError: There is no sample.
+        ValueError: There are no samples.
     """
     squares = sum(float(np.sum(np.square(residual))) for residual in residuals)
     moved = sum(float(np.var(channel)) * channel.size for channel in measured)

@@ -1,18 +1,18 @@
-"""The missing voltage and torque over time: what the whole record says about each instant.
+"""Fixed-interval smoothing (RTS, adjoint form) of the missing voltage and torque.
 
-The filter knows the past of each sample only.  A second pass runs backwards and carries what the
-future says as the adjoint of the innovations, so that no covariance is inverted (it would be
-singular where the motor forgets within a sample interval):
+The Kalman filter estimates each sample from the past only.  A backward pass adds the future as the
+adjoint of the innovations, so that no covariance is inverted (it would be singular if the motor's
+state decays within one sample interval):
 
     lambda <- F' lambda;   for each channel, last first:
     lambda <- C' v / s + (1 - K C)' lambda,      Lambda <- C' C / s + (1 - K C)' Lambda (1 - K C)
     smoothed = m + P lambda,                     variance = P - P Lambda P
 
-What the parameters may be else moves the trace as well.  Residual and parameter tangents are lanes
-of the same two passes, so the variance of the parameters is added exactly.
+The uncertainty of the parameters widens the bands.  Residual and parameter tangents are lanes of
+the same two passes, so the parameter variance is added exactly.
 
-Source: Rauch et al., AIAA J. 3 (1965) 1445-1450; in this form Bierman, Automatica 9 (1973)
-503-511.
+Source: Rauch et al., AIAA J. 3 (1965) 1445-1450; in this form (modified Bryson-Frazier) Bierman,
+Automatica 9 (1973) 503-511.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ __all__ = ["Trace", "surprises", "traces"]
 Array = NDArray[np.float64]
 
 _AT_ONCE: Final = 50_000
-"""Rows whose covariances are held in memory together; a longer piece is filtered twice, the second
-time block by block from its end, beginning where the first time each block began."""
+"""Rows whose covariances are held in memory together.  A longer piece is filtered twice: the second
+pass takes the blocks in reverse order and starts each from the state stored by the first pass."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Missing terms of one record.
+    """Missing voltage and torque of one record.
 
     Args:
         mean: (n_sample, 2) missing voltage and torque [V, N m].
@@ -62,16 +62,17 @@ class Trace:
 def surprises(
     deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
 ) -> list[Array]:
-    """For each piece (n_sample, 2): how far each sample is from what all others say, standardised.
+    """For each piece (n_sample, 2) standardised auxiliary residuals.
 
-    A spike of a sensor is far from both its past and its future, a jump of the motor from one of
-    them only; innovations would take the second for the first.
+    An auxiliary residual is the difference of a sample from its prediction by all other samples.  A
+    sensor outlier is far from both its past and its future, a jump of the motor from only one of
+    them.  Innovations, which use the past only, would confuse the two.
 
     Args:
-        deviation: The model.
-        pieces: Records or stretches of them.
-        hyper: (n_hyper, 1) strengths.
-        known: What is known of the parameters.
+        deviation: The linear model.
+        pieces: Records or segments of them.
+        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
+        known: Posterior of the parameters.
 
     Source:
         Harvey, Koopman, J. Business & Economic Statistics 10 (1992) 377-389 (auxiliary residuals).
@@ -83,12 +84,12 @@ def surprises(
 
 
 def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Trace]:
-    """Traces of all records.
+    """Smoothed missing voltage and torque of all records.
 
     Args:
-        deviation: The model.
-        hyper: (n_hyper, 1) strengths, see `HYPER`.
-        known: What is known of the parameters under them.
+        deviation: The linear model.
+        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
+        known: Posterior of the parameters under them.
     """
 
     def traced(out: Array) -> Array:
@@ -119,7 +120,7 @@ def _passes(
     known: Likelihood,
     kept: Callable[[Array], Array],
 ) -> list[Array]:
-    """For each piece what `kept` makes of the output of `_backward`, (n_sample, 8, n_column)."""
+    """For each piece `kept` applied to the output (n_sample, 8, n_column) of `_backward`."""
     structure = deviation.structure
     symbols, columns = Symbols(structure), 1 + structure.tangents
     parameters = np.concatenate([np.repeat(hyper, columns, axis=1), np.eye(columns)])
@@ -146,7 +147,7 @@ def _passes(
 
 
 def _rows(piece: Piece, first: int, known: Likelihood) -> Array:
-    """Input rows of both passes for a block of samples, at the most likely parameters."""
+    """Input rows of both passes for a block of samples, at the posterior mean of the parameters."""
     part = piece.part(first, first + _AT_ONCE)
     targets = part.targets.copy()
     targets[:, :, 0] -= targets[:, :, 1:] @ known.shift[0]
@@ -154,12 +155,12 @@ def _rows(piece: Piece, first: int, known: Likelihood) -> Array:
 
 
 def _surprise(out: Array) -> Array:
-    """(n_sample, 2) auxiliary residuals, standardised, from what `_backward` made."""
+    """(n_sample, 2) standardised auxiliary residuals from the output of `_backward`."""
     return np.asarray(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
 
 
 def _trace(deviation: Deviation, out: Array, covariance: Array) -> Array:
-    """(n_sample, 4) missing terms and their deviations, from what `_backward` made."""
+    """(n_sample, 4) missing terms and their standard deviations from the output of `_backward`."""
     response = out[:, :2, 1:]
     moved = np.einsum("ncj,jk,nck->nc", response, covariance, response, optimize=True)
     variance = np.maximum(out[:, 2:4, 0], 0.0) + moved
@@ -168,7 +169,7 @@ def _trace(deviation: Deviation, out: Array, covariance: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Row:
-    """Symbols of one row, the lane's own target picked out."""
+    """Symbols of one row; a lane selects its own target column."""
 
     entries: ca.SX
     flat: ca.SX
@@ -187,22 +188,22 @@ class _Row:
 
     @property
     def picked(self) -> ca.SX:
-        """(n_column,) one for the column of this lane."""
+        """(n_column,) unit vector that selects the column of this lane."""
         return self.lane[len(HYPER) :]
 
     @property
     def target(self) -> ca.SX:
-        """(2, 1)."""
+        """(2, 1) target of this lane."""
         return ca.mtimes(self.flat, self.picked)
 
     @property
     def inputs(self) -> list[ca.SX]:
-        """In the order of the columns."""
+        """Symbols in the order of the input columns."""
         return [self.entries, ca.vec(self.flat), self.weight]
 
 
 def _forward(structure: Structure) -> ca.Function:
-    """Filter one lane a column; the output is covariance and mean before each sample."""
+    """Kalman filter step of one column per lane; the output is the a priori covariance and mean."""
     symbols, row = Symbols(structure), _Row.of(structure)
     packed, mean = ca.SX.sym("P", len(symbols.triangle)), ca.SX.sym("m", symbols.size)
     covariance, after, target = symbols.full(packed), mean, row.target
@@ -220,10 +221,10 @@ def _forward(structure: Structure) -> ca.Function:
 
 
 def _backward(structure: Structure) -> ca.Function:
-    """Carry what the future says back over one row.
+    """Adjoint recursion over one row, backward in time.
 
-    The output is mean and variance of e, then for each channel the auxiliary residual, how far the
-    sample is from what all others say, and its variance.
+    The output is mean and variance of e (two each), then the auxiliary residuals of both channels,
+    then their variances.
     """
     symbols, row = Symbols(structure), _Row.of(structure)
     size, n = symbols.size, structure.shape

@@ -1,8 +1,8 @@
-"""Sensor noise with spikes: how much each sample counts in the filter.
+"""Student-t weights of outliers in the Kalman filter.
 
-A spike is no missing physics, but a filter for normal noise would explain it by a short burst of
-voltage.  Samples far from what all others say are weighted as under a Student-t law, never deleted,
-and only where that law is clearly better than the normal one.
+An outlier is not missing physics, but a filter for normal noise would explain it by a short burst
+of voltage.  Samples far from their prediction by all others are weighted under a Student-t law and
+never deleted.  This is done only if that law is clearly better than the normal one.
 
 Source: Lange, Little, Taylor, J. American Statistical Association 84 (1989) 881-896.
 """
@@ -28,13 +28,13 @@ Array = NDArray[np.float64]
 def weighted(
     deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
 ) -> list[Piece] | None:
-    """The same pieces with spikes weighted down; None where the noise is normal.
+    """The pieces with outliers down-weighted; None if the noise is normal.
 
     Args:
-        deviation: The model.
-        pieces: Stretches of its records.
-        hyper: (n_hyper, 1) strengths.
-        known: What is known of the parameters under them.
+        deviation: The linear model.
+        pieces: Segments of its records.
+        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
+        known: Posterior of the parameters under them.
     """
     found = surprises(deviation, pieces, hyper, known)
     laws = _laws(pieces, found)
@@ -53,7 +53,7 @@ def weighted(
 
 
 def _laws(pieces: Sequence[Piece], found: Sequence[Array]) -> list[tuple[float, float] | None]:
-    """For each channel degrees of freedom and scale, None where it is normal."""
+    """For each channel degrees of freedom and scale of the Student-t law; None if it is normal."""
     laws: list[tuple[float, float] | None] = []
     for channel in range(2):
         kept = [

@@ -1,21 +1,23 @@
-"""How strong the missing voltage and the missing torque are, by maximum likelihood.
+"""Maximum likelihood of the intensities of the missing voltage and torque.
 
-Unknown are size and memory of both disturbances, size and memory of a slow noise of each sensor,
-the white noise of each sensor, and white noise of the logged voltage.  The last five belong to a
-complete model too: coloured or white sensor noise and a noisy voltmeter are no missing physics, and
-a disturbance has to explain what they cannot, which is how both channels move together through the
-motor's own dynamics.
+The unknowns are intensity and correlation time of both disturbances, intensity and correlation time
+of a slow noise of each sensor, the white noise of each sensor, and the white noise of the logged
+voltage.  The five noises also belong to a complete model: coloured or white sensor noise and a
+noisy voltmeter are not missing physics.  A disturbance has to explain what they cannot: how both
+channels move together through the motor's own dynamics.
 
-Whether a strength is zero is a question at the edge of what is allowed, and its memory means
-nothing if it is.  For one memory, twice the gain of the log likelihood is half a chi-squared of one
-degree.  Over a range of memories it is the square of the largest value of a process over u = log
-memory, whose correlation at distance du follows from two Gauss-Markov covariances in white noise:
-1 / cosh(du / 2).  Rice's count of upcrossings bounds its tail,
+The test of a zero intensity is at the boundary of the parameter space, and the correlation time is
+not identifiable under the null hypothesis.  For one correlation time, twice the gain of the log
+likelihood is distributed as an equal mixture of zero and chi-squared with one degree of freedom.
+Over a range of correlation times, twice the gain is the squared maximum of a process over u = log
+correlation time.  The autocorrelation of this process at distance du, from two Gauss-Markov
+covariances in white noise, is 1 / cosh(du / 2).  Rice's count of upcrossings bounds the tail (Z is
+standard normal),
 
     p <= P(Z > c) + (u_max - u_min) / (4 pi) exp(-c^2 / 2),       c^2 = 2 gain.
 
 Source: Davies, Biometrika 64 (1977) 247-254 and 74 (1987) 33-43; Self and Liang, J. American
-Statistical Association 82 (1987) 605-610 (the half at the edge).
+Statistical Association 82 (1987) 605-610 (the mixture at the boundary).
 """
 
 from __future__ import annotations
@@ -40,21 +42,25 @@ _SLOW: Final = 4
 """Slow processes: missing voltage, missing torque, slow noise of current and of speed."""
 
 _SHORTEST: Final = 0.5
-"""Least memory of a disturbance [samples]; a shorter one is white noise of the voltage."""
+"""Shortest correlation time of a disturbance [samples]; a shorter one is white voltage noise."""
 
 _LARGEST: Final = 12.0
-"""Bound of the logarithm of a size in its unit."""
+"""Upper bound of the logarithm of an intensity in its unit."""
 
 _NONE: Final = -14.0
-"""Logarithm of a size that is no more than nothing."""
+"""Logarithm of an intensity that counts as zero."""
 
 
 @dataclass(frozen=True)
 class Strengths:
-    """A candidate: logarithms of sizes in the units of `Deviation` and of memories [samples].
+    """Hyperparameters of one candidate, as logarithms.
+
+    Intensities (stationary standard deviations) are in the units of `Deviation`, correlation times
+    in samples.
 
     Args:
-        place: (11,) four sizes, four memories, white noise of current, speed and voltage.
+        place: (11,) four intensities, four correlation times, white noise of current, speed and
+            voltage.
         value: Log likelihood.
     """
 
@@ -63,27 +69,27 @@ class Strengths:
 
     @property
     def sizes(self) -> Array:
-        """(4,) stationary deviations of missing voltage and torque and of both slow noises."""
+        """(4,) intensities of missing voltage, missing torque and both slow noises."""
         return np.asarray(np.exp(self.place[:_SLOW]))
 
     @property
     def memories(self) -> Array:
-        """(4,) their memories [samples]."""
+        """(4,) their correlation times [samples]."""
         return np.asarray(np.exp(self.place[_SLOW : 2 * _SLOW]))
 
     @property
     def white(self) -> Array:
-        """(2,) deviation of the white noise of both channels."""
+        """(2,) standard deviation of the white noise of both channels."""
         return np.asarray(np.exp(self.place[8:10]))
 
     @property
     def hyper(self) -> Array:
-        """(n_hyper, 1) what the filter takes."""
+        """(n_hyper, 1) input of the filter, see `HYPER`."""
         return hyper_of(self.place[:, None])
 
 
 def hyper_of(places: Array) -> Array:
-    """(n_hyper, n_lane) of places (11, n_lane)."""
+    """(n_hyper, n_lane) input of the filter from points (11, n_lane)."""
     hyper = np.empty((len(HYPER), places.shape[1]))
     keep = np.exp(-np.exp(-places[_SLOW : 2 * _SLOW]))
     variance = np.exp(2 * places[:_SLOW]) * (places[:_SLOW] > _NONE)
@@ -94,11 +100,11 @@ def hyper_of(places: Array) -> Array:
 
 
 def p_value_of(gain: float, longest: float) -> float:
-    """Probability of a gain at least as large from a complete model.
+    """Probability of at least this gain for a complete model.
 
     Args:
-        gain: Gain of the log likelihood over strength zero.
-        longest: Longest memory that was tried [samples].
+        gain: Gain of the log likelihood over zero intensity.
+        longest: Longest correlation time that was tried [samples].
     """
     if gain <= 0.0:
         return 1.0
@@ -108,7 +114,7 @@ def p_value_of(gain: float, longest: float) -> float:
 
 
 def longest_memory(pieces: Sequence[Piece]) -> float:
-    """Longest memory that the records can show: half the longest of them [samples]."""
+    """Longest correlation time that the records resolve: half the longest record [samples]."""
     return max(max(piece.rows for piece in pieces) / 2.0, 2.0 * _SHORTEST)
 
 
@@ -119,14 +125,14 @@ def strongest(
     start: Array | None = None,
     rival: float | None = None,
 ) -> Strengths:
-    """The most likely strengths.
+    """Maximum likelihood hyperparameters.
 
     Args:
-        deviation: The model.
-        pieces: Independent stretches of the records.
-        allowed: Whether there may be a missing voltage, a missing torque.
-        start: (11,) where to begin; a grid is tried if absent.
-        rival: Log likelihood with which the result is compared, see `climb`.
+        deviation: The linear model.
+        pieces: Independent segments of the records.
+        allowed: Whether a missing voltage and a missing torque are allowed.
+        start: (11,) starting point; the best point of a grid if None.
+        rival: Log likelihood to compare the result with, see `climb`.
     """
     lower, upper = _bounds(deviation, pieces, allowed)
 
@@ -160,10 +166,10 @@ def _bounds(
 
 
 def _voltage_noise(pieces: Sequence[Piece]) -> float:
-    """Most noise that the logged voltage can have [V].
+    """Upper bound of the noise of the logged voltage [V].
 
-    Where the drive holds its voltage for a few samples the second difference is noise alone; where
-    it never does the bound is only looser.  The noise is that of one sensor, so the quietest
+    If the drive holds its voltage for a few samples, the second difference is noise alone;
+    otherwise the bound is only looser.  All records share one voltage sensor, so the quietest
     record decides.
     """
     found = []
@@ -177,7 +183,7 @@ def _voltage_noise(pieces: Sequence[Piece]) -> float:
 
 
 def _grid(pieces: Sequence[Piece]) -> Array:
-    """(11, n_lane) places to begin with, from weak to strong and from short to long."""
+    """(11, n_lane) starting points over the ranges of intensities and correlation times."""
     residual = np.concatenate([piece.targets[:, :, 0] for piece in pieces])
     size = float(np.log(max(np.sqrt(np.mean(residual**2)), 1.0)))
     longest = np.log(longest_memory(pieces))
