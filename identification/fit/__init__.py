@@ -1,1 +1,1 @@
-"""Estimation: starting values, least squares on the simulation error, noise, identifiability."""
+"""Output-error estimation: starting values, Gauss-Newton fit, noise model, identifiability."""

@@ -1,4 +1,4 @@
-"""How finely sample intervals have to be divided for a model where its fit ended."""
+"""Number of substeps per sample interval that a fitted model needs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["TOLERATED", "accurate", "change_between"]
 Array = NDArray[np.float64]
 
 TOLERATED: Final = 0.05
-"""Error of the discretisation over the residual; it raises a noise ratio by 0.1 %."""
+"""RMS discretisation error over the noise [-] that is accepted; it raises a residual by 0.1 %."""
 
 _SHARE: Final = 0.02
 _FINER: Final = 8.0
@@ -30,18 +30,19 @@ def accurate(
     deviation: Array,
     start: tuple[Counts, ...] | None = None,
 ) -> Simulator:
-    """The simulator with as few parts of its sample intervals as the noise allows.
+    """Simulator with the fewest substeps whose discretisation error the noise hides.
 
-    A single interval may be wrong by a fiftieth of the noise.  How such errors add up is then
-    measured with one eighth of it, and where the simulation changes by more than `TOLERATED` of the
-    noise the demand is raised.
+    A single interval may be wrong by a fiftieth of the noise.  How such errors accumulate is
+    measured against a simulation with an eight times smaller tolerance.  If the two differ by more
+    than `TOLERATED` of the noise, the finer simulation takes over and is tested in the same way, up
+    to three times.
 
     Args:
-        simulator: Model, records and plan.
-        values: (n_parameter,) physical.
+        simulator: Model, records and integrator plan.
+        values: (n_parameter,) physical values.
         states: For each record (n_state,) at its first sample.
         deviation: (2,) noise of current and speed [A, rad/s].
-        start: Parts that are needed in any case; one where absent.
+        start: Least number of substeps of each interval; one if absent.
     """
     share = _SHARE
     coarse = simulator.divided_for(values, states, share * deviation, start=start)
@@ -59,7 +60,7 @@ def accurate(
 def change_between(
     one: Simulator, other: Simulator, values: Array, states: Sequence[Array]
 ) -> Array:
-    """(2,) root mean square difference of what two simulators log [A, rad/s]."""
+    """(2,) RMS difference between the logged channels of two simulators [A, rad/s]."""
     pairs = zip(
         one.records,
         one.logged(values[:, None], states),

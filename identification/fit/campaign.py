@@ -1,4 +1,4 @@
-"""The records of a campaign: what is fitted and what is only predicted."""
+"""Records of a campaign: training records to fit and validation records to predict."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Campaign:
     """Runs of one motor and the records made of them.
 
     Args:
-        training_runs: Runs that are fitted, in the order of recording.
-        validation_runs: Runs that are predicted.
-        training: Records of the first.
-        validation: Records of the second, recorded after them.
-        warnings: What a reader of the result should know about the runs together.
-        alike: For each run, training then validation, the place of the first one before it with the
-            same samples; None where there is none.
+        training_runs: Runs to fit, in the order of recording.
+        validation_runs: Runs to predict, never fitted.
+        training: Records of the training runs.
+        validation: Records of the validation runs, numbered after the training runs.
+        warnings: Warnings about the set of runs, for the result.
+        alike: For each run, training before validation, the index of the first earlier run with the
+            same samples; None if there is none.
     """
 
     training_runs: tuple[Run, ...]
@@ -39,10 +39,11 @@ class Campaign:
 
 
 def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
-    """Records of runs, with channels left out that never show anything.
+    """Records of the runs; a channel that is constant in all training runs gets zero weight.
 
     Raises:
-        InputError: Nothing moves in any run.
+        InputError: The voltage is zero in all training runs, or both current and speed are
+            constant.
     """
     logged = [float(np.mean(run.temperature)) for run in training if run.temperature is not None]
     expected = float(np.mean(logged)) if logged else REFERENCE_TEMPERATURE_DEGC

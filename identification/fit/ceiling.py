@@ -1,11 +1,13 @@
-"""Upper bound of the noise of a channel that no model of the motor enters.
+"""Model-free upper bound on the sensor noise, by regression on past inputs and outputs.
 
-A model that explains nothing leaves a residual as large as the signal, and a whitening filter calls
-that coloured noise.  But what the voltage and the other channel of the same run explain, with
-coefficients of any size and sign, is no noise: i is v - K w through a low-pass, and w is v - R i
-with a derivative.  So the noise is at most what a free regression on means of both over spans of
-the past leaves.  White noise is added to that, as differences show it, since under a speed loop the
-voltage follows the sensor and explains its noise.
+If the model explains little, its residual is as large as the signal, and a whitening filter
+mistakes that residual for autocorrelated noise.  Whatever the voltage and the other channel of the
+same run explain, with coefficients of any size and sign, is not noise: i is v - K w through a
+low-pass filter, and w is v - R i with a derivative.  The noise is therefore at most the residual of
+a free regression on means of both signals over past spans.
+
+The variance of white noise, estimated from high-order differences, is added to that bound.  Under
+speed feedback the voltage follows the sensor, so the regression explains part of the white noise.
 """
 
 from __future__ import annotations
@@ -26,22 +28,22 @@ Array = NDArray[np.float64]
 _MARGIN: Final = 1.5
 _ROWS: Final = 50_000
 _SPANS: Final = ((0, 1), (1, 2), (2, 4), (4, 8), (8, 16), (16, 32), (32, 64))
-"""Spans of the past over which means are taken, in samples."""
+"""Bounds of the past spans over which the regressors are averaged [samples]."""
 _FEWEST: Final = 20
-"""Samples for each coefficient."""
+"""Least number of samples per coefficient."""
 _ORDER: Final = 4
 _NORMAL: Final = 0.6745
 _EXPLAINED: Final = 0.3
-"""Error over the movement of a channel up to which its residual may be taken for noise."""
+"""Simulation error over the standard deviation of the channel, above which the bound is applied."""
 
 
 def bounded_noise(records: Sequence[Record], noise: Array, error: Array) -> Array:
-    """(2,) noise of current and speed, at most the ceiling where the model explains little.
+    """(2,) noise of current and speed, limited to `noise_ceiling` where the model explains little.
 
     Args:
         records: Training records.
-        noise: (2,) as estimated from the residuals [A, rad/s].
-        error: (2,) root mean square error of the simulation [A, rad/s].
+        noise: (2,) estimate from the residuals [A, rad/s].
+        error: (2,) RMS error of the simulation [A, rad/s].
     """
     measured = np.concatenate([record.measured for record in records])
     poor = error > _EXPLAINED * np.std(measured, axis=0)
@@ -51,7 +53,7 @@ def bounded_noise(records: Sequence[Record], noise: Array, error: Array) -> Arra
 
 
 def noise_ceiling(records: Sequence[Record]) -> Array:
-    """(2,) largest noise of current and speed, infinite where the runs are too short [A, rad/s].
+    """(2,) largest possible noise of current and speed [A, rad/s]; infinite for short runs.
 
     Args:
         records: Training records.
@@ -70,7 +72,7 @@ def noise_ceiling(records: Sequence[Record]) -> Array:
 
 
 def _left(target: Array, *others: Array) -> float:
-    """Mean square of what means of the others over spans of the past leave of the target."""
+    """Mean square residual of the target after regression on span means of the other signals."""
     first = _SPANS[-1][1]
     columns = [np.ones(target.size - first)]
     for other in others:
@@ -87,6 +89,6 @@ def _left(target: Array, *others: Array) -> float:
 
 
 def _white(signal: Array) -> float:
-    """Variance of white noise from the median of high differences, which steps do not enter."""
+    """Variance of white noise from the median of fourth-order differences, which ignores steps."""
     gain = math.sqrt(math.comb(2 * _ORDER, _ORDER))
     return float((np.median(np.abs(np.diff(signal, n=_ORDER))) / (_NORMAL * gain)) ** 2)

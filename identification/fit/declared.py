@@ -1,7 +1,8 @@
-"""Fit of the declared model from nothing but the runs.
+"""Multi-start output-error fit of the nominal model, from the runs alone.
 
-Regression gives several starting vectors; one simulation of all of them side by side ranks them;
-Gauss-Newton goes on from the best, and from the next where that one does not converge.
+Filtered regression gives several starting vectors.  One batched simulation ranks them.
+Gauss-Newton starts from the best one.  The next one is tried if the fit does not converge or leaves
+the resistance uncertain.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ Array = NDArray[np.float64]
 
 _STARTS: Final = 3
 _SHARP: Final = 0.03
-"""Relative standard deviation of a resistance that the data know well."""
+"""Largest relative standard deviation of a well-determined resistance."""
 _LEG: Final = 5
 _LEGS: Final = 11
 _LEAST_INDUCTANCE: Final = 2e-3
 
 
 def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
-    """Fit the declared model.
+    """Fit the nominal model.
 
     Args:
         records: Training records.
-        hold: Behaviour of the voltage between samples.
+        hold: Voltage between samples: zero-order (``zoh``) or first-order (``foh``) hold.
 
     Raises:
-        ComputationError: No start leads to a finite simulation.
+        ComputationError: No starting vector gives a finite simulation.
     """
     model = MotorModel(hold=hold, unlogged=unlogged_of(records))
     ranked = _ranked(model, records, with_expected(model.unlogged, starting_values(records)))
@@ -66,10 +67,10 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
 
 
 def _is_sharp(fit: Fit) -> bool:
-    """Whether the data know the resistance well, so that there is no other optimum far away.
+    """Whether the resistance is well determined, so that a distant second optimum is unlikely.
 
-    A loop that holds one speed shows a winding little: a resistance without inductance then does
-    nearly as well as the right one.
+    A loop that holds one speed excites the winding little.  A resistance without inductance then
+    fits nearly as well as the correct one.
     """
     place = fit.coordinates.names.index("Ra25")
     spread = np.sqrt(fit.equations.covariance()[place, place]) * fit.coordinates.slopes(
@@ -79,10 +80,10 @@ def _is_sharp(fit: Fit) -> bool:
 
 
 def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -> Fit:
-    """A fit in legs of a few steps, each with a step plan that suits where it begins.
+    """Fit in legs of five steps, with an integrator plan chosen anew for each leg.
 
-    Far from its start the inductance may be so much smaller that the series of the plan does not
-    hold any more; there it builds a wall that the fit would creep along to its last step.
+    Far from the start the inductance may be so small that the Taylor series of the plan fails.  The
+    error of the series then acts as a barrier, along which the fit creeps until its step limit.
     """
     fit = solve(simulator, coordinates, position, patience=Patience(steps=_LEG))
     for _ in range(_LEGS):
@@ -99,7 +100,7 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
 
 
 def settled(fit: Fit) -> Fit:
-    """The fit with quantities that may be zero, for all the data say, made linear."""
+    """Refit with linear coordinates for b and L if the data do not exclude zero."""
     deviations = np.sqrt(np.diag(fit.equations.covariance())) * fit.coordinates.slopes(fit.position)
     coordinates = linear_where_uncertain(fit.coordinates, fit.values, deviations)
     if coordinates.parameters == fit.coordinates.parameters:
@@ -108,7 +109,7 @@ def settled(fit: Fit) -> Fit:
 
 
 def replanned(fit: Fit, patience: Patience | None = None) -> Fit:
-    """The fit with a step plan that suits where it ended; unchanged if the plan did already."""
+    """Refit with an integrator plan that suits the optimum; unchanged if the plan already does."""
     patience = patience or Patience()
     for _ in range(3):
         simulator = fit.simulator
@@ -122,7 +123,7 @@ def replanned(fit: Fit, patience: Patience | None = None) -> Fit:
 
 
 def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> list[Array]:
-    """Starting vectors by their simulation error, best first."""
+    """Starting vectors by simulation error, best first; diverging ones are dropped."""
     simulator = _stiff_enough(model, records, candidates)
     states = [initial_states(model, record) for record in records]
     weighting = Weighting.white(records)
@@ -132,18 +133,19 @@ def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> 
 
 
 def _stiff_enough(model: MotorModel, records: Sequence[Record], candidates: Array) -> Simulator:
-    """A simulator whose plan suits the stiffest candidate."""
+    """Simulator whose integrator plan suits the stiffest candidate."""
     plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
     return Simulator(model, tuple(records), max(plans, key=lambda plan: plan.rate))
 
 
 def _bounded(simulator: Simulator, records: Sequence[Record], values: Array) -> Coordinates:
-    """Coordinates with an inductance that the sampling could at least hint at."""
+    """Coordinates with a lower bound on L, below which the sampling cannot resolve it."""
     parameters = list(simulator.model.parameters)
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
     for k, parameter in enumerate(parameters):
         if parameter.name == "L":
-            # An electrical time constant far below the sample interval cannot be told from none.
+            # An electrical time constant far below the sample interval cannot be distinguished from
+            # zero.
             least = _LEAST_INDUCTANCE * float(values[0]) * interval
             parameters[k] = replace(parameter, lower=least)
     return scaled_coordinates(parameters, values)

@@ -1,4 +1,4 @@
-"""Derivatives of what the records log at one point of a fit, kept or computed again."""
+"""Sensitivities of the logged channels at one point of a fit, cached or recomputed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Derivatives of what the records log at one point, kept or computed again when asked for.
+    """Sensitivities of the logged channels at one point, cached or recomputed on demand.
 
     Args:
         simulator: Model and records.
-        values: (n_parameter,) physical.
-        states: For each record (n_state,).
-        directions: (n_parameter, n_parameter) physical, one a search coordinate.
-        kept: The derivatives of whole records; None where they are computed in blocks.
+        values: (n_parameter,) physical values.
+        states: For each record (n_state,) initial state.
+        directions: (n_parameter, n_parameter) physical direction of each search coordinate.
+        kept: Sensitivities of whole records; None if they are computed in blocks.
     """
 
     simulator: Simulator
@@ -35,10 +35,11 @@ class Derivatives:
     kept: tuple[TangentBlock, ...] | None = None
 
     def blocks(self, lead: int) -> Iterator[TangentBlock]:
-        """The derivatives, record by record or block by block.
+        """Iterate over the sensitivities, record by record or block by block.
 
         Args:
-            lead: Samples that each block but the first of a record has from the one before.
+            lead: Samples that each block of a record, except the first, repeats from the previous
+                block.
         """
         if self.kept is not None:
             yield from self.kept
@@ -48,7 +49,7 @@ class Derivatives:
             )
 
     def keeping(self) -> Derivatives:
-        """These with the derivatives of whole records in memory."""
+        """Copy with the sensitivities of whole records in memory."""
         if self.kept is not None:
             return self
         found = tangent_blocks(self.simulator, self.values, self.states, self.directions, rows=None)

@@ -1,4 +1,4 @@
-"""How well a fitted model simulates runs, those it was fitted to and those it never saw."""
+"""Simulation of training and validation records with a fitted model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Simulated:
-    """A record beside its simulation.
+    """A record and its simulation.
 
     Args:
         record: The record.
@@ -34,12 +34,12 @@ class Simulated:
 
     @property
     def residual(self) -> Array:
-        """(n_sample, 2) measured minus simulated."""
+        """(n_sample, 2) measured minus simulated [A, rad/s]."""
         return self.record.measured - self.logged
 
 
 def simulate_fitted(fit: Fit) -> list[Simulated]:
-    """The records of the fit with their fitted initial states."""
+    """Simulate the training records from their fitted initial states."""
     return [
         Simulated(record, logged)
         for record, logged in zip(fit.simulator.records, fit.simulated(), strict=True)
@@ -47,12 +47,12 @@ def simulate_fitted(fit: Fit) -> list[Simulated]:
 
 
 def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False) -> list[Simulated]:
-    """Records that were not fitted, from their inputs and their first samples alone.
+    """Simulate validation records from their inputs and their first samples alone.
 
     Args:
         fit: The fit.
-        records: The records.
-        whole: Whether initial states may be fitted to whole records and not to their heads.
+        records: The validation records.
+        whole: Whether initial states are fitted to whole records instead of their heads.
     """
     if not records:
         return []

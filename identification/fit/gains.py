@@ -1,9 +1,9 @@
-"""Runs whose current was logged with another gain than the others'.
+"""Detection of runs whose current sensor had a different gain.
 
-A model of a motor does not know the unit of its current: with Kt from voltage and speed, a sensor
-that reads g times the current gives Ra/g, L/g, J g and b g, and every run fits as well as before.
-So no run tells its own gain.  Two runs tell their ratio, and what tells a gain from a hotter
-winding or another inertia is that both equations agree on it.
+The gain of the current sensor is not identifiable from one run.  With Kt from voltage and speed, a
+sensor that reads g times the current gives Ra/g, L/g, J g and b g, and the fit is equally good.
+Two runs determine the ratio of their gains.  A ratio of gains differs from a hotter winding or
+another inertia in that both balances yield the same ratio.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ __all__ = ["GainRatio", "current_gains", "with_one_gain"]
 Array = NDArray[np.float64]
 
 _LEAST: Final = np.log(1.25)
-"""Ratio from which a gain is looked at; a winding 65 K hotter has 1.25 times the resistance."""
+"""Smallest log ratio that is considered; a winding 65 K hotter has 1.25 times the resistance."""
 _AGREE: Final = 0.25
-"""Part of the logarithm of a gain by which the two equations may differ about it."""
+"""Fraction of the log ratio by which the two balances may disagree."""
 
 
 @dataclass(frozen=True)
 class GainRatio:
-    """A run whose current reads more or less than that of the first training run.
+    """A run whose current sensor reads more or less than in the first training run.
 
     Args:
         run: Number of the run in the order of recording.
-        name: Its file name.
-        ratio: Its reading over that of the first training run, for the same current [-].
+        name: File name of the run.
+        ratio: Reading over that in the first training run, for the same current [-].
     """
 
     run: int
@@ -49,11 +49,11 @@ class GainRatio:
 
 
 def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
-    """Runs in which resistance and inertia say that the current has another gain.
+    """Runs in which both resistance and inertia indicate a different gain of the current sensor.
 
     Args:
-        declared: Fit of the declared model to all training runs.
-        campaign: Records of training and of runs left out.
+        declared: Fit of the nominal model to all training runs.
+        campaign: Training and validation records.
     """
     if not _is_suspected(declared, campaign):
         return ()
@@ -76,7 +76,7 @@ def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
 
 
 def _is_suspected(declared: Fit, campaign: Campaign) -> bool:
-    """Whether the current of some run is larger or smaller than simulated, as a whole."""
+    """Whether the regression of measured on simulated current indicates a gain in any run."""
     simulated = [*simulate_fitted(declared), *simulate_unseen(declared, campaign.validation)]
     if len({one.record.run for one in simulated}) < 2:
         return False
@@ -90,11 +90,11 @@ def _is_suspected(declared: Fit, campaign: Campaign) -> bool:
 
 
 def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
-    """The campaign with the current of every run as the first training run would read it.
+    """The campaign with all currents scaled to the gain of the first training run.
 
     Args:
         campaign: Records.
-        gains: Of `current_gains`.
+        gains: Result of `current_gains`.
     """
     if not gains:
         return campaign
@@ -123,14 +123,14 @@ def _scaled(record: Record, ratio: float) -> Record:
 
 @dataclass(frozen=True)
 class _Alone:
-    """Ra25, Kt25 and J of one run by itself, and the largest of their relative deviations."""
+    """Ra25, Kt25 and J of one run fitted alone, and their largest relative standard deviation."""
 
     values: Array
     spread: float
 
 
 def _alone(records: Sequence[Record], declared: Fit) -> _Alone | None:
-    """What one run tells by itself, None where that is nothing."""
+    """Estimates of one run fitted alone; None if that fit fails."""
     try:
         fit = fit_declared(records, declared.simulator.model.hold)
     except ComputationError:

@@ -1,12 +1,12 @@
-"""Which parameters the runs determine at all.
+"""Practical identifiability of the parameters, by the Fisher information of the runs.
 
-The question is put to the data alone, without the priors: the curvature of the likelihood.  A
-parameter is called identified where its standard deviation by the data is small against the
-quantity itself or, for temperature coefficients and for shapes that may lie anywhere between two
-bounds, against what is known of them beforehand.
+The priors are excluded; only the curvature of the likelihood counts.  A parameter is identified if
+its standard deviation is below a third of its estimate.  A temperature coefficient, or a shape
+parameter between two bounds, is identified if its standard deviation is below half that of its
+prior.
 
-Values that a user knows count where the question is what runs and user determine together: a known
-inertia tells the friction that runs give as a ratio to it.
+Known values of the user count as information unless `by_runs` is set.  A known inertia, for
+example, determines a friction that the runs give only as a ratio to it.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ __all__ = ["identified"]
 Array = NDArray[np.float64]
 
 _RELATIVE: Final = 1.0 / 3.0
-"""Three standard deviations away from zero."""
+"""Largest relative standard deviation: the estimate is three standard deviations from zero."""
 
 _PRIOR_SHARE: Final = 0.5
-"""The data have to say more than half of what the prior says already."""
+"""Largest standard deviation from the data, over that of the prior."""
 
 _ABSENT: Final = 1e-12
-"""Eigenvalue of the scaled information, the largest near one, below which nothing is known."""
+"""Eigenvalue of the scaled information (the largest is near one), below which a direction is
+undetermined."""
 _ROUNDED: Final = 1e-8
-"""Squared share of a parameter in a direction, below which it has no part in it."""
+"""Squared component of a parameter in a direction, below which it is rounding error."""
 
 
 _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
@@ -43,14 +44,13 @@ _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 def identified(
     fit: Fit, share: float, added: Array | None = None, *, by_runs: bool = False
 ) -> dict[str, bool]:
-    """Whether each parameter of the fit is determined by the data and by known values.
+    """Whether the data, with the known values, determine each parameter of the fit.
 
     Args:
         fit: The fit.
-        share: Effective share of the samples, see `effective_share`.
-        added: (n_parameter,) variances that are added to those by the data, in search
-            coordinates, for what the model lacks.
-        by_runs: Whether known values are left out of account.
+        share: Effective sample fraction, see `effective_share`.
+        added: (n_parameter,) variances for omitted terms, added in search coordinates.
+        by_runs: Whether known values are ignored.
     """
     known = np.array([bool(p.origin) and not by_runs for p in fit.coordinates.parameters])
     deviations = _data_deviations(fit, share, known)
@@ -70,9 +70,10 @@ def identified(
 
 
 def _moved(fit: Fit, k: int, deviation: float) -> float:
-    """Factor from a value that a known one holds to the one that the runs have without it.
+    """Ratio of the estimate from the runs alone to the estimate with a known value.
 
-    The optimum is the mean of the two, weighted with their precisions.
+    The estimate with a known value is the precision-weighted mean of that value and the estimate of
+    the runs.
     """
     parameter = fit.coordinates.parameters[k]
     if not parameter.origin or parameter.search != "log" or not np.isfinite(deviation):
@@ -82,7 +83,7 @@ def _moved(fit: Fit, k: int, deviation: float) -> float:
 
 
 def _beforehand(parameter: Parameter) -> float:
-    """Standard deviation of what is known in general, in search coordinates."""
+    """Standard deviation of the general prior, in search coordinates."""
     return _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
 
 
@@ -97,7 +98,7 @@ def _data_deviations(fit: Fit, share: float, known: NDArray[np.bool_]) -> Array:
     scaled = information[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
     values, vectors = eigh(scaled)
     inverse = np.where(values > _ABSENT, 1.0 / np.maximum(values, _ABSENT), 1.0 / _ABSENT**2)
-    # In a direction that the data do not show, rounding leaves a little of every parameter.
+    # Rounding leaves a small component of every parameter in an undetermined direction.
     shares = np.where((values <= _ABSENT) & (vectors**2 < _ROUNDED), 0.0, vectors**2)
     variance = shares @ inverse
     deviations[seen] = np.sqrt(variance) / size[seen]

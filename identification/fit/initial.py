@@ -1,11 +1,11 @@
-"""The state in which a run begins, from its first samples.
+"""Initial state of a record, fitted to its first samples with the parameters held.
 
-A prediction may use nothing of a run but its inputs; only the state at the first sample has to
-come from somewhere, and a single noisy sample of each sensor would start a transient that is not
-there.  So the state is fitted to a short head of the run with the parameters held.
+A prediction may use nothing of a run except its inputs and its initial state.  A single noisy
+sample of each sensor would start a spurious transient, so the state is fitted to a short head of
+the record by Gauss-Newton.
 
-The course of a temperature that the log does not tell is fitted to the whole run, as the
-temperature of a run without a log is.
+A per-record temperature course that the log does not resolve is fitted to the whole record, like
+the temperature of a run without a log.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Array = NDArray[np.float64]
 
 _LEAST_HEAD: Final = 50
 _GROWING: Final = (0.1, 0.3, 1.0)
-"""Shares of a record that are looked at, one after the other where all of it may be."""
+"""Fractions of a record that are fitted in turn; only the first one if the head is enough."""
 _STEPS: Final = 4
 _ROUGH: Final = 0.1
-"""Share of the noise by which one interval of a head may be wrong."""
+"""Discretisation error of one interval of the head, over the noise."""
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 
 
@@ -45,11 +45,11 @@ def fitted_initial_states(
 
     Args:
         simulator: Model and records.
-        values: (n_parameter,) physical.
+        values: (n_parameter,) physical values.
         deviation: (2,) noise of current and speed [A, rad/s].
-        whole: Whether to look at whole records, where a phase is asked for that no head shows.
-            What turns further and further is lost at once where it begins with another phase, so
-            that the heads grow until they are whole.
+        whole: Whether whole records are fitted, as for a phase that the head does not determine.
+            The fitted part then grows in steps, since an initial phase error prevents convergence
+            over a whole record.
 
     Returns:
         For each record (n_state,).
@@ -62,7 +62,7 @@ def fitted_initial_states(
 
 
 def _has_own_temperature(model: MotorModel) -> bool:
-    """Whether records have a temperature of their own beside the log's."""
+    """Whether the model has a per-record temperature state in addition to the log."""
     bodies = [term for term in model.terms if isinstance(term, AbstractTemperature)]
     return any(state.is_own for term in bodies for state in term.states)
 
@@ -70,7 +70,7 @@ def _has_own_temperature(model: MotorModel) -> bool:
 def _fitted_to_heads(
     simulator: Simulator, values: Array, deviation: Array, share: float, states: tuple[Array, ...]
 ) -> tuple[Array, ...]:
-    """States fitted to the first part of every record, from `states`."""
+    """Initial states fitted to the first part of every record, starting from `states`."""
     heads = tuple(_head(record, share) for record in simulator.records)
     short = Simulator(simulator.model, heads, simulator.plan)
     weighting = replace(Weighting.white(heads), deviation=deviation)
@@ -87,11 +87,11 @@ def _fitted_to_heads(
             right = right + precision * (centres[k] - states[k])
             moves.append(solution(full + np.diag(precision), right))
         if not simulator.model.terms:
-            # The motor is linear: the step leads to the optimum.
+            # The nominal model is linear: the full step reaches the optimum.
             states = tuple(state + move for state, move in zip(states, moves, strict=True))
             continue
         trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
-        # What began at rest may begin with a jump after the move.
+        # A record that began at rest may start with a jump after the step.
         moved = [trial[:, 0] for trial in trials]
         short = short.divided_for(values, moved, _ROUGH * deviation, start=short.divisions)
         best = []

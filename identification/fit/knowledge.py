@@ -1,14 +1,14 @@
-"""Known values as priors of a fit, and whether the runs contradict them.
+"""Known values as priors of a fit, with a z-test of each against the runs.
 
-A known value is compared with what the runs say without it.  The curvature of the posterior along
-one parameter, all others at their optimum (Schur complement), less that of its own prior, is the
-precision p that runs and general knowledge have of it.  With a known value m of standard deviation
-s and an estimate x of the runs,
+The test compares a known value with the estimate of the runs without it.  The precision p of that
+estimate, from runs and general priors, is the curvature of the posterior along one parameter, all
+others at their optimum (Schur complement), minus the curvature of the known value's own prior.  For
+a known value m with standard deviation s and an estimate x,
 
     z = (x - m) / sqrt(1 / p + s^2)
 
-is standard normal where both are right.  The limit is the quantile at which one motor of a thousand
-with seven right values would have one of them refused (Bonferroni correction).
+is standard normal if both are right.  At the limit, one motor in a thousand with seven correct
+values has one of them rejected (Bonferroni correction).
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ Array = NDArray[np.float64]
 
 _FALSE_ALARMS: Final = 1e-3
 LIMIT: Final = float(norm.isf(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))
-"""Combined standard deviations beyond which runs contradict a known value: 3.8."""
+"""Largest |z|; beyond it the runs contradict a known value: 3.8."""
 
 _NEAR: Final = 3.0
-"""Factor between a known value and that of the runs up to which one start is enough."""
+"""Ratio of a known value to the estimate of the runs, up to which one start is enough."""
 
 _WORSE: Final = 3.0
 _SEEN: Final = 0.01
-"""Ratio of residuals, beyond this share of the signal, that no value within chance explains."""
+"""A refit is rejected if its noise exceeds `_WORSE` times the noise of the fit plus this fraction
+of the signal's standard deviation."""
 
 _WITHOUT_TEMPERATURE: Final = {
     "Ra25": 0.1,
@@ -53,21 +54,22 @@ _WITHOUT_TEMPERATURE: Final = {
     "alpha_Ra": math.inf,
     "alpha_Kt": math.inf,
 }
-"""What 30 K do to a winding and to a magnet: a first run called 25 degC may have been elsewhere."""
+"""Effect of 30 K on a winding and a magnet: a first run taken as 25 degC may have been that far
+off."""
 
 _NOTHING: Final = 1e-9
-"""Share of the curvature below which rounding is all that runs say of a parameter."""
+"""Precision of the runs over the curvature, below which it is rounding error."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A known value beside what the runs say without it.
+    """A known value and the estimate of the runs without it.
 
     Args:
         prior: The known value.
-        estimate: That of the runs [unit of the parameter].
-        sd: Its standard deviation, infinite where the runs say nothing [unit of the parameter].
-        distance: Difference over the combined standard deviation [-].
+        estimate: Estimate of the runs [unit of the parameter].
+        sd: Its standard deviation, infinite if undetermined [unit of the parameter].
+        distance: Difference over the combined standard deviation, z [-].
         unfitted: Whether no fit was found with it and the other known values.
     """
 
@@ -79,18 +81,18 @@ class Comparison:
 
     @property
     def contradicts(self) -> bool:
-        """Whether chance does not explain the difference."""
+        """Whether the difference is significant."""
         return abs(self.distance) > LIMIT
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What a user knows of a motor.
+    """Prior knowledge of the user about a motor.
 
     Args:
-        priors: One a parameter.
-        friction: Upper bound of the viscous friction by the nameplate, None without [N m s/rad].
-        general: Declared parameters with the priors of general knowledge, by name.
+        priors: Known values, at most one per parameter.
+        friction: Upper bound of the viscous friction [N m s/rad]; None if the nameplate gives none.
+        general: Nominal parameters with the general priors.
     """
 
     priors: tuple[Prior, ...] = ()
@@ -98,14 +100,14 @@ class Knowledge:
     general: tuple[Parameter, ...] = ()
 
     def beside(self, fit: Fit) -> Knowledge:
-        """The same, with the general priors of a fit that knows nothing else."""
+        """Copy with the general priors of a fit without known values."""
         return replace(self, general=fit.coordinates.parameters[: len(DECLARED_PARAMETERS)])
 
     def joined_to(self, fit: Fit) -> tuple[Fit, tuple[Comparison, ...]]:
-        """The fit with all that its runs do not contradict, and the comparisons with the rest.
+        """Fit with all known values that its runs do not contradict, and the rejected comparisons.
 
-        Values that only together contradict the runs are given up one after another, the farthest
-        first; so are those with which no fit is found.
+        Values that contradict the runs only jointly are rejected one by one, largest |z| first.
+        Values with which no fit is found are rejected in the same way.
         """
         refused = self.contradictions(fit)
         for _ in self.priors:
@@ -122,13 +124,13 @@ class Knowledge:
         return self.used_in(fit, refused) or fit, refused
 
     def compared(self, fit: Fit) -> list[Comparison]:
-        """Known values beside what the runs say under the model of a fit, farthest first."""
+        """Comparison of all known values under the model of a fit, largest |z| first."""
         share = effective_share(fit)
         found = [compared(fit, share, prior) for prior in self.priors]
         return sorted(found, key=lambda one: -abs(one.distance))
 
     def contradictions(self, fit: Fit) -> tuple[Comparison, ...]:
-        """Known values that the runs contradict under the model of a fit, farthest first."""
+        """Known values that the runs contradict under the model of a fit, largest |z| first."""
         if not self.priors and self.friction is None:
             return ()
         found = [one for one in self.compared(fit) if one.contradicts]
@@ -139,7 +141,7 @@ class Knowledge:
         return tuple(sorted(found, key=lambda one: -abs(one.distance)))
 
     def used_in(self, fit: Fit, refused: Sequence[Comparison]) -> Fit | None:
-        """The fit with all known values as priors but those refused; None where none is found."""
+        """Fit with all known values as priors except the rejected ones; None if no fit is found."""
         names = {one.prior.name for one in refused}
         wanted = {p.name: p for p in self.general}
         wanted |= {
@@ -157,11 +159,11 @@ class Knowledge:
 
 
 def compared(fit: Fit, share: float, prior: Prior) -> Comparison:
-    """A known value beside what the runs say without it.
+    """Compare a known value with the estimate of the runs without it.
 
     Args:
-        fit: Fit of any model; the prior may be in it or not.
-        share: Effective share of the samples.
+        fit: Fit of any model, with or without the prior.
+        share: Effective sample fraction.
         prior: The known value.
     """
     k = fit.coordinates.names.index(prior.name)
@@ -173,7 +175,7 @@ def compared(fit: Fit, share: float, prior: Prior) -> Comparison:
     estimate = float(fit.values[k])
     if not precision > _NOTHING * float(fit.equations.matrix[k, k]):
         return Comparison(prior, estimate, math.inf, 0.0)
-    # The optimum is the mean of the runs' estimate and of the prior's centre, weighted.
+    # The optimum is the precision-weighted mean of the runs' estimate and the prior's centre.
     moved = own / precision * (position - float(fit.coordinates.prior_mean[k]))
     sd = 1.0 / math.sqrt(precision)
     if parameter.search == "log":
@@ -187,12 +189,12 @@ def compared(fit: Fit, share: float, prior: Prior) -> Comparison:
 
 
 def _unsaid(fit: Fit, name: str) -> float:
-    """Standard deviation that a fit to runs without any temperature leaves out [coordinate]."""
+    """Standard deviation added if temperatures are known only relative to each other."""
     return _WITHOUT_TEMPERATURE.get(name, 0.0) if fit.simulator.model.unlogged.is_relative else 0.0
 
 
 def _precision(fit: Fit, share: float, k: int) -> float:
-    """Inverse variance of search coordinate `k` in the posterior, all others free."""
+    """Inverse posterior variance of search coordinate `k`, all others free."""
     equations = fit.equations
     matrix = equations.matrix - (1.0 - share) * equations.information
     others = np.arange(matrix.shape[0]) != k
@@ -204,9 +206,9 @@ def _precision(fit: Fit, share: float, k: int) -> float:
 
 
 def _refitted(fit: Fit, coordinates: Coordinates) -> Fit | None:
-    """The better of fits with other priors from where a fit ended and from the known values.
+    """Better of two refits with other priors: from the optimum and from the known values.
 
-    None where neither comes near the runs.
+    None if neither reproduces the runs.
     """
     far = fit.values.copy()
     for k, parameter in enumerate(coordinates.parameters):
@@ -215,7 +217,7 @@ def _refitted(fit: Fit, coordinates: Coordinates) -> Fit | None:
             is_near = known / _NEAR < far[k] < known * _NEAR
             far[k] = far[k] if is_near else known
     found = _refitted_from(fit, coordinates, far)
-    # A logarithm has no place for a friction that ended at zero.
+    # A logarithmic coordinate cannot start from a friction of zero.
     logs = np.array([parameter.search == "log" for parameter in coordinates.parameters])
     near = np.where(logs & (fit.values <= 0.0), far, fit.values)
     if np.any(near != far):
@@ -227,7 +229,7 @@ def _refitted(fit: Fit, coordinates: Coordinates) -> Fit | None:
 
 
 def _refitted_from(fit: Fit, coordinates: Coordinates, values: Array) -> Fit:
-    """The fit with other priors from a vector of physical values."""
+    """Refit with other priors, starting from physical values."""
     simulator = fit.simulator
     model, records = simulator.model, simulator.records
     if not simulator.plan.suits(Simulator.rate(model, records, values)):
@@ -237,7 +239,7 @@ def _refitted_from(fit: Fit, coordinates: Coordinates, values: Array) -> Fit:
 
 
 def _with_prior(parameter: Parameter, prior: Prior) -> Parameter:
-    """The parameter with a prior of the user, searched in logarithms where it is positive."""
+    """The parameter with a prior of the user; a positive one is searched in logarithms."""
     if not prior.is_size:
         return replace(
             parameter,
@@ -257,7 +259,7 @@ def _with_prior(parameter: Parameter, prior: Prior) -> Parameter:
 
 
 def _bounded(friction: Parameter, bound: float) -> Parameter:
-    """Viscous friction that runs leave open, half-normal with the losses without load for width."""
+    """Half-normal prior on a friction that the runs leave open, as wide as the no-load losses."""
     if friction.search == "log" or friction.origin:
         return friction
     return replace(friction, scale=bound, prior_mean=0.0, prior_sd=1.0, origin=NAMEPLATE)

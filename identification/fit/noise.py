@@ -1,14 +1,15 @@
-"""What kind of noise the residuals are.
+"""Noise model of the residuals: autoregressive whitening and Student-t weights.
 
-Two departures from independent normal errors occur on benches and are told from a missing effect
-by what they do not do, follow the inputs.  *Coloured* noise is whitened by an autoregressive
-filter whose order the Bayesian information criterion chooses; the fit is then repeated on
-whitened residuals (generalised least squares).  *Spiky* noise is a Student-t distribution; its
-likelihood is maximised by weighting each sample by its size, and no sample is deleted.
+Bench noise departs from independent normal errors in two ways.  Neither follows the inputs, which
+distinguishes it from a missing effect.  *Autocorrelated* noise is whitened by an autoregressive
+filter, whose order the Bayesian information criterion selects; the fit is then repeated on whitened
+residuals (generalised least squares).  *Heavy-tailed* noise (outliers) follows a Student-t
+distribution.  Its likelihood is maximised by weighting each sample by the size of its residual; no
+sample is deleted.
 
-Where the residual is far from noise, since the model lacks something, whitening would trade the
-simulation error for the one-step error.  Then the ordinary fit is kept and its uncertainty is
-widened to what correlated residuals allow (sandwich covariance).
+If the model lacks an effect, whitening would reduce the one-step prediction error at the expense of
+the simulation error.  In that case the ordinary fit is kept, and its uncertainty is widened for the
+autocorrelated residuals (sandwich covariance).
 
 Source: Ljung, System Identification, 2nd edition, sections 7.5 and 16.4; Lange, Little and Taylor,
 J. American Statistical Association 84 (1989), 881-896 (Student-t weights); White, Econometrica 48
@@ -42,32 +43,32 @@ Array = NDArray[np.float64]
 _LARGEST_ORDER: Final = 12
 _LARGEST_RISE: Final = 0.1
 _LEG: Final = 4
-"""Steps after which the simulation error is looked at."""
+"""Steps between two checks of the simulation error."""
 _LEGS: Final = 4
 _DEGREES: Final = (3.0, 4.0, 6.0, 10.0)
 
 
 def with_noise_model(fit: Fit) -> Fit:
-    """The fit under the noise model that its residuals ask for.
+    """Refit under the noise model that the residuals require.
 
     Args:
         fit: A fit with white normal noise.
 
     Returns:
-        The same fit where the residuals are white and normal; else the one repeated with weights
-        and whitening, unless that made the simulation worse.
+        The refit with weights and whitening; the same fit if its residuals are white and normal, or
+        if the noise model makes the simulation worse.
     """
     changed = _refitted(fit, fit)
     if changed is not fit and changed.weighting.robust is not None:
-        # The first weights are those of the ordinary fit and carry a third of its error on.
+        # The first weights come from the ordinary fit and retain a third of its error.
         changed = _refitted(fit, changed)
     return changed
 
 
 def _refitted(fit: Fit, latest: Fit) -> Fit:
-    """The fit under the noise model of the latest residuals.
+    """Refit under the noise model of the latest residuals.
 
-    Itself where they are plain noise, and where that model makes the simulation worse.
+    The result is `fit` if the residuals are white and normal, or if the simulation gets worse.
     """
     residuals = latest.residuals()
     robust = _student_weights(fit.weighting, residuals)
@@ -80,11 +81,11 @@ def _refitted(fit: Fit, latest: Fit) -> Fit:
 
 
 def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
-    """The fit under a noise model, from the latest; itself where the simulation gets worse.
+    """Refit under a noise model, starting from `latest`; `fit` if the simulation gets worse.
 
-    A model that lacks something goes its way to the one-step error for many steps, so that it is
-    given up on the way.  A fit that ended where nothing improves it, at a bound or a corner, is as
-    good as it was.
+    If the model lacks an effect, whitening moves it towards the least one-step prediction error
+    over many steps.  The simulation error is therefore checked every few steps.  If the refit does
+    not converge, a converged `fit` is kept.
     """
     plain = replace(fit.weighting, robust=weighting.robust)
     most = _tolerated_rise(fit) * plain.sums_of_squares(fit.residuals())
@@ -108,9 +109,9 @@ def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
 def _tolerated_rise(fit: Fit) -> float:
     """Factor by which chance alone may raise the sum of squares.
 
-    An ordinary fit to coloured noise follows it with each of its unknowns: it removes about as many
-    independent samples from the sum of squares as it has unknowns, three times that at most.  Where
-    this is more than a tenth, noise cannot be told from a missing effect and nothing is risked.
+    An ordinary fit to autocorrelated noise overfits: each unknown removes about one effective
+    sample from the sum of squares, three at most.  The rise is limited to a tenth; beyond that,
+    noise cannot be distinguished from a missing effect.
     """
     unknowns = fit.position.size + sum(state.size for state in fit.states)
     samples = float(fit.weighting.counts.max()) * effective_share(fit)
@@ -120,15 +121,15 @@ def _tolerated_rise(fit: Fit) -> float:
 def autoregression(
     series: Sequence[Array], largest: int | None = None, penalty: float | None = None
 ) -> Array:
-    """Whitening filter (1, -a1, ..., -ap) of series that share one noise process.
+    """Autoregressive whitening filter (1, -a1, ..., -ap) of series with one common noise process.
 
-    Levinson's recursion on the biased covariance, which makes every order stable; the order
+    The Levinson-Durbin recursion on the biased autocovariance makes every order stable.  The order
     minimises n log(innovation variance) + penalty * order.
 
     Args:
-        series: Residuals, one (n_sample,) array a record; their mean is not taken away.
-        largest: Largest order tried; by default 12, or a twentieth of the samples.
-        penalty: Price of an order: 2 is Akaike's criterion, the default log(n) the Bayesian one.
+        series: Residuals, one (n_sample,) array per record; their mean is not subtracted.
+        largest: Largest order; by default 12, or a twentieth of the samples if that is less.
+        penalty: Penalty per order: 2 is Akaike's criterion, the default log(n) the Bayesian one.
     """
     count = sum(s.size for s in series)
     largest = min(_LARGEST_ORDER, count // 20) if largest is None else largest
@@ -174,7 +175,7 @@ def _whitening(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array,
 
 
 def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, ...] | None:
-    """Weights of the samples under the best Student-t law, None where the normal law is as good."""
+    """Sample weights of the best Student-t fit; None if a normal distribution fits as well."""
     weights = [np.ones_like(residual) for residual in residuals]
     heavy = False
     for channel in range(2):
@@ -190,7 +191,7 @@ def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[
 
 
 def student(series: Array) -> tuple[float | None, float]:
-    """Degrees of freedom and scale of the best Student-t law; None where normal fits as well.
+    """Degrees of freedom and scale of the best Student-t fit; None if normal fits as well.
 
     Args:
         series: (n_sample,) any unit.
@@ -214,10 +215,10 @@ def student(series: Array) -> tuple[float | None, float]:
 def noise_deviation(fit: Fit) -> Array:
     """(2,) standard deviation of the noise of current and speed [A, rad/s].
 
-    Where the noise model holds, coloured noise included, it is that of the residuals.  Where it
-    does not (`with_noise_model` kept the ordinary fit although the residuals are correlated), the
-    residuals hold what the model lacks as well, and the noise is what cannot be foretold of them
-    from their own past.
+    In a channel with a whitening filter, the whole residual is noise, including its autocorrelated
+    part.  A channel without one either has a white residual or lacks an effect (`with_noise_model`
+    kept the ordinary fit).  Its noise is the innovation, the part of the residual that its own past
+    does not predict.
     """
     residuals = fit.residuals()
     found = np.zeros(2)
@@ -237,14 +238,15 @@ def noise_deviation(fit: Fit) -> Array:
 
 
 def effective_share(fit: Fit) -> float:
-    """Share of the samples that count as independent evidence, at most one.
+    """Effective sample fraction: independent samples over all samples, at most one.
 
-    With residuals e, weights w and tangents a the fit solves sum a w e = 0.  Its covariance is the
-    sandwich H^-1 M H^-1 with M the covariance of the gradient, in which w e may be correlated in
-    time, and H = E[d(w e)/de] A its mean slope; A = sum w a a' is what the covariance of the fit is
-    made of.  The share is the mean ratio (geometric, over the directions of the parameters) of the
-    plain covariance A^-1 to the sandwich.  For white noise and the right Student-t weights it is
-    (freedom + 1) / (freedom + 3), the information of a location.
+    With residuals e, weights w and sensitivities a, the fit solves sum a w e = 0.  Its covariance
+    is the sandwich H^-1 M H^-1.  M is the covariance of the gradient, in which w e may be
+    autocorrelated.  H = E[d(w e)/de] A is the mean slope of the gradient.  A = sum w a a' is the
+    information matrix, and A^-1 the plain covariance of the fit.  The fraction is the geometric
+    mean, over the directions of the parameters, of the ratio of the plain covariance to the
+    sandwich.  For white noise and correct Student-t weights it is (freedom + 1) / (freedom + 3),
+    the information about a location parameter.
 
     Source:
         White, Econometrica 48 (1980) 817-838; Huber, Ann. Math. Statist. 35 (1964) 73-101.
@@ -267,7 +269,7 @@ def effective_share(fit: Fit) -> float:
             place = (block.record, channel)
             begin = ends.get(place, np.zeros((taps.size - 1, n)))
             counted = whitened * (weight > 0) * (power / deviation**2)
-            # Its covariance with itself is that of the gradient but for the ends of a record.
+            # Its Gram matrix is the covariance of the gradient, except at the ends of a record.
             spread, ends[place] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
             gradient += spread.T @ spread
     prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
@@ -279,7 +281,7 @@ def effective_share(fit: Fit) -> float:
 
 
 def _memories(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
-    """For each channel the filter that whitens its weighted residuals, and what that leaves."""
+    """For each channel the filter that whitens its weighted residuals, and the RMS innovation."""
     residuals = fit.residuals()
     found = []
     for channel in range(2):
@@ -295,10 +297,10 @@ def _memories(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
 
 
 def _mean_slope(weights: Sequence[Array]) -> float:
-    """Mean of d(w e)/de over mean of w, for Student-t weights w = (f + 1) / (f + z^2).
+    """Mean of d(w e)/de over the mean of w, for Student-t weights w = (f + 1) / (f + z^2).
 
-    With the largest weight (f + 1) / f the slope is w (2 w f / (f + 1) - 1), so that the weights
-    alone tell it.
+    The largest weight is (f + 1) / f.  The slope is w (2 w f / (f + 1) - 1), which depends on the
+    weights alone.
     """
     stacked = np.concatenate(weights)
     largest, mean = float(stacked.max()), float(stacked.mean())

@@ -1,11 +1,12 @@
-"""Normal equations of the simulation error, with initial states eliminated.
+"""Gauss-Newton normal equations of the simulation error, with initial states eliminated.
 
-With J the derivative of the whitened, weighted residual by the parameters and X by the initial
+With J and X the Jacobians of the whitened, weighted residual by the parameters and by the initial
 state of one record,
 
     H = sum_records [ J'J - J'X (X'X + S^-1)^-1 X'J ] + prior
 
-where S is the broad prior of the initial state, so that a state no sensor sees stays finite.
+where S is the covariance of the broad prior of the initial state.  The prior keeps a state finite
+that no sensor observes.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _LARGEST = 1e100
-"""Entry above which a derivative is that of a simulation that does not stay finite."""
+"""Entry above which the simulation counts as diverged."""
 
 _PASSES = 4.0
-"""How often a product reads or writes each derivative."""
+"""Number of times that a product reads or writes each sensitivity."""
 
 _LEAST = 1e-60
-"""Least entry of a diagonal, over the largest of the matrix."""
+"""Least entry of a diagonal, over the largest entry of the matrix."""
 
 
 _KEPT: Final = 100_000
-"""Samples of all records up to which their derivatives are kept; 8 MB for ten thousand."""
+"""Samples of all records up to which their sensitivities are cached; 8 MB for ten thousand."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +55,15 @@ class NormalEquations:
 
     Args:
         matrix: (n_parameter, n_parameter) with initial states eliminated and the prior included.
-        information: The same without the prior: what the data say.
-        gradient: (n_parameter,) descent direction, initial states eliminated, prior included.
+        information: The same without the prior: the Fisher information of the data.
+        gradient: (n_parameter,) negative gradient of the cost, initial states eliminated, prior
+            included.
         state_matrices: For each record (n_state, n_state) X'X + S^-1.
         couplings: For each record (n_state, n_parameter) X'J.
-        state_gradients: For each record (n_state,).
-        logged: For each record (n_sample, 2) what is simulated at this point.
-        derivatives: Of what is simulated, by search coordinates and initial states.
+        state_gradients: For each record (n_state,) negative gradient by the initial state.
+        logged: For each record (n_sample, 2) simulated channels at this point [A, rad/s].
+        derivatives: Sensitivities of the simulated channels by search coordinates and initial
+            states.
     """
 
     matrix: Array
@@ -74,26 +77,26 @@ class NormalEquations:
 
     @property
     def is_finite(self) -> bool:
-        """Whether a step can be computed; a simulation on its way to infinity gives none."""
+        """Whether a step can be computed; False if the simulation diverges."""
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     @property
     def decrement(self) -> float:
-        """Predicted decrease of the cost by a full step; compares with 1, the size of chance."""
+        """Predicted decrease of the cost by a full step; chance alone gives about 1."""
         return float(0.5 * self.gradient @ _solved(self.matrix, self.gradient))
 
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
-        """Predicted decrease of the cost by a full step of the parameters that are free to move.
+        """Predicted decrease of the cost by a full step of the free parameters.
 
-        A parameter at a bound that its step would cross stays there, so that what the gradient
-        promises beyond the bound is out of reach.
+        A parameter at a bound that its step would cross stays there.  A decrease predicted beyond
+        the bound is out of reach.
 
         Args:
-            position: (n_parameter,) where the step starts.
+            position: (n_parameter,) start of the step.
             coordinates: Bounds.
 
         Returns:
-            The decrease; infinity where no step can be computed.
+            The decrease; infinity if no step can be computed.
 
         Source:
             Projected Newton method by Bertsekas, SIAM J. Control Optim. 20 (1982), 221-246.
@@ -106,11 +109,11 @@ class NormalEquations:
     def step(
         self, damping: float, position: Array, coordinates: Coordinates
     ) -> tuple[Array, list[Array]]:
-        """Damped step of parameters and initial states that stays inside the bounds.
+        """Levenberg-Marquardt step of parameters and initial states inside the bounds.
 
         Args:
             damping: Levenberg-Marquardt parameter relative to the diagonal [-].
-            position: (n_parameter,) where the step starts.
+            position: (n_parameter,) start of the step.
             coordinates: Bounds.
 
         Returns:
@@ -125,12 +128,13 @@ class NormalEquations:
         probe: float,
         weighting: Weighting,
     ) -> tuple[list[Array], Array]:
-        """Gradient of the second derivative of what is simulated along directions.
+        """Second directional derivative of the simulation, projected on the sensitivities.
 
         Args:
-            directions: For each record (n_parameter + n_state, n_lane).
-            changes: For each record (n_sample, 2, n_lane) what is simulated so far along.
-            probe: How far, as a share of the directions.
+            directions: For each record (n_parameter + n_state, n_lane) steps.
+            changes: For each record (n_sample, 2, n_lane) simulated channels at `probe` of each
+                step.
+            probe: Fraction of the steps at which `changes` was simulated.
             weighting: Noise model.
 
         Returns:
@@ -158,13 +162,13 @@ class NormalEquations:
         coordinates: Coordinates,
         curved: Sequence[Array],
     ) -> list[tuple[Array, list[Array]]]:
-        """What has to be added to steps so that they follow a curved valley to second order.
+        """Second-order corrections of steps along a curved valley (geodesic acceleration).
 
         Args:
             dampings: (n_lane,) damping of each step.
-            position: (n_parameter,) where the steps start.
+            position: (n_parameter,) start of the steps.
             coordinates: Bounds.
-            curved: For each record what `curved` says along each step.
+            curved: For each record the result of `curved` along each step.
 
         Returns:
             For each lane (n_parameter,) and for each record (n_state,).
@@ -211,7 +215,7 @@ class NormalEquations:
     def _free_step(
         self, damping: float, position: Array, coordinates: Coordinates, gradient: Array
     ) -> Array:
-        """(n_parameter,) step, zero where a bound at which a parameter is would be crossed."""
+        """(n_parameter,) step; zero for a parameter at a bound that the step would cross."""
         damped = self.matrix + damping * np.diag(np.diag(self.matrix))
         free = np.ones(position.size, dtype=bool)
         step = np.zeros(position.size)
@@ -231,12 +235,12 @@ class NormalEquations:
         """Covariance of the search coordinates, prior included.
 
         Args:
-            share: Effective share of the samples; the prior keeps its weight.
+            share: Effective sample fraction; the prior keeps its weight.
         """
         return _inverse(self.matrix - (1.0 - share) * self.information)
 
     def state_response(self, k: int) -> Array:
-        """(n_state, n_parameter): how the best initial state of record `k` follows parameters."""
+        """(n_state, n_parameter) derivative of the best initial state of record `k`."""
         return -solution(self.state_matrices[k], self.couplings[k])
 
 
@@ -247,14 +251,14 @@ def normal_equations(
     states: Sequence[Array],
     weighting: Weighting,
 ) -> NormalEquations:
-    """Normal equations at one point.
+    """Assemble the normal equations at one point.
 
     Args:
         simulator: Model and records.
         coordinates: Map to search coordinates, with priors.
         position: (n_parameter,) search coordinates.
-        states: For each record (n_state,).
-        weighting: Noise model with its deviations.
+        states: For each record (n_state,) initial state.
+        weighting: Noise model with its standard deviations.
     """
     n = position.size
     directions = np.diag(coordinates.slopes(position))
@@ -282,7 +286,7 @@ def normal_equations(
         xg = right[n:] + precision * (centre - states[k])
         xj = full[n:, :n]
         if not np.max(np.abs(full)) < _LARGEST:
-            # On the way to infinity: `is_finite` tells it, and nothing is solved.
+            # The simulation diverges: `is_finite` becomes False, and no step is computed.
             information[:], xx, xj = np.nan, np.eye(xx.shape[0]), np.zeros_like(xj)
         solved = solution(xx, np.column_stack([xj, xg]))
         information += full[:n, :n] - xj.T @ solved[:, :n]
@@ -308,19 +312,19 @@ def normal_equations(
 def products(
     residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
 ) -> tuple[Array, Array]:
-    """J'WJ and J'Wr of a record, or of a block of it.
+    """J'WJ and J'Wr of a record or of one block of it.
 
     Args:
-        residual: (n_sample, 2) measured minus simulated.
-        tangent: (n_sample, 2, n_direction) derivatives of what is simulated.
-        weighting: Noise model with its deviations.
-        k: Number of the record.
-        start: Its first sample here.
-        lead: Samples at the head that are whitened with the others and count in the block before.
+        residual: (n_sample, 2) measured minus simulated [A, rad/s].
+        tangent: (n_sample, 2, n_direction) sensitivities of the simulated channels.
+        weighting: Noise model with its standard deviations.
+        k: Index of the record.
+        start: Index in the record of the first sample given.
+        lead: Leading samples that only start the whitening filter; the previous block counts them.
 
     Returns:
-        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite
-        where the model runs away.
+        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite if
+        the model diverges.
     """
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)
@@ -331,7 +335,7 @@ def products(
         white = weighting.whitened(tangent[:, channel, :], channel)[lead:]
         jacobian = white * root[:, None]
         target = weighting.whitened(residual[:, channel], channel)[lead:] * root
-        # A model that runs away has tangents too large to square; infinity tells the caller.
+        # A diverging model has sensitivities that overflow when squared; the caller sees infinity.
         with np.errstate(over="ignore", invalid="ignore"):
             full += jacobian.T @ jacobian
             right += jacobian.T @ target
@@ -359,7 +363,8 @@ def gradient_of(
 def state_precision(simulator: Simulator, k: int) -> Array:
     """Inverse variance of the broad prior of the initial state, (n_state,).
 
-    Its width is the range of what was logged; a state that no sensor shows is a temperature.
+    The standard deviation is the range of the logged channel, 30 K for a temperature, and the
+    natural scale for any other state.
     """
     record = simulator.records[k]
     size = record.span
@@ -373,7 +378,7 @@ def state_precision(simulator: Simulator, k: int) -> Array:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solution of a symmetric system, scaled to unit diagonal first; least squares if singular."""
+    """Solution of a symmetric system, scaled to unit diagonal; least squares if singular."""
     if matrix.size == 0:
         return right
     size = _sizes(matrix)
@@ -382,7 +387,7 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def _sizes(matrix: Array) -> Array:
-    """Roots of the diagonal; rounding may leave a zero, or less, where nothing is determined."""
+    """Square roots of the diagonal; rounding may leave zero or less where it is undetermined."""
     least = max(_LEAST * float(np.max(np.abs(matrix), initial=0.0)), 1e-300)
     return np.asarray(np.sqrt(np.maximum(np.diag(matrix), least)))
 

@@ -1,8 +1,8 @@
-"""The same data under two names, or twice under one.
+"""Detection of runs with identical samples, within and across training and validation.
 
-Samples are compared and not bytes, so that a copy with another header or other line ends is
-found.  Time and temperature are left out: a copy may begin at another time, and the rest has noise
-that no second run repeats.
+Samples are compared instead of bytes, so that a copy with another header or other line endings is
+found.  Time and temperature are ignored: a copy may start at another time, and the noise of the
+other channels is never the same in two runs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["first_alike", "repeat_warnings"]
 
 
 def first_alike(runs: Sequence[Run]) -> tuple[int | None, ...]:
-    """For each run the place of the first one before it that has the same samples; else None.
+    """For each run the index of the first earlier run with the same samples; None if there is none.
 
     Args:
         runs: Runs of one motor.
@@ -35,13 +35,13 @@ def first_alike(runs: Sequence[Run]) -> tuple[int | None, ...]:
 
 
 def _key(run: Run) -> str | None:
-    """Hash of the samples; None where nothing moves, which two runs may have alike."""
+    """Hash of the samples; None if nothing changes, since two idle runs may be identical."""
     channels = (run.voltage, run.current, run.speed)
     if not any(np.ptp(channel) > 0.0 for channel in channels):
         return None
     digest = hashlib.sha256()
     for channel in channels:
-        # Minus zero is written otherwise and is the same.
+        # -0.0 equals 0.0 but has other bytes.
         digest.update((channel + 0.0).tobytes())
     return digest.hexdigest()
 
@@ -49,12 +49,12 @@ def _key(run: Run) -> str | None:
 def repeat_warnings(
     runs: Sequence[Run], training: int, alike: Sequence[int | None]
 ) -> tuple[str, ...]:
-    """What data that are given twice mean for the result.
+    """Warnings about identical runs and their effect on the result.
 
     Args:
-        runs: Runs that are fitted, then those kept aside.
-        training: How many are fitted.
-        alike: Of `first_alike`.
+        runs: Training runs, then validation runs.
+        training: Number of training runs.
+        alike: Result of `first_alike`.
     """
     groups: dict[int, list[int]] = {}
     for place, first in enumerate(alike):

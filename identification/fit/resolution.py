@@ -1,9 +1,9 @@
-"""Channels that are logged in steps larger than their noise.
+"""Detection of channels whose quantisation step exceeds their noise.
 
-Rounding adds an error that is spread evenly over a step, with step / sqrt(12) for its standard
-deviation, and where noise or motion carries the signal over steps from sample to sample it is as
-good as noise.  Noise of less than about half a step does not: samples then stay on one value, with
-the same error as long as they do, and neither more samples nor their scatter tell it.
+Rounding adds an error that is uniform over one step, with a standard deviation of step / sqrt(12).
+If noise or motion carries the signal across steps from sample to sample, this error acts as white
+noise.  With noise below about half a step it does not: consecutive samples keep one value and one
+error, which more samples do not reduce and their scatter does not show.
 
 Source: Widrow and Kollar, Quantization Noise, Cambridge University Press 2008, chapters 5 and 9.
 """
@@ -23,20 +23,21 @@ __all__ = ["coarse_warnings", "step_of"]
 Array = NDArray[np.float64]
 
 _COARSE: Final = 2.0
-"""Step over the noise of the residual, rounding included: the noise before was 0.41 of a step."""
+"""Step over the residual, rounding included, above which the step is too coarse; the noise without
+rounding is then below 0.41 of a step."""
 _STAYS: Final = 0.25
-"""Share of samples that repeat the one before from which errors of rounding stay."""
+"""Fraction of samples equal to their predecessor above which rounding errors persist."""
 _RARE: Final = 0.01
-"""Share of the samples whose values may lie off the steps, as where logs were averaged."""
+"""Fraction of samples whose values may lie off the steps, as in averaged logs."""
 _ON_STEP: Final = 0.1
 _MOST_NAMED: Final = 5
 
 
 def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[str, ...]:
-    """Which channels of which runs are too coarse for their noise, and what that means.
+    """Warnings about channels whose quantisation step is too coarse for their noise.
 
     Args:
-        runs: Runs that were fitted.
+        runs: Training runs.
         noise: (2,) standard deviation of the residual of current and speed [A, rad/s].
     """
     warnings = []
@@ -59,7 +60,7 @@ def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[str, ...]:
 
 
 def step_of(signal: Array) -> float | None:
-    """The step of which nearly all differences of a signal are multiples; None where none is.
+    """Quantisation step of a signal; None if its differences are not multiples of one step.
 
     Args:
         signal: (n_sample,) any unit.
@@ -67,7 +68,7 @@ def step_of(signal: Array) -> float | None:
     span = float(np.ptp(signal))
     if span == 0.0:
         return None
-    # What differs in the last digits is one value.
+    # Values that differ only in the last digits are equal.
     values, counts = np.unique(np.round(signal / span, 9), return_counts=True)
     rare = np.argsort(counts, kind="stable")
     rare = rare[np.cumsum(counts[rare]) <= _RARE * signal.size]
@@ -82,7 +83,7 @@ def step_of(signal: Array) -> float | None:
 
 
 def _stays(signal: Array) -> bool:
-    """Whether many samples repeat the one before; a motor at rest, which reads zero, is no case."""
+    """Whether many samples equal their predecessor, zeros at standstill excluded."""
     same = signal[1:] == signal[:-1]
     moving = signal[1:] != 0.0
     return int(np.count_nonzero(same & moving)) > _STAYS * max(int(np.count_nonzero(moving)), 1)

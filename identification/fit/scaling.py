@@ -1,8 +1,8 @@
-"""Search coordinates of a motor of unknown size.
+"""Search coordinates for a motor of unknown size.
 
-A watch motor and a traction motor differ by seven decades of inertia, so the scales and the
-centres of the broad priors come from the starting values.  The priors only keep what the data do
-not say finite: five standard deviations of a logarithm of width five span twenty decades.
+Inertias range over seven decades from a watch motor to a traction motor, so the scales and the
+prior centres come from the starting values.  The priors only keep undetermined parameters finite:
+five standard deviations of a logarithm of width five span twenty decades.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _MAY_VANISH: Final = ("b", "L")
 
 
 def scaled_coordinates(parameters: Sequence[Parameter], values: Array) -> Coordinates:
-    """Coordinates of a model's parameters around known values.
+    """Search coordinates of a model's parameters, scaled by starting values.
 
-    What runs determine best are ratios and products (b/J, Kt^2/Ra); where single factors are
-    known less well than those, the cost is a valley that is straight in logarithms and bent in the
-    quantities themselves, so all positive quantities are searched in logarithms.
+    Runs determine ratios and products best (b/J, Kt^2/Ra).  If single factors are less certain, the
+    cost has a valley that is straight in logarithms and curved in the quantities themselves.  All
+    positive quantities are therefore searched in logarithms.
 
     Args:
-        parameters: Parameters of the model, the declared ones first.
+        parameters: Parameters of the model, the nominal ones first.
         values: (n_parameter,) starting values of the right order of magnitude.
     """
     scaled = []
@@ -57,10 +57,10 @@ def scaled_coordinates(parameters: Sequence[Parameter], values: Array) -> Coordi
 def linear_where_uncertain(
     coordinates: Coordinates, values: Array, deviations: Array
 ) -> Coordinates:
-    """The same coordinates with quantities that may be zero for all the data say made linear.
+    """Search coordinates with b and L linear if the data do not exclude zero.
 
-    Near zero a logarithm runs away without the data noticing; a linear coordinate with a bound at
-    zero has a posterior that stays a (cut) normal.
+    Near zero a logarithm diverges without any change of the likelihood.  A linear coordinate with a
+    bound at zero has a truncated normal posterior.
 
     Args:
         coordinates: Coordinates of a fit.

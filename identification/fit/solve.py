@@ -1,17 +1,20 @@
-"""Gauss-Newton on the simulation error, with free initial states and unknown noise.
+"""Levenberg-Marquardt with geodesic acceleration for the output-error cost.
 
-The likelihood of independent normal errors with one unknown standard deviation a channel is, with
-that deviation at its best value, a sum of N/2 log(SSE) over the channels.  Its Gauss-Newton step
-is that of least squares weighted by the current deviations.  Initial states concern their own
-record only and are eliminated from the normal equations (Schur complement), so that a hundred
-runs cost no more than their simulation.
+The likelihood has independent normal errors with one unknown standard deviation per channel.  With
+these at their optimum, the cost is the sum of N/2 log(SSE) over the channels.  Its Gauss-Newton
+step is that of least squares weighted by the current deviations.  An initial state affects its own
+record only and is eliminated from the normal equations (Schur complement), so that a hundred runs
+cost no more than their simulation.
 
-Damping: the steps for a ladder of Levenberg-Marquardt parameters are simulated side by side, as
-lanes of one simulation, and the best is taken.  After a step that needed much damping the rungs
-are closer there: between a tenth and a hundred lies all that helps in a sharp corner.
+Damping: the steps for a ladder of damping parameters are simulated as parallel lanes, and the best
+one is taken.  After a strongly damped step the ladder is finer, from 0.01 to 100, the range that
+helps in a sharply curved valley.
 
-Where even the best gains far less than the quadratic model promised the valley is curved, and the
-steps are bent along it (geodesic acceleration), which turns hundreds of short steps into a few.
+If the best step gains far less than the quadratic model predicts, the valley is curved.  The steps
+are then corrected to second order (geodesic acceleration), which replaces hundreds of short steps
+by a few.
+
+Source: Transtrum and Sethna, arXiv preprint 1201.5885 (2012) (geodesic acceleration).
 """
 
 from __future__ import annotations
@@ -35,31 +38,33 @@ Array = NDArray[np.float64]
 
 _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
 _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
-"""Damping where the step before needed more than the least of these."""
+"""Damping ladder after a step whose damping exceeded the least of these."""
 
 _ENOUGH: Final = 1e-3
-"""Log likelihood that another step may promise at the optimum; it is 0.045 standard deviations."""
+"""Predicted gain in log likelihood at which a fit has converged; it is 0.045 standard
+deviations."""
 
 _DECISIVE: Final = 0.002
-"""Share of the difference to a better model that decides nothing."""
+"""Fraction of the difference to a better model that cannot change the comparison."""
 
 _STRAIGHT: Final = 0.3
 _TRIED: Final = 3
 _OPTIMISM: Final = 5.0
-"""Gain until the optimum, at most, over what one step promises."""
+"""Largest gain until the optimum, over the predicted gain of one step."""
 _PROBE: Final = 0.1
 
 
 @dataclass(frozen=True)
 class Patience:
-    """When a fit is given up.
+    """Termination limits of a fit.
 
     Args:
-        steps: Steps after which to stop in any case.
-        hopeless: Cost of a rival; the fit stops where it is not going to come near it.
-        budget: Operations that it may take; None for no limit.
-        reference: Cost of a better model that it is compared with; the fit has converged where a
-            step promises less than a five-hundredth of the difference, which decides nothing.
+        steps: Largest number of steps.
+        hopeless: Cost at which the refit is abandoned: the fit stops if it is not predicted to
+            reach this cost.
+        budget: Operations that the fit may take; None for no limit.
+        reference: Cost of a better model, with which the fit is compared.  The fit has converged
+            when the predicted gain of a step is below 1/500 of the difference.
     """
 
     steps: int = 60
@@ -73,23 +78,23 @@ class Patience:
         return self.budget is not None and self.budget.spent
 
     def enough(self, cost: float) -> float:
-        """Log likelihood that another step may promise where the fit has converged."""
+        """Predicted gain in log likelihood below which the fit has converged."""
         return max(_ENOUGH, _DECISIVE * (cost - self.reference))
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Where the fit ended.
+    """Result of a fit.
 
     Args:
-        simulator: The model and the records.
-        coordinates: Map between physical values and what was searched.
+        simulator: Model and records.
+        coordinates: Map between physical values and search coordinates.
         position: (n_parameter,) search coordinates at the optimum.
-        states: For each record (n_state,) initial states.
+        states: For each record (n_state,) initial state.
         weighting: Noise model of the channels.
         cost: Negative log posterior, up to a constant.
         equations: Normal equations at the optimum.
-        converged: Whether the last step was far below the uncertainty.
+        converged: Whether the predicted gain of another step is negligible.
     """
 
     simulator: Simulator
@@ -107,25 +112,25 @@ class Fit:
         return self.coordinates.values(self.position)
 
     def is_behind(self, patience: Patience) -> bool:
-        """Whether it is not going to come near the cost of a rival."""
+        """Whether the fit is not predicted to reach `Patience.hopeless`."""
         promised = self.equations.decrement_within(self.position, self.coordinates)
         return self.cost - _OPTIMISM * promised > patience.hopeless
 
     def light(self) -> Fit:
-        """The fit without what is computed again where it is asked for, most of its memory."""
-        # A simulator keeps the rows that its loops read; a copy of it has none yet.
+        """Copy without cached sensitivities, which use most of the memory."""
+        # A simulator caches the rows that its loops read; a copy starts with an empty cache.
         simulator = replace(self.simulator)
         derivatives = replace(self.equations.derivatives, simulator=simulator, kept=None)
         equations = replace(self.equations, derivatives=derivatives)
         return replace(self, simulator=simulator, equations=equations)
 
     def full(self) -> Fit:
-        """The fit with those derivatives."""
+        """Copy with cached sensitivities."""
         derivatives = self.equations.derivatives.keeping()
         return replace(self, equations=replace(self.equations, derivatives=derivatives))
 
     def simulated(self) -> list[Array]:
-        """For each record (n_sample, 2) what the sensors would log."""
+        """For each record (n_sample, 2) simulated sensor readings [A, rad/s]."""
         logged = self.simulator.logged(self.values[:, None], self.states)
         return [y[:, :, 0] for y in logged]
 
@@ -150,14 +155,14 @@ def solve(
     Args:
         simulator: Model and records.
         coordinates: Map to search coordinates, with bounds and priors.
-        position: (n_parameter,) where to start, in search coordinates.
+        position: (n_parameter,) start in search coordinates.
         states: Initial states to start from; taken from the first samples if absent.
-        weighting: Noise model; white with unknown size if absent.
-        patience: When to give up.
+        weighting: Noise model; white with unknown deviations if absent.
+        patience: Termination limits.
 
     Returns:
-        The optimum; `converged` is False where the step limit was reached.  Its cost is infinite
-        where the model cannot be simulated from the start.
+        The optimum; `converged` is False if the fit stopped before it.  The cost is infinite if the
+        model cannot be simulated from the start.
     """
     records = simulator.records
     weighting = weighting or Weighting.white(records)
@@ -191,13 +196,13 @@ def solve(
                 trial, costs, sized = bent, bent_costs, bent_sized
                 best = int(np.argmin(costs))
         if not costs[best] < cost:
-            # No damping in the ladder helps: at the optimum, up to rounding of the cost.
+            # No damping lowers the cost: this is the optimum, up to rounding of the cost.
             converged = decrement < 1.0
             break
         moved, moved_x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
         following = normal_equations(simulator, coordinates, moved, moved_x0, sized)
         if not following.is_finite:
-            # Finite still, but on the way to infinity: no place to go on from.
+            # The cost is finite but its derivatives are not: no further step can be computed.
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
@@ -215,9 +220,9 @@ def _bent(
     *,
     ladder: Array,
 ) -> tuple[Array, list[Array]]:
-    """The steps of a ladder, bent to follow a curved valley.
+    """The steps of a ladder with geodesic acceleration.
 
-    The second derivative along each step comes from one more simulation a tenth of the way.
+    The second derivative along each step comes from one more simulation at a tenth of the step.
     """
     at, x0 = place
     steps = trial[0] - at[:, None]
@@ -245,7 +250,7 @@ def _ladder(
     x0: Sequence[Array],
     ladder: Array,
 ) -> tuple[Array, list[Array]]:
-    """Steps for every damping: (n_parameter, n_damping), and (n_state, n_damping) a record."""
+    """Ends of the steps of a ladder: (n_parameter, n_damping), per record (n_state, n_damping)."""
     ends = [equations.step(damping, at, coordinates) for damping in ladder]
     position = np.column_stack([at + step for step, _ in ends])
     states = [
@@ -261,7 +266,7 @@ def _cost(
     states: Sequence[Array],
     weighting: Weighting,
 ) -> tuple[Array, Weighting]:
-    """Cost of each lane of `position`, and the noise model sized to the best of them."""
+    """Cost of each lane of `position`, and the noise model scaled to the best lane."""
     sums = simulator.misfit(coordinates.values(position), states, weighting)
     prior = coordinates.log_prior(position)
     cost = weighting.sized(sums)[1] - prior

@@ -1,14 +1,15 @@
-"""Starting values from the runs themselves; nobody is asked for a guess.
+"""Starting values from the runs, by regression with state-variable filters.
 
-The two balances are linear in their coefficients once derivatives are replaced by filtered
-derivatives (state-variable filters): with the same low-pass on every signal,
+Both balances are linear in their coefficients if derivatives are replaced by filtered derivatives.
+With the same low-pass filter on every signal,
 
     v_f = Ra i_f + Ra alpha_Ra ((T - 25) i)_f + Kt w_f + Kt alpha_Kt ((T - 25) w)_f + L (di/dt)_f
     (Kt(T) i)_f = J (dw/dt)_f + b w_f + [constant + dry friction]
 
-The best cutoff depends on the motor (its time constants span six decades) and on the noise, so
-several are tried and the simulation error decides between their answers; the two terms in
-brackets keep friction that the declared model lacks from spoiling the start of J and b.
+The best cutoff depends on the noise and on the motor, whose time constants span six decades.
+Several cutoffs are therefore tried, and the simulation error selects among their results.  The two
+terms in brackets are not in the nominal model; they keep friction from biasing the starting values
+of J and b.
 
 Source: Young, Automatica 17 (1981), 23-39 (state-variable filters in the identification of
 continuous-time models).
@@ -38,21 +39,21 @@ _LARGEST_SLOPE: Final = 0.02
 
 
 def starting_values(records: Sequence[Record]) -> Array:
-    """Candidate parameter vectors to start a fit from, one a filter cutoff.
+    """Candidate starting vectors, one per filter cutoff and one from signal sizes alone.
 
     Args:
         records: Training records.
 
     Returns:
-        (7, n_candidate) physical values in the order of the declared parameters, all inside
-        their physical bounds and finite.
+        (7, n_candidate) physical values in the order of the nominal parameters, all finite and
+        inside their physical bounds.
     """
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
     longest = max(float(r.time[-1] - r.time[0]) for r in records)
     lowest = min(6.0 / longest, 0.25 / interval)
     cutoffs = np.geomspace(lowest, 1.0 / interval, _CUTOFFS)
     scales = _scales(records, interval)
-    # What was not logged is not known to a regression.
+    # The regression needs logged temperatures.
     known = [record for record in records if record.expected is None] or records
     found = [_regressed(known, cutoff, interval, scales) for cutoff in cutoffs]
     found.append(scales)
@@ -60,7 +61,7 @@ def starting_values(records: Sequence[Record]) -> Array:
 
 
 def _scales(records: Sequence[Record], interval: float) -> Array:
-    """Values from sizes alone, for runs so poor that a regression says nothing."""
+    """Starting values from signal sizes alone, for runs too poor for a regression."""
 
     def size(column: Array) -> float:
         return float(np.sqrt(np.mean(column**2)))
@@ -125,7 +126,7 @@ def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]
         return np.asarray(signal.lfilter(rate, poles, x - x[0]))
 
     one = np.ones_like(current)
-    # Samples closer together than the low-pass tells apart say the same thing.
+    # Samples closer together than the low-pass filter resolves are redundant.
     skip = min(int(6.0 / (cutoff * interval)), record.rows // 2)
     kept = slice(skip, None, max(1, int(0.3 / (cutoff * interval))))
     i, w, ti = low(current), low(speed), low(heat * current)
@@ -139,13 +140,13 @@ def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]
 def _least_squares(columns: Array, target: Array) -> Array:
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0] = 1.0
-    # The normal equations of scaled columns: far cheaper than an orthogonal factorisation of all
-    # rows, and their squared condition is no harm to a start.
+    # Normal equations of scaled columns are far cheaper than an orthogonal factorisation of all
+    # rows; their squared condition number does no harm to a starting value.
     scaled = columns / size
     answer = least_squares(scaled.T @ scaled, scaled.T @ target, 1e-12)
     return np.asarray(answer / size)
 
 
 def _positive(value: float, fallback: float) -> float:
-    """`value` where it is positive and not absurdly far from what sizes alone suggest."""
+    """`value` if it is positive and not far below `fallback`, else `fallback`."""
     return float(value) if np.isfinite(value) and value > 1e-4 * fallback else float(fallback)

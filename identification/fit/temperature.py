@@ -1,7 +1,7 @@
-"""The temperature of runs in which none was logged.
+"""Temperature of runs without a logged temperature.
 
-Runs that are fitted have it as a parameter of the model (`model.unlogged`).  A run that is only
-predicted has it fitted with all parameters held, as its initial state is.
+In training runs it is a parameter of the model (`model.unlogged`).  In validation runs it is fitted
+with all parameters held, like the initial state.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _LEAST_SPAN: Final = 1.0
-"""Range of logged temperatures below which they do not tell what a kelvin does [K]."""
+"""Range of logged temperatures below which they do not determine temperature coefficients [K]."""
 _WIDEST: Final = 5.0
-"""Standard deviations of what is expected within which a temperature is looked for."""
+"""Half width of the search range around the expected temperature [prior standard deviations]."""
 _LANES: Final = 16
 _ROUNDS: Final = 5
-"""The range shrinks to an eighth in each; it ends at a hundredth of a kelvin."""
+"""Grid refinements; each shrinks the range to 2/15, the last to about a hundredth of a kelvin."""
 _AGAIN: Final = 3
-"""Rounds in which temperature, warming and initial state are fitted with the others held."""
+"""Rounds in which temperature, warming and initial state are fitted in turn, the others held."""
 _ROUGH: Final = 0.1
-"""Share of the noise by which one interval may be wrong."""
+"""Discretisation error of one interval, over the noise."""
 
 
 def unlogged_of(records: Sequence[Record]) -> Unlogged:
-    """The temperatures that a fit to records has to find.
+    """Unlogged temperatures that a fit to the records has to estimate.
 
     Args:
         records: Training records.
@@ -62,7 +62,7 @@ def unlogged_of(records: Sequence[Record]) -> Unlogged:
 
 
 def with_expected(unlogged: Unlogged, values: Array) -> Array:
-    """Values of the declared parameters (7, n_start), with temperatures as expected behind them."""
+    """Nominal parameters (7, n_start) with the expected unlogged temperatures appended."""
     own = np.array([parameter.prior_mean for parameter in unlogged.parameters])
     return np.concatenate([values, np.repeat(own[:, None], values.shape[1], axis=1)])
 
@@ -75,18 +75,18 @@ def with_own_temperatures(
     *,
     whole: bool = False,
 ) -> tuple[Record, ...]:
-    """Records with the temperature that fits them best where none was logged, one a run.
+    """Records with a fitted temperature where none was logged, one per run.
 
     Args:
         model: The model.
-        values: (n_parameter,) physical, which are held.
-        records: Records that were not fitted.
+        values: (n_parameter,) physical values, held.
+        records: Validation records.
         deviation: (2,) noise of current and speed [A, rad/s].
-        whole: Whether initial states are looked for in whole records, as a phase has to be.
+        whole: Whether initial states are fitted to whole records, as an unknown phase requires.
     """
     if model.unlogged.is_relative and len(model.unlogged.runs) == 1:
-        # One run has no other to be compared with; a temperature found here would hide what the
-        # model lacks.
+        # A single training run without a log gives no reference; a temperature fitted here would
+        # hide what the model lacks.
         return tuple(
             record if record.expected is None else _at(record, np.array([0.0, record.expected]))
             for record in records
@@ -101,7 +101,7 @@ def with_own_temperatures(
 def _temperature(
     model: MotorModel, values: Array, records: Sequence[Record], deviation: Array, whole: bool
 ) -> Array:
-    """(2,) what one run warms by [K] and its temperature in the middle [degC]."""
+    """(2,) warming over one run [K] and temperature in its middle [degC]."""
     free = replace(model, unlogged=Unlogged((records[0].run,), float(records[0].expected or 0.0)))
     known = dict(zip([p.name for p in model.parameters], values, strict=True))
     unlogged = free.unlogged.parameters
@@ -134,7 +134,7 @@ def _temperature(
 
 
 def _at(record: Record, own: Array | None) -> Record:
-    """The record with what it warms by and its temperature in the middle, where it has them."""
+    """The record with a given warming and mid-run temperature; unchanged if it has a log."""
     if own is None or record.expected is None:
         return record
     inputs = record.inputs.copy()
@@ -145,11 +145,11 @@ def _at(record: Record, own: Array | None) -> Record:
 
 
 def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, float]:
-    """Temperatures that were not logged, in the middle of runs, by the name of the run [degC].
+    """Estimated mid-run temperatures of runs without a log, by the name of the run [degC].
 
     Args:
         fit: Fit of the final model.
-        unseen: Records of runs left out, as they were simulated.
+        unseen: Validation records, as simulated.
     """
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     names = {record.run: record.name for record in fit.simulator.records}
@@ -163,16 +163,15 @@ def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, floa
 
 
 def with_scale_drawn(draws: dict[str, Array], fit: Fit, seed: int) -> dict[str, Array]:
-    """Draws with the coefficient of the resistance that was held drawn from what is known of it.
+    """Draws with alpha_Ra, if it was held, replaced by draws from its prior.
 
-    A coefficient that the user knows was not held, and its draws stay.
-
-    Ratios between runs say how the two coefficients compare; resistance and torque constant stay
-    what they are where the temperature is known.
+    Without a span of logged temperatures, the runs determine the ratio of the two temperature
+    coefficients, not their size.  Resistance and torque constant at the expected temperature stay
+    unchanged.  A coefficient that the user knows was not held, and its draws are unchanged.
 
     Args:
-        draws: Draws by name, of one shape each.
-        fit: The fit that they are of.
+        draws: Draws by name, all of one shape.
+        fit: Fit that the draws belong to.
         seed: Seed of the coefficient.
     """
     unlogged = fit.simulator.model.unlogged
