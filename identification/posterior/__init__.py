@@ -1,1 +1,1 @@
-"""What the data leave uncertain: the posterior density and its sampling."""
+"""Bayesian posterior of a fitted model: density, ensemble MCMC and importance sampling."""

@@ -1,15 +1,15 @@
-"""What a long chain has so far, kept in a file, so that a later attempt goes on from there.
+"""Checkpoint files of an MCMC chain, from which a later attempt resumes.
 
     checkpoint = Checkpoint(Path("checkpoints/2.npz"), earlier=(Path("checkpoints/1.npz"),))
     identify(training, validation, options, checkpoint=checkpoint)
 
-An attempt writes to a file of its own and reads those of the attempts before it, so that one which
-was given up and still runs overwrites nothing.  A file is complete or not there: it takes its name
-when its content is on the disk.  It is used where its key is that of the chain, and otherwise the
-chain starts over; so does it where the file cannot be read, since all that is lost is time.
+Each attempt writes its own file and reads the files of earlier attempts.  An abandoned attempt that
+is still running therefore overwrites nothing.  A file receives its name only when its content is on
+the disk, so it is either complete or absent.  A file is used only if its key is that of the chain.
+If no file matches or can be read, the chain starts over, which costs only time.
 
-Whatever computes a fit loads this file, so it imports little; what the state of a chain is stands
-in `identification.posterior.resume`.
+Every process that computes a fit imports this module, so it imports little.  The content of a
+chain's state is defined in `identification.posterior.resume`.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _INTERVAL_S: Final = 10.0
 
 
 class Checkpoint:
-    """Where an attempt keeps its state, and where those before it kept theirs.
+    """State files of this attempt and of earlier attempts.
 
     Args:
-        path: File of this attempt; the directory above it is made when it is needed.
-        earlier: Files of the attempts before it, the best first.
-        interval_s: Least time between two savings [s].
-        subject: What the work is about; a state of other work is not used.
+        path: File of this attempt; its directory is created on demand.
+        earlier: Files of earlier attempts, the best first.
+        interval_s: Shortest time between two saves [s].
+        subject: Hash of the job; a state of another job is not used.
     """
 
     def __init__(
@@ -55,15 +55,15 @@ class Checkpoint:
         self._saved = time.monotonic()
 
     def about(self, *subject: object) -> Self:
-        """The same files for one piece of work, such as the hashes of its runs and its options."""
+        """Copy with the same files, bound to one job: the hashes of its runs and its options."""
         words = digest(subject)
         return type(self)(self._path, self._earlier, self._interval_s, words)
 
     def load(self, key: str) -> dict[str, NDArray[Any]] | None:
-        """The state that was saved last under a key, or None.
+        """Load the state saved under a key, this attempt's file first; None if there is none.
 
         Args:
-            key: What it is the state of.
+            key: Key of the chain.
         """
         for path in (self._path, *self._earlier):
             state = _read(path)
@@ -72,14 +72,14 @@ class Checkpoint:
         return None
 
     def is_due(self) -> bool:
-        """Whether it is time to save again."""
+        """Whether the shortest time between two saves has passed."""
         return time.monotonic() - self._saved >= self._interval_s
 
     def save(self, key: str, state: Mapping[str, NDArray[Any]]) -> None:
-        """Replace what was saved before; where that cannot be done the work goes on without.
+        """Replace the saved state; if writing fails, the chain continues without it.
 
         Args:
-            key: What it is the state of.
+            key: Key of the chain.
             state: Arrays by name.
         """
         neighbour = self._path.with_suffix(".part")
@@ -91,14 +91,14 @@ class Checkpoint:
                 os.fsync(file.fileno())
             neighbour.replace(self._path)
         except OSError:
-            # No space, or the fit was removed.  The chain itself is not hurt.
+            # The disk is full or the fit was deleted.  The chain itself is unaffected.
             with suppress(OSError):
                 neighbour.unlink()
         self._saved = time.monotonic()
 
 
 def digest(*words: object) -> str:
-    """A hash of numbers and texts."""
+    """SHA-256 hash of numbers and texts."""
     return hashlib.sha256(repr(words).encode()).hexdigest()
 
 

@@ -1,9 +1,9 @@
-"""A coarser simulation for the posterior, right where the fit ended.
+"""Response correction: a coarse simulation for the posterior, exact at the optimum.
 
-A fit on long records needs its sample intervals in many parts: the error of coarser ones would move
-the optimum.  Around the optimum that error hardly changes, so it is measured there once and taken
-from what was measured; a coarse simulation then has the optimum of the fine one, and differs from
-it only by what the error changes across the posterior.
+A fit on long records needs many substeps per sample interval, because the error of a coarse
+simulation would shift the optimum.  Near the optimum that error is almost constant.  It is measured
+there once and subtracted from the measured channels.  The coarse simulation then has the optimum of
+the fine one and differs only by the change of its error across the posterior.
 
 Source: Koziel and Leifsson, Simulation-Driven Design by Knowledge-Based Response Correction
 Techniques, Springer (2016), chapter 4 (response correction of a coarse model).
@@ -25,17 +25,17 @@ __all__ = ["coarser"]
 Array = NDArray[np.float64]
 
 _TOLERANCES: Final = (np.inf, 1.0, 0.2)
-"""Errors that one interval may have, over the noise."""
+"""Discretisation errors of one interval over the noise that are tried in turn."""
 
 
 def coarser(
     fine: Simulator, values: Array, states: Sequence[Array], deviation: Array
 ) -> Iterator[Simulator]:
-    """Simulators that cost less than `fine` and log the same at `values`, the cheapest first.
+    """Simulators that cost less than `fine` and have its residuals at `values`, cheapest first.
 
     Args:
-        fine: As fine as the optimum needs.
-        values: (n_parameter,) physical, at the optimum.
+        fine: Simulator as fine as the optimum needs.
+        values: (n_parameter,) physical values at the optimum.
         states: For each record (n_state,) at its first sample.
         deviation: (2,) noise of current and speed [A, rad/s].
     """

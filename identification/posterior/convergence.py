@@ -1,10 +1,10 @@
-"""Convergence of a chain: its length in autocorrelation times, and split R-hat.
+"""MCMC convergence: integrated autocorrelation time and split R-hat.
 
-A chain that has mixed and is 50 autocorrelation times long has an expected split R-hat of
-sqrt(1 + 2 tau / n) = 1.02, since each half of a walker is 25 times long and its mean scatters by
-that much.  The largest of ten dimensions, of which each rests on the variance of some 64 means,
-exceeds the expected excess by less than half.  So a split R-hat up to 1.03 is that of a chain that
-has mixed, and the conventional 1.01 would ask for chains twice as long.
+A converged chain of 50 autocorrelation times has an expected split R-hat of 1.02 = sqrt(1 + 2 tau /
+n), because each half of a walker is 25 autocorrelation times long and its mean scatters
+accordingly.  The largest of ten dimensions, each estimated from about 64 means, exceeds the
+expected excess by less than half.  A split R-hat up to 1.03 is therefore that of a converged chain;
+the conventional 1.01 would require chains twice as long.
 
 Source: Goodman and Weare, Comm. Appl. Math. Comput. Sci. 5 (2010), 65-80 (autocorrelation time of
 an ensemble); Gelman et al., Bayesian Data Analysis, 3rd edition, section 11.4 (split R-hat).
@@ -30,25 +30,25 @@ __all__ = [
 Array = NDArray[np.float64]
 
 LARGEST_R_HAT: Final = 1.03
-"""Largest split R-hat of a chain that counts as converged [-]."""
+"""Largest split R-hat of a converged chain [-]."""
 
 _WINDOW: Final = 5.0
-"""Autocorrelation times over which correlations are summed; Sokal asks for four to ten."""
+"""Width of the summation window in autocorrelation times; Sokal recommends four to ten."""
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """Diagnostics of a chain after burn-in.
+    """Convergence diagnostics of a chain after burn-in.
 
     Args:
         walkers: Number of walkers.
         steps: Steps of each walker.
-        acceptance: Mean share of accepted proposals [-].
+        acceptance: Mean fraction of accepted proposals [-].
         autocorrelation_time: Largest over the dimensions [steps].
-        ess_min: Smallest effective number of independent draws over the dimensions.
+        ess_min: Smallest effective sample size over the dimensions.
         r_hat_max: Largest split R-hat over the dimensions [-].
-        reached: Whether the chain is as many autocorrelation times long as was asked, and R-hat is
-            at most `LARGEST_R_HAT`.
+        reached: Whether the chain has the required number of autocorrelation times, and R-hat is at
+            most `LARGEST_R_HAT`.
     """
 
     walkers: int
@@ -61,12 +61,12 @@ class Convergence:
 
 
 def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergence:
-    """Diagnostics of a chain.
+    """Compute the convergence diagnostics of a chain.
 
     Args:
         chain: (n_step, n_walker, n_dim) after burn-in.
-        acceptance: Mean share of accepted proposals [-].
-        lengths: Autocorrelation times the chain should be long.
+        acceptance: Mean fraction of accepted proposals [-].
+        lengths: Required length of the chain [autocorrelation times].
     """
     steps, walkers, _ = chain.shape
     tau = np.maximum(autocorrelation_times(chain), 1.0)
@@ -86,14 +86,14 @@ def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergen
 def autocorrelation_times(chain: Array) -> Array:
     """Integrated autocorrelation time of each dimension of an ensemble.
 
-    Deviations are taken from the mean of all walkers, so that walkers that stay apart make the time
-    long, as does one that never moved.
+    Deviations are taken from the mean of all walkers.  Walkers that stay apart, or one that never
+    moved, therefore lengthen the time.
 
     Args:
         chain: (n_step, n_walker, n_dim).
 
     Returns:
-        (n_dim,) [steps]; the length of the chain where nothing moved at all.
+        (n_dim,) [steps]; the length of the chain for a dimension that never moved.
 
     Source:
         Sokal, Monte Carlo methods in statistical mechanics (1996), section 3, for the window;
@@ -113,13 +113,13 @@ def autocorrelation_times(chain: Array) -> Array:
 
 
 def split_r_hat(chain: Array) -> Array:
-    """Split R-hat of each dimension, every half of every walker counted as a chain.
+    """Split R-hat of each dimension, with every half of every walker as one chain.
 
     Args:
         chain: (n_step, n_walker, n_dim).
 
     Returns:
-        (n_dim,) near one for a chain that has mixed [-].
+        (n_dim,) near one for a converged chain [-].
     """
     half = chain.shape[0] // 2
     halves = np.concatenate([chain[:half], chain[half : 2 * half]], axis=1)

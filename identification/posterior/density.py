@@ -1,15 +1,14 @@
-"""The posterior density of a fitted model, for many walkers at once.
+"""Log posterior density of a fitted model, for many walkers at once.
 
-Sampled are the search coordinates of the parameters, sheared where their posterior is a bent
-ridge, and the logarithms of the two noise
-deviations.  The initial state of each record is not: given the parameters its likelihood is normal
-(exactly so for a linear motor), so it is integrated out by following its conditional optimum,
-which moves with the parameters as the normal equations say, and along a bent ridge as it was found
-there.  A campaign of a hundred runs is
-thereby sampled in as few dimensions as one of two.
+The sampled dimensions are the search coordinates of the parameters, sheared along a curved ridge,
+and the logarithms of the two noise deviations.  The initial states are integrated out: given the
+parameters, the likelihood of an initial state is normal (exactly so for the nominal model), so that
+the density is evaluated at its conditional optimum.  That optimum follows the parameters by the
+normal equations and, along a ridge, as traced there.  A campaign of a hundred runs is thus sampled
+in as few dimensions as one of two.
 
-Where the fit needs its sample intervals in parts, the posterior is simulated more coarsely as far
-as that leaves its shape; see `coarser`.
+If the fit needs substeps, the posterior uses a coarser simulation that preserves its shape; see
+`coarser`.
 """
 
 from __future__ import annotations
@@ -34,17 +33,17 @@ Array = NDArray[np.float64]
 
 _PROBES: Final = 8
 _LIKE: Final = 0.1
-"""Error of a log density over its fall from the optimum; deviations are then within 5 %."""
+"""RMS error of a log density over its RMS drop from the optimum; spreads are then within 5 %."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Log density over (n_walker, n_dim) points, as emcee wants it.
+    """Log density of points (n_walker, n_dim), as called by emcee.
 
     Args:
-        fit: The optimum around which the initial states are followed.
-        share: Effective share of the samples, below one where the residuals keep a
-            correlation that the noise model does not hold, or are heavy-tailed.
+        fit: Optimum around which the initial states are linearised.
+        share: Effective sample fraction; below one if the residuals are heavy-tailed, or are
+            autocorrelated in a way that the noise model does not describe.
     """
 
     fit: Fit
@@ -52,7 +51,7 @@ class Posterior:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Sampled dimensions: parameters, then the noise deviations."""
+        """Names of the sampled dimensions: parameters, then the noise deviations."""
         return (*self.fit.coordinates.names, "noise_current_A", "noise_speed_rad_s")
 
     @property
@@ -62,16 +61,16 @@ class Posterior:
 
     @property
     def centre(self) -> Array:
-        """(n_dim,) the optimum."""
+        """(n_dim,) optimum."""
         return np.append(self.fit.position, np.log(self.fit.weighting.deviation))
 
     @cached_property
     def ridge(self) -> Ridge:
-        """The shear between sampled and search coordinates."""
+        """Shear between sampled and search coordinates."""
         return ridge_of(self.fit, self.share)
 
     def covariance(self) -> Array:
-        """(n_dim, n_dim) of the normal approximation at the optimum."""
+        """(n_dim, n_dim) covariance of the normal approximation at the optimum."""
         n = self.fit.position.size
         covariance = np.zeros((n + 2, n + 2))
         covariance[:n, :n] = self.fit.equations.covariance(self.share)
@@ -80,7 +79,7 @@ class Posterior:
         return covariance
 
     def mirrored(self, points: Array) -> Array:
-        """Points (n_point, n_dim) with those that are out of bounds mirrored at them."""
+        """Points (n_point, n_dim), mirrored at the bounds if they are outside."""
         n = self.fit.position.size
         inner = self.fit.coordinates.mirrored(self.ridge.bent(points[:, :n].T))
         straight = self.ridge.straightened(inner).T
@@ -96,9 +95,10 @@ class Posterior:
 
     @cached_property
     def simulator(self) -> Simulator:
-        """The cheapest simulation that leaves the density what it is.
+        """The cheapest simulator that preserves the density.
 
-        It is compared with that of the fit at a few draws from the normal approximation.
+        The density is compared with that of the fit's simulator at a few draws from the normal
+        approximation.
         """
         fit = self.fit
         factor = root(self.covariance())
@@ -116,7 +116,7 @@ class Posterior:
         return fit.simulator
 
     def work(self, walkers: int) -> float:
-        """Operations of the density of so many points."""
+        """Operations of one density evaluation at `walkers` points."""
         return self.simulator.misfit_work(walkers, self.fit.weighting)
 
     def __call__(self, points: Array) -> Array:
@@ -128,7 +128,7 @@ class Posterior:
         n = fit.position.size
         position, log_deviation = self.ridge.bent(points[:, :n].T), points[:, n:].T
         prior = fit.coordinates.log_prior(position)
-        # Out of bounds nothing is simulated: the walker's place is taken by the optimum.
+        # Outside the bounds, the optimum is simulated in place of the point.
         inside = np.isfinite(prior)
         safe = np.where(inside, position, fit.position[:, None])
         moved = safe - fit.position[:, None]

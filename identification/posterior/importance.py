@@ -1,9 +1,9 @@
-"""Weighted draws in place of a chain that did not converge.
+"""Pareto-smoothed importance sampling, for a chain that did not converge.
 
-Points are drawn from a wide multivariate t about the optimum and weighted by posterior over
-proposal.  The largest weights are smoothed by a generalised Pareto law, whose shape k tells whether
-the weighted draws stand for the posterior: its variance is finite below 1/2, and estimates are
-reliable up to about 0.7 (less for few draws).
+Points are drawn from a wide multivariate t around the optimum and weighted by posterior over
+proposal density.  The largest weights are smoothed by a generalised Pareto distribution.  Its shape
+k shows whether the weighted draws represent the posterior: the variance of the weights is finite
+below 1/2, and estimates are reliable up to about 0.7 (less for few draws).
 
 Source: Vehtari, Simpson, Gelman, Yao, Gabry, J. Machine Learning Research 25 (2024) 1-58, Pareto
 smoothed importance sampling.
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _DRAWS: Final = 4096
 _LEAST_DRAWS: Final = 1000
-"""Draws that are weighted at most, and at least."""
+"""Largest (`_DRAWS`) and least number of weighted draws."""
 _FREEDOM: Final = 5.0
 _INFLATION: Final = 1.1
 _BATCH: Final = 512
@@ -35,13 +35,13 @@ _LEAST_TAIL: Final = 5
 
 @dataclass(frozen=True)
 class Weighted:
-    """Points that stand for the posterior.
+    """Points that represent the posterior.
 
     Args:
-        points: (n_draw, n_dim) in the coordinates that are sampled, equally likely.
+        points: (n_draw, n_dim) in the sampled coordinates, equally weighted.
         log_density: (n_draw,) their log posterior density.
         shape: Pareto shape k of the largest weights [-].
-        draws: Number of draws that were weighted.
+        draws: Number of weighted draws from which the points were chosen.
     """
 
     points: Array
@@ -51,23 +51,23 @@ class Weighted:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the points stand for the posterior."""
+        """Whether the points represent the posterior."""
         return self.shape <= largest_shape(self.draws)
 
 
 def largest_shape(draws: int) -> float:
-    """Pareto shape up to which so many weighted draws are reliable [-]; the source, section 3.2."""
+    """Largest reliable Pareto shape [-] for a number of weighted draws (source, section 3.2)."""
     return float(min(1.0 - 1.0 / np.log10(draws), 0.7))
 
 
 def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np.inf) -> Weighted:
-    """Draws of the posterior by importance sampling.
+    """Draws from the posterior by importance resampling.
 
     Args:
         posterior: The density.
         seed: Seed of the draws.
         count: Number of points to return.
-        work: Operations that they may take; a thousand draws are made in any case.
+        work: Operation budget of the draws; at least a thousand are made in any case.
     """
     draws = int(np.clip(_BATCH * work / posterior.work(_BATCH), _LEAST_DRAWS, _DRAWS))
     proposal = Independent(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
@@ -78,7 +78,7 @@ def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np
         [posterior(points[first : first + _BATCH]) for first in range(0, draws, _BATCH)]
     )
     weights, shape = smoothed(density + ratios)
-    # Systematic: every point as often as its weight asks, give or take one.
+    # Systematic resampling: each point appears as often as its weight requires, within one.
     places = (np.arange(count) + random.random_sample()) / count
     chosen = np.searchsorted(np.cumsum(weights), places).clip(max=draws - 1)
     chosen = random.permutation(chosen)
@@ -86,14 +86,14 @@ def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np
 
 
 def smoothed(log_weights: Array) -> tuple[Array, float]:
-    """Weights whose largest are those that a Pareto law expects.
+    """Importance weights with the largest ones smoothed by a Pareto distribution.
 
     Args:
-        log_weights: (n_draw,) logarithms of the raw weights; minus infinity for none.
+        log_weights: (n_draw,) logarithms of the raw weights; minus infinity for zero weight.
 
     Returns:
-        (n_draw,) weights with sum one, and the shape k of their tail, infinite where too few
-        weights are there to tell.
+        (n_draw,) weights with sum one, and the shape k of their tail; infinite if too few weights
+        are positive, zero if the largest weights are equal.
     """
     count = log_weights.size
     finite = np.isfinite(log_weights)
@@ -119,11 +119,12 @@ def smoothed(log_weights: Array) -> tuple[Array, float]:
 
 
 def _pareto(excess: Array) -> tuple[float, float]:
-    """Shape and scale of a generalised Pareto law, from sorted excesses over its threshold.
+    """Shape and scale of a generalised Pareto distribution, from sorted excesses.
 
-    The mean of a profile likelihood over a grid, drawn towards 1/2 as ten more observations would.
+    The estimate is the mean of a profile likelihood over a grid.  A prior with the weight of ten
+    observations draws the shape towards 1/2.
 
-    Source: Zhang and Stephens, Technometrics 51 (2009) 316-325; for the pull, Vehtari et al.
+    Source: Zhang and Stephens, Technometrics 51 (2009) 316-325; for the prior, Vehtari et al.
     (2024), appendix G.
     """
     count = excess.size

@@ -1,4 +1,4 @@
-"""Draws of the normal approximation, where no posterior was sampled or no chain converged."""
+"""Draws from the normal (Laplace) approximation of the posterior."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str, Array]:
-    """Draws of the fit's covariance in search coordinates, mirrored at the bounds.
+    """Draws from the normal approximation in search coordinates, mirrored at the bounds.
 
     Args:
         posterior: The density to approximate.
@@ -29,7 +29,7 @@ def normal_draws(posterior: Posterior, seed: int, count: int = 2000) -> dict[str
 
 
 def normal_points(posterior: Posterior, seed: int, count: int) -> Array:
-    """The same draws in the coordinates that are sampled, (n_draw, n_dim).
+    """The same draws in the sampled coordinates, (n_draw, n_dim).
 
     The arguments are those of `normal_draws`.
     """

@@ -1,4 +1,4 @@
-"""Independent proposals: draws of what the posterior is taken for, wherever a walker is.
+"""Independence proposals of the sampler, which do not depend on the walker's position.
 
 Source: Tierney, Annals of Statistics 22 (1994), 1701-1728 (independence chains).
 """
@@ -20,17 +20,18 @@ Array = NDArray[np.float64]
 
 _FREEDOM: Final = 50.0
 _INFLATION: Final = 1.05
-"""Degrees of freedom of proposals across a ridge, and their covariance over the traced one."""
+"""Covariance of proposals across a ridge over the traced one; `_FREEDOM` is their degrees of
+freedom."""
 _GRID: Final = 100
-"""Parts of the way between two traced points in which its density is taken as linear."""
+"""Grid points per traced point; the density is constant between two grid points."""
 
 
 class Independent:
     """Draws from a multivariate t around the optimum.
 
     Args:
-        centre: (n_dim,).
-        covariance: (n_dim, n_dim).
+        centre: (n_dim,) the optimum.
+        covariance: (n_dim, n_dim) scale matrix.
         freedom: Degrees of freedom.
     """
 
@@ -40,7 +41,7 @@ class Independent:
         self._freedom = freedom
 
     def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        """Proposed places (n_walker, n_dim) and the logarithms of the ratio of proposals."""
+        """Proposed points (n_walker, n_dim) and the log ratio of the proposal densities."""
         n_walker, n_dim = coordinates.shape
         normal = random.randn(n_walker, n_dim)
         size = np.sqrt(self._freedom / random.chisquare(self._freedom, size=n_walker))
@@ -53,17 +54,17 @@ class Independent:
 
 
 class AlongRidge:
-    """Draws of the way along a traced ridge, and of a multivariate t across it there.
+    """Draws of the position along a traced ridge, with a multivariate t across it.
 
     Args:
-        ridge: The ridge, traced.
-        noise: (n_noise,) centre of the dimensions that the ridge does not have.
-        noise_sd: (n_noise,) their deviations.
+        ridge: The traced ridge.
+        noise: (n_noise,) centre of the log noise deviations, which the ridge does not contain.
+        noise_sd: (n_noise,) their standard deviations.
     """
 
     def __init__(self, ridge: Ridge, noise: Array, noise_sd: Array) -> None:
         self._ridge, self._noise, self._noise_sd = ridge, noise, noise_sd
-        # One more step to both sides, on which the density goes on as it did.
+        # Extrapolate the log density linearly by one step at both ends.
         way, height = (
             np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
             for x in (ridge.way, ridge.log_density)
@@ -76,7 +77,7 @@ class AlongRidge:
         self._log_share = np.log(parts / parts.sum() / np.diff(grid))
 
     def __call__(self, coordinates: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        """Proposed places (n_walker, n_dim) and the logarithms of the ratio of proposals."""
+        """Proposed points (n_walker, n_dim) and the log ratio of the proposal densities."""
         n_walker, n_dim = coordinates.shape
         ridge, split = self._ridge, self._ridge.centre.size
         way = np.interp(random.rand(n_walker), self._share, self._grid)
@@ -107,7 +108,7 @@ class AlongRidge:
         return np.asarray(along - volume + _student(distance, points.shape[1] - 1, _FREEDOM))
 
     def _roots(self, way: Array) -> Array:
-        """(n_walker, n_parameter - 1, n_parameter - 1) between those of the traced points."""
+        """(n_walker, n_parameter - 1, n_parameter - 1) Cholesky factors, interpolated."""
         points, roots = self._ridge.way, self._ridge.roots
         place = np.clip(np.searchsorted(points, way) - 1, 0, points.size - 2)
         share = (way - points[place]) / (points[place + 1] - points[place])

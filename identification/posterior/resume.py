@@ -1,7 +1,7 @@
-"""The state of a chain as arrays, and a chain that begins with it.
+"""State of an emcee chain as arrays, and a backend that resumes from it.
 
-Kept are the walkers' ways, their densities and the state of the random numbers: a chain that goes
-on is number for number the one that was not interrupted.
+The state holds the positions of the walkers, their log densities and the state of the random
+generator.  A resumed chain equals an uninterrupted one, number for number.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _RESOLUTION: Final = 0.01
 
 
 def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) -> str:
-    """Key of a chain: what is sampled, where it is, how wide it is, and from which seed.
+    """Key of a chain: its dimensions, centre, widths, seed and number of walkers.
 
-    Centre and widths are rounded to a hundredth of a standard deviation, so that another machine,
-    whose last digits differ, can go on where this one stopped.
+    Centre and widths are rounded to a hundredth of a standard deviation.  Another machine, whose
+    last digits differ, can therefore resume the chain.
 
     Args:
         posterior: The density.
@@ -41,10 +41,10 @@ def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) 
 
 
 def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
-    """The state of a chain as arrays.
+    """State of a chain as arrays.
 
     Args:
-        backend: What emcee keeps of it.
+        backend: emcee backend of the chain.
     """
     _, keys, position, has_gauss, gauss = backend.random_state
     steps = backend.iteration
@@ -61,10 +61,10 @@ def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
 def kept_backend(
     checkpoint: Checkpoint | None, key: str, walkers: int, n_dim: int
 ) -> emcee.backends.Backend:
-    """What emcee begins with: the state that was saved, or nothing.
+    """Backend of emcee with the saved state; empty if none was saved.
 
     Args:
-        checkpoint: Where it may have been saved.
+        checkpoint: Where the state may have been saved.
         key: Key of the chain.
         walkers: Number of walkers.
         n_dim: Number of dimensions.

@@ -1,15 +1,15 @@
-"""The ridge of a posterior that is long in one direction and bent, or ends there.
+"""Shear that straightens a curved or truncated ridge of the posterior.
 
-Where runs determine products of parameters far better than the parameters themselves (a motor
-whose back-EMF is weak beside its friction, say), the posterior is a thin, curved ridge, and a
-sampler that proposes straight steps crawls along it.  So the ridge is traced by optimising all
-other directions while one runs (`trace`), and the posterior is sampled in coordinates sheared
-along it,
+If runs determine products of parameters far better than the parameters themselves (for example, if
+the back-EMF is weak compared with the friction), the posterior is a thin, curved ridge.  A sampler
+with straight proposals moves slowly along it.  The ridge is therefore traced by optimising all
+other directions at a sequence of positions (`trace`).  The posterior is sampled in coordinates
+sheared along it,
 
     z = w + s(t(w)),      t(w) = l . (w - z_0),      l . s = 0,
 
-which leave volumes unchanged: the density needs no correction and stays exact.  The best initial
-states of the records go along with it.
+which preserve volume: the density needs no Jacobian and stays exact.  The best initial states of
+the records are tabulated along the ridge as well.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ridge:
-    """A shear that makes a bent ridge straight, and what the posterior is along it.
+    """Shear that straightens a curved ridge, and the posterior along the ridge.
 
     Args:
         centre: (n_parameter,) the optimum, search coordinates.
         tangent: (n_parameter,) one posterior standard deviation along the ridge, at the optimum.
-        along: (n_parameter,) the functional l that measures the way along the ridge, in standard
-            deviations.
-        way: (n_point,) ways at which the ridge was traced [-]; only 0 where it is straight.
-        shifts: (n_point, n_parameter) the ridge's distance from its tangent.
-        states: For each record (n_point, n_state) how far its best initial state is from where the
-            slopes at the optimum lead.
-        log_density: (n_point,) of the way, all other directions integrated out.
-        roots: (n_point, n_parameter - 1, n_parameter - 1) Cholesky factors of the covariance
-            across the ridge, in `basis`.
-        basis: (n_parameter, n_parameter - 1) orthonormal directions that do not move along.
+        along: (n_parameter,) linear functional l that gives the position along the ridge, in
+            standard deviations.
+        way: (n_point,) traced positions along the ridge [-]; only 0 if it is straight.
+        shifts: (n_point, n_parameter) distance of the ridge from its tangent.
+        states: For each record (n_point, n_state) distance of its best initial state from the
+            linear extrapolation at the optimum.
+        log_density: (n_point,) along the ridge, all other directions integrated out.
+        roots: (n_point, n_parameter - 1, n_parameter - 1) Cholesky factors of the covariance across
+            the ridge, in `basis`.
+        basis: (n_parameter, n_parameter - 1) orthonormal directions orthogonal to `along`.
     """
 
     centre: Array
@@ -57,7 +57,7 @@ class Ridge:
 
     @property
     def is_straight(self) -> bool:
-        """Whether there is nothing to straighten."""
+        """Whether the ridge needs no shear."""
         return self.way.size < 2
 
     def bent(self, straight: Array) -> Array:
@@ -65,12 +65,12 @@ class Ridge:
         return straight if self.is_straight else straight + self._shift(straight)[0]
 
     def straightened(self, bent: Array) -> Array:
-        """Sheared coordinates (n_parameter, ...) of search coordinates; what `bent` takes back."""
-        # The shear does not move a point along the ridge, l . s = 0.
+        """Sheared coordinates (n_parameter, ...) of search coordinates; the inverse of `bent`."""
+        # The shear keeps the position along the ridge, since l . s = 0.
         return bent if self.is_straight else bent - self._shift(bent)[0]
 
     def state_shifts(self, position: Array) -> list[Array]:
-        """What the best initial state of each record has beside its slopes, (n_state, ...).
+        """Distance of each best initial state from its linear extrapolation, (n_state, ...).
 
         Args:
             position: (n_parameter, ...) search coordinates.
@@ -81,16 +81,16 @@ class Ridge:
         return self._shift(position)[1:]
 
     def way_of(self, points: Array) -> Array:
-        """The way along the ridge (...) of points (n_parameter, ...), sheared or not."""
+        """Position along the ridge (...) of points (n_parameter, ...), sheared or not."""
         return np.asarray(np.tensordot(self.along, (points.T - self.centre).T, axes=1))
 
     @cached_property
     def _spline(self) -> CubicSpline:
-        """Shifts of the parameters, then those of the states of each record, over the way."""
+        """Shifts of the parameters, then of each record's states, over the position."""
         return CubicSpline(self.way, np.hstack([self.shifts, *self.states]), bc_type="natural")
 
     def _shift(self, points: Array) -> list[Array]:
-        """Shifts of the parameters, and of the states of each record, where the points are."""
+        """Shifts of the parameters, and of each record's states, at the given points."""
         way = self.way_of(points)
         inside = np.clip(way, self.way[0], self.way[-1])
         found = self._spline(inside) + self._spline(inside, 1) * (way - inside)[..., None]

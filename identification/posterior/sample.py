@@ -1,10 +1,10 @@
-"""Sampling of the posterior with emcee.
+"""Ensemble MCMC of the posterior with emcee; weighted draws if the chain does not converge.
 
-The ensemble starts from the normal approximation of the fit, and most of the proposals come from
-there too (independent draws from a multivariate t around the optimum): for the nearly normal
-posteriors of long records they decorrelate in two steps where the stretch move takes fifty.  Where
-the posterior is bent, cut off or has a long tail, most are draws along its ridge as that was
-traced.  Differential evolution and stretch moves keep the sampler right where neither holds.
+The ensemble starts from the normal approximation of the fit.  Most proposals are independent draws
+from a multivariate t around the optimum.  For the nearly normal posteriors of long records they
+decorrelate in two steps, the stretch move in fifty.  If the posterior is curved, truncated or
+long-tailed, most proposals are draws along its traced ridge.  Differential-evolution and stretch
+moves keep the chain moving if neither proposal fits the posterior.
 
 Source: Foreman-Mackey et al., PASP 125 (2013), 306 (emcee); ter Braak, Statistics and Computing 16
 (2006), 239-249 (differential evolution).
@@ -41,31 +41,32 @@ Source = Literal["chain", "importance", "normal"]
 
 _NARROW: Final = (200.0, 1.02)
 _WIDE: Final = (5.0, 1.1)
-"""Degrees of freedom of proposals, and their covariance over that of the normal approximation."""
+"""Degrees of freedom of narrow and wide proposals, and their covariance over that of the normal
+approximation."""
 _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _GLIMPSE: Final = 20
-"""Steps of a chain that cannot be long enough."""
+"""Steps of a chain whose budget is too small for convergence."""
 _LENGTHS: Final = 50.0
 _STAND_IN: Final = 2000
-"""Draws that stand in for a chain."""
+"""Number of draws that replace an unconverged chain."""
 _TRIAL: Final = 300
-"""Steps after which a chain is given up that would not be long enough at the last one."""
+"""Steps after which a chain is abandoned if the step limit is too low for its convergence."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Draws of the posterior.
+    """Draws from the posterior.
 
     Args:
         chain: (n_step, n_walker, n_dim) physical values after burn-in.
         log_density: (n_step, n_walker).
         names: Names of the dimensions.
         units: Their units.
-        convergence: How well the chain has mixed.
-        source: What the draws are: of the ``chain``; where it did not converge, of ``importance``
-            sampling or, where that is not reliable either, of the ``normal`` approximation.
-        shape: Pareto shape of the weights of importance sampling [-]; None where none was tried.
+        convergence: Convergence diagnostics of the chain.
+        source: Origin of the draws: the ``chain``; if it did not converge, ``importance`` sampling;
+            if that is not reliable either, the ``normal`` approximation.
+        shape: Pareto shape of the importance weights [-]; None if there are none.
     """
 
     chain: Array
@@ -77,7 +78,7 @@ class Sample:
     shape: float | None = None
 
     def draws(self, most: int = 2000) -> dict[str, Array]:
-        """At most `most` draws, evenly spread over the chain, by name."""
+        """At most `most` draws by name, evenly spread over the chain."""
         flat = self.chain.reshape(-1, self.chain.shape[2])
         rows = np.unique(np.linspace(0, flat.shape[0] - 1, most).astype(int))
         return {name: flat[rows, k] for k, name in enumerate(self.names)}
@@ -96,10 +97,10 @@ def sample(
     Args:
         posterior: The density.
         seed: Seed; the same seed gives the same chain.
-        most_steps: Steps after which to stop in any case; `Convergence.reached` says so.
-        work: Operations after which to stop, counted in whole chunks of steps.
+        most_steps: Largest number of steps; `Convergence.reached` is False if it ends the chain.
+        work: Operations after which the chain stops, counted in whole chunks of steps.
         progress: Called with the fraction done.
-        checkpoint: Where the chain is kept while it grows, and taken up again.
+        checkpoint: Where the chain is saved while it grows, and from which it resumes.
     """
     rng = np.random.default_rng(seed)
     covariance = posterior.covariance()
@@ -124,7 +125,7 @@ def sample(
     done, tau = sampler.iteration, np.inf
     affordable = work / posterior.work(walkers)
     if affordable < _LEAST_STEPS:
-        # Too few for any chain to be long enough: its draws are only compared with the others.
+        # No chain this short converges; the steps that are made serve for its diagnostics alone.
         affordable = _GLIMPSE
     if done:
         state = sampler.get_last_sample()
@@ -136,7 +137,7 @@ def sample(
             goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
             progress(min(1.0, done / min(goal, most_steps, affordable)))
         if done >= _TRIAL and not 1.25 * _LENGTHS * tau < min(most_steps, affordable):
-            # More steps within the limits would not make the chain long enough.
+            # The remaining steps cannot make the chain long enough.
             break
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
@@ -159,7 +160,7 @@ def sample(
 
 
 def _standing_in(found: Sample, posterior: Posterior, seed: int, work: float) -> Sample:
-    """The sample with draws that do not come from its chain, which has not converged."""
+    """Replace the draws of an unconverged chain by importance or normal draws."""
     walkers = found.convergence.walkers
     count = walkers * max(_STAND_IN // walkers, 1)
     weighted = weighted_draws(posterior, seed, count, work)
@@ -177,13 +178,13 @@ def _standing_in(found: Sample, posterior: Posterior, seed: int, work: float) ->
 
 
 def _convergence(sampler: emcee.EnsembleSampler, burn: int) -> Convergence:
-    """How well the chain has mixed after burn-in, by which it ends and which is reported."""
+    """Convergence diagnostics after burn-in, for the stopping rule and for the report."""
     accepted = float(np.mean(sampler.acceptance_fraction))
     return convergence_of(sampler.get_chain(discard=burn), accepted, _LENGTHS)
 
 
 def _burn_in(done: int, tau: float) -> int:
-    """Steps to leave out: three autocorrelation times, at least a tenth, at most half."""
+    """Burn-in [steps]: three autocorrelation times, at least a tenth, at most half of the chain."""
     return int(np.clip(3 * tau, done // 10, done // 2)) if np.isfinite(tau) else done // 2
 
 

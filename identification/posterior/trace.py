@@ -1,7 +1,8 @@
-"""Tracing the ridge of a posterior: all other directions are optimised while one runs.
+"""Tracing of a posterior ridge by constrained Gauss-Newton at successive positions.
 
-The direction is that of the few least certain ones along which the posterior is least like a normal
-one: bent, cut off by a bound, or with a longer tail.
+The candidates are the few least certain directions and the inward direction from each active bound.
+The ridge follows the one along which the posterior is least normal: curved, truncated by a bound,
+or long-tailed.
 """
 
 from __future__ import annotations
@@ -25,18 +26,20 @@ Array = NDArray[np.float64]
 _STEP: Final = 0.5
 _LONGER: Final = 1.5
 _GENTLE: Final = 0.5
-"""Way between the first two points in deviations, and its growth where the density falls less."""
+"""`_STEP`: distance to the first point [standard deviations].  `_LONGER`: growth of the distance
+after a point at which the log density dropped by less than `_GENTLE`."""
 _MOST: Final = 14
 _ENOUGH: Final = 9.0
-"""Most points to one side, and the fall of the log density after which nothing is sampled."""
+"""`_MOST`: largest number of points on one side.  `_ENOUGH`: drop of the log density beyond which
+nothing is sampled."""
 _STEPS: Final = 5
 _FAR: Final = 0.1
-"""Squared Gauss-Newton step, in deviations, after which a point is near enough to the ridge."""
+"""Squared Gauss-Newton step [squared standard deviations] below which a point is on the ridge."""
 _DIRECTIONS: Final = 3
 _PROBE: Final = 2.0
 _BENT: Final = 0.5
 _CUT: Final = 2.0
-"""How unlike a normal density one is that a bound cuts off at the probe."""
+"""Deviation from normality assigned to a density that a bound truncates at the probe."""
 _STIFF: Final = 1e8
 
 
@@ -47,8 +50,8 @@ class _Point:
     Args:
         position: (n_parameter,) search coordinates.
         states: For each record (n_state,) the best initial state.
-        precision: (n_parameter, n_parameter) inverse covariance there.
-        fall: How far the log density is below that of the optimum.
+        precision: (n_parameter, n_parameter) inverse covariance at the point.
+        fall: Drop of the log density from the optimum.
     """
 
     position: Array
@@ -59,12 +62,12 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Direction:
-    """A way that a ridge may take.
+    """A candidate direction of the ridge.
 
     Args:
-        tangent: (n_parameter,) a way on which the log density falls by about a half.
-        along: (n_parameter,) the functional that measures the way, one for the tangent.
-        free: (n_parameter,) which parameters move; others stay at their bounds.
+        tangent: (n_parameter,) step over which the log density falls by about one half.
+        along: (n_parameter,) linear functional that gives the position; it is one for the tangent.
+        free: (n_parameter,) whether a parameter moves; the others stay at their bounds.
     """
 
     tangent: Array
@@ -73,11 +76,11 @@ class _Direction:
 
 
 def ridge_of(fit: Fit, share: float) -> Ridge:
-    """The ridge through the optimum; straight where the posterior is as good as normal.
+    """The ridge through the optimum; straight if the posterior is close to normal.
 
     Args:
         fit: The optimum.
-        share: Effective share of the samples.
+        share: Effective sample fraction.
     """
     directions = _directions(fit, share)
     excess = _excess(fit, share, directions)
@@ -95,7 +98,7 @@ def _precision(equations: NormalEquations, share: float) -> Array:
 
 
 def _directions(fit: Fit, share: float) -> list[_Direction]:
-    """The least certain directions, and from each bound that the optimum is at the way inwards."""
+    """The least certain directions, and the inward direction from each active bound."""
     coordinates, precision = fit.coordinates, _precision(fit.equations, share)
     lower, upper = fit.position <= coordinates.lower, fit.position >= coordinates.upper
     free = ~(lower | upper)
@@ -116,20 +119,20 @@ def _directions(fit: Fit, share: float) -> list[_Direction]:
         tangent = np.zeros(free.size)
         tangent[moving] = deviation / np.sqrt(deviation[np.flatnonzero(moving) == bound])
         tangent = tangent if lower[bound] else -tangent
-        # The slope there makes the density fall sooner than its curvature does.
+        # At a bound the gradient lowers the density sooner than the curvature does.
         slope = max(-float(fit.equations.gradient @ tangent), 0.0)
         tangent = tangent / (np.hypot(slope, 1.0) + slope)
         along = np.zeros(free.size)
         along[bound] = 1.0 / tangent[bound]
         found.append(_Direction(tangent, along, moving))
     kept = [d for d in found if np.isfinite(d.tangent).all() and np.isfinite(d.along).all()]
-    # Where the precision spans more than numbers hold, any way will do: none is followed.
+    # If the precision is numerically singular, the direction is arbitrary and not followed.
     first = np.eye(free.size)[0]
     return kept or [_Direction(first, first, free)]
 
 
 def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:
-    """(n_direction,) how far the log density two deviations away is from a normal one's."""
+    """(n_direction,) deviation of the log density from normality, two standard deviations away."""
     count = len(directions)
     tangents = _PROBE * np.array([direction.tangent for direction in directions]).T
     steps = np.hstack([tangents, -tangents])
@@ -146,7 +149,7 @@ def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:
 
 
 def _falls(fit: Fit, share: float, position: Array, states: list[Array]) -> Array:
-    """(n_point,) how far the log density is below that of the optimum."""
+    """(n_point,) drop of the log density from the optimum."""
     points = np.column_stack([fit.position, position])
     starts = [np.column_stack([own, x]) for own, x in zip(fit.states, states, strict=True)]
     sums = fit.simulator.misfit(fit.coordinates.values(points), starts, fit.weighting)
@@ -157,20 +160,20 @@ def _falls(fit: Fit, share: float, position: Array, states: list[Array]) -> Arra
 
 
 def _traced(fit: Fit, share: float, direction: _Direction, sign: float) -> dict[float, _Point]:
-    """Points of the ridge to one side, by their way."""
+    """Points of the ridge on one side, by position."""
     found: dict[float, _Point] = {}
     way, step = 0.0, _STEP
     slope = direction.tangent
     here = _Point(fit.position, fit.states, _precision(fit.equations, share), 0.0)
     while len(found) < _MOST and here.fall < _ENOUGH:
         way += sign * step
-        # Straight on from the last two points of the ridge.
+        # Extrapolate from the last two points of the ridge.
         ahead = here.position + sign * step * slope
         point = _optimised(fit, share, ahead, here.states, direction, way)
         if point is None or not point.fall < 2.0 * _ENOUGH:
             break
         slope = (point.position - here.position) / (sign * step)
-        # A long tail is followed to its end.
+        # Longer steps reach the end of a long tail.
         step *= _LONGER if point.fall - here.fall < _GENTLE else 1.0
         here = found[way] = point
     return found
@@ -184,7 +187,7 @@ def _optimised(
     direction: _Direction,
     way: float,
 ) -> _Point | None:
-    """The best point at a given way along the ridge; None where there is none inside the bounds."""
+    """The best point at a position along the ridge; None if none is found inside the bounds."""
     coordinates, free = fit.coordinates, direction.free
     for _ in range(_STEPS):
         if not _is_inside(fit, position, free):
@@ -209,7 +212,7 @@ def _optimised(
             )
         )
         if far < _FAR and _is_inside(fit, position, free):
-            # So short a step leaves the precision what it is.
+            # The precision is unchanged by so short a step.
             fall = _falls(fit, share, position[:, None], [x[:, None] for x in states])
             return _Point(position, states, precision, float(fall[0]))
     return None
@@ -221,7 +224,7 @@ def _is_inside(fit: Fit, position: Array, free: NDArray[np.bool_]) -> bool:
 
 
 def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[np.bool_]) -> Array:
-    """The Gauss-Newton step of the free parameters to the best point at a way that is `short`."""
+    """Gauss-Newton step of the free parameters to the best point, `short` along the ridge."""
     matrix, gradient = equations.matrix[np.ix_(free, free)], equations.gradient[free]
     along = along[free]
     scale = float(np.max(np.diag(matrix))) * _STIFF / float(along @ along)
@@ -232,7 +235,7 @@ def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[
 
 
 def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
-    """What was traced, in the order of the way."""
+    """The ridge of the traced points, in the order of their positions."""
     tangent, along = direction.tangent, direction.along
     way = np.array(sorted(points))
     traced = [points[w] for w in way]
@@ -263,7 +266,7 @@ def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _P
 
 
 def _scaled_root(precision: Array) -> Array:
-    """Cholesky factor of the inverse of a precision, scaled to unit diagonal on the way."""
+    """Cholesky factor of the inverse of a precision matrix, computed at unit diagonal."""
     size = np.sqrt(np.maximum(np.diag(precision), 1e-300))
     values, vectors = eigh(precision / np.outer(size, size))
     upper = np.linalg.qr((vectors / np.sqrt(np.maximum(values, 1e-14))).T, mode="r")
