@@ -1,4 +1,4 @@
-"""Which runs are fitted after the checks: all, those that do not contradict, or none."""
+"""Selection of the runs to fit after the checks: all, those without contradiction, or none."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Admission", "admitted"]
 
 @dataclass(frozen=True)
 class Admission:
-    """The runs that are fitted and what was found in all that were given.
+    """The runs to fit, and the findings of the checks.
 
     Args:
         training: Runs to fit.
-        validation: Runs to check on.
-        findings: What the checks found in the runs given, contradictions first.
-        set_aside: Runs left out for a contradiction, with their roles.
-        forced: Whether contradictions are in the runs that are fitted.
+        validation: Validation runs.
+        findings: Findings in the given runs, contradictions first.
+        set_aside: Runs excluded for a contradiction, with their roles.
+        forced: Whether the runs to fit contain contradictions.
     """
 
     training: tuple[Run, ...]
@@ -34,7 +34,7 @@ class Admission:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences for the result, the gravest first."""
+        """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}
         forced = [
             f"fitted by force although the runs contradict physics or each other, so no number of "
@@ -51,16 +51,16 @@ class Admission:
 
 
 def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:
-    """Check all runs, and decide which are fitted.
+    """Check all runs and decide which are fitted.
 
     Args:
-        training: Runs given to fit.
-        validation: Runs given to check on.
-        options: Whether contradicting runs are set aside, and whether to go on all the same.
+        training: Training runs given.
+        validation: Validation runs given.
+        options: Whether contradictory runs are set aside, and whether contradictions are accepted.
 
     Raises:
-        ContradictoryRuns: Runs contradict physics or each other, and the options do not say what
-            to do with them; the message holds all findings.
+        ContradictoryRuns: Runs contradict physics or each other, and the options do not resolve it;
+            the message lists all findings.
     """
     verdict = check_runs([*training, *validation])
     findings = list(verdict.findings)
@@ -69,7 +69,7 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
     while options.set_aside and (separable := {f.file for f in refused if f.separable}):
         left_out |= separable
         kept = [run for run in (*training, *validation) if run.name not in left_out]
-        # A fault may have hidden another one, or have been what the others contradicted.
+        # A fault may have hidden another one, or have caused the contradictions of other runs.
         refused = check_runs(kept).refused
         known = {str(f) for f in findings}
         findings = [f for f in findings if f.separable or f in refused]
@@ -89,7 +89,7 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
 
 
 def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryRuns:
-    """The error that lists all findings, and what may be done."""
+    """Error that lists all findings and the possible remedies."""
     count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
     ways = "correct the runs"
     if not options.set_aside and any(f.separable for f in findings):

@@ -1,15 +1,15 @@
-"""Regressions on the two balances of a motor, averaged over windows.
+"""Regression on the electrical and mechanical balances, integrated over windows.
 
-Integrated over a window of length T the balances are linear in the logged signals,
+Integrated over a window of length T, the balances are linear in the logged signals,
 
     v = R i + K w + L (i_end - i_begin) / T + u sign(i) + v0
     i = (J (w_end - w_begin) / T + b w + c sign(w) + m) / K
 
-so that no derivative is taken and noise is averaged.  Brush drop u, dry friction c and the zero
-errors v0 and m have regressors of their own and do not spoil the others.
+so that no derivative is needed and noise averages out.  Brush drop u, dry friction c and the
+offsets v0 and m have their own regressors and do not bias the other coefficients.
 
-Standard errors come from a jackknife over contiguous blocks, which is right for residuals that
-are correlated in time (Kunsch, Annals of Statistics 17 (1989), 1217-1241).
+Standard errors come from a jackknife over contiguous blocks, which is valid for autocorrelated
+residuals (Kunsch, Annals of Statistics 17 (1989), 1217-1241).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 SAMPLES: Final = 200_000
-"""Samples of a run that are looked at: a sensor is wrong from the beginning."""
+"""Largest number of samples checked per run; a faulty sensor is faulty from the beginning."""
 _WINDOW_SAMPLES: Final = 8
 _WINDOWS: Final = 120
 _FEWEST_WINDOWS: Final = 30
@@ -49,15 +49,15 @@ _NOISE_TIMES: Final = 4.0
 
 @dataclass(frozen=True)
 class Signals:
-    """The three electrical and mechanical signals of a run, in SI units.
+    """Voltage, current and speed of a run, in SI units.
 
     Args:
         time: (n_sample,) [s].
         voltage: (n_sample,) [V].
         current: (n_sample,) [A].
         speed: (n_sample,) [rad/s].
-        joined: (n_sample - 1,) False where an interval crosses a gap of the record, or has an end
-            at the limit of a sensor.
+        joined: (n_sample - 1,) False for an interval that crosses a gap of the record or touches a
+            saturated sample.
     """
 
     time: Array
@@ -68,7 +68,7 @@ class Signals:
 
 
 def signals_of(run: Run) -> Signals:
-    """The signals of a run up to `SAMPLES`, with samples at a sensor's limit cut out."""
+    """Signals of a run up to `SAMPLES`; intervals at saturated samples are excluded."""
     joined = np.ones(run.time.size - 1, dtype=bool)
     for start, _ in run.segments[1:]:
         joined[start - 1] = False
@@ -85,7 +85,7 @@ def signals_of(run: Run) -> Signals:
 
 
 def has_signal(signal: Array) -> bool:
-    """Whether a signal is more than white noise: means over 16 samples scatter by more.
+    """Whether means over 16 samples scatter more than those of white noise.
 
     Args:
         signal: (n_sample,) any unit.
@@ -100,13 +100,14 @@ def has_signal(signal: Array) -> bool:
 
 @dataclass(frozen=True)
 class Regression:
-    """A linear regression with jackknife errors.
+    """Linear regression with jackknife standard errors.
 
     Args:
         values: (n_regressor,) coefficients.
         errors: (n_regressor,) their standard errors.
-        shares: (n_regressor,) each term's root mean square over the target's, with its sign.
-        missed: Share of the target's variance that is left.
+        shares: (n_regressor,) RMS of each term over that of the target, with the coefficient's sign
+            [-].
+        missed: Unexplained fraction of the target's variance [-].
     """
 
     values: Array
@@ -115,17 +116,17 @@ class Regression:
     missed: float
 
     def is_negative(self, k: int, errors: float, share: float) -> bool:
-        """Whether a coefficient is below zero by so many errors and so large a term."""
+        """Whether a coefficient is below -`errors` standard errors and its term below -`share`."""
         return bool(self.values[k] < -errors * self.errors[k] and self.shares[k] < -share)
 
 
 def mean_square(signal: Array) -> float:
-    """Mean of the squared signal."""
+    """Mean square of a signal."""
     return float(np.mean(signal**2))
 
 
 def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
-    """Least squares of a target with an intercept; None where regressors are dependent.
+    """Least squares of a target with an intercept; None if the regressors are collinear.
 
     Args:
         target: (n,) any unit.
@@ -155,7 +156,7 @@ def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
 
 
 class _Windows:
-    """Cuts a record into windows of equally many samples; those across a gap are left out."""
+    """Division of a record into windows of equal sample count, without those across a gap."""
 
     def __init__(self, signals: Signals, length: int) -> None:
         self._step = np.diff(signals.time)
@@ -179,14 +180,14 @@ class _Windows:
 
 @dataclass(frozen=True)
 class Balance:
-    """The two balances over windows of one length.
+    """Both balances over windows of one length.
 
     Args:
         voltage: (n_window,) means [V].
         current: (n_window,) means [A].
         speed: (n_window,) means [rad/s].
         current_rate: (n_window,) [A/s].
-        speed_rate: (n_window,) [rad/s2].
+        speed_rate: (n_window,) [rad/s^2].
     """
 
     voltage: Array
@@ -197,7 +198,7 @@ class Balance:
 
     @cached_property
     def electrical(self) -> Regression | None:
-        """Coefficients R, K, L, then the brush drop where the current has both signs."""
+        """Coefficients R, K, L, and the brush drop if the current has both signs."""
         regressors = [self.current, self.speed, self.current_rate]
         if _reverses(self.current):
             regressors.append(_soft_sign(self.current))
@@ -205,7 +206,7 @@ class Balance:
 
     @cached_property
     def mechanical(self) -> Regression | None:
-        """Coefficients J / K, b / K, then the dry friction where the motor reverses."""
+        """Coefficients J / K, b / K, and the dry friction if the motor reverses."""
         regressors = [self.speed_rate, self.speed]
         if _reverses(self.speed):
             regressors.append(_soft_sign(self.speed))
@@ -213,7 +214,7 @@ class Balance:
 
 
 def balances_of(signals: Signals) -> list[Balance]:
-    """The balances over short and over long windows, as far as the run is long enough."""
+    """The balances over short and over long windows, if the run is long enough for them."""
     rows = signals.time.size
     lengths = {_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, rows // _WINDOWS)}
     found = []
@@ -241,5 +242,5 @@ def _reverses(signal: Array) -> bool:
 
 
 def _soft_sign(signal: Array) -> Array:
-    """Sign of a signal, linear up to a tenth of its size."""
+    """Sign of a signal, linear up to a tenth of its peak."""
     return np.asarray(np.clip(signal / max(0.1 * float(np.abs(signal).max()), 1e-300), -1.0, 1.0))

@@ -1,4 +1,4 @@
-"""All checks of all runs, in an order in which the first explanation of a fault wins."""
+"""All checks of all runs, in an order in which the first explanation of a fault is reported."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DRIVEN = 0.05
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the checks found.
+    """Findings of all checks.
 
     Args:
         findings: Contradictions first, then suspicions.
@@ -37,12 +37,12 @@ class Verdict:
 
     @property
     def refused(self) -> tuple[Finding, ...]:
-        """Findings for which a fit is refused."""
+        """Findings that block a fit."""
         return tuple(f for f in self.findings if f.severity == "refuse")
 
     @property
     def suspected(self) -> tuple[Finding, ...]:
-        """Findings that are only said."""
+        """Findings that are only reported."""
         return tuple(f for f in self.findings if f.severity == "suspect")
 
 
@@ -50,11 +50,11 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check runs of one motor against physics and against each other.
 
     Args:
-        runs: All runs, fitted and kept aside.
+        runs: All runs, training and validation.
     """
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     single = [_single(run, strongest) for run in runs]
-    # A channel that is constant in all runs has no sensor: it is not fitted, and that is said.
+    # A channel that is constant in all runs has no sensor; it is not fitted, and a warning says so.
     unmeasured = {
         column
         for column, word in (("current_A", "current"), ("speed_rad_s", "speed"))
@@ -75,12 +75,12 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
 
 
 def _sizes(run: Run) -> NDArray[np.float64]:
-    """(3,) movement of voltage, current and speed [V, A, rad/s]."""
+    """(3,) standard deviation of voltage, current and speed [V, A, rad/s]."""
     return np.array([np.std(run.voltage), np.std(run.current), np.std(run.speed)])
 
 
 def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
-    """Findings of one run; the first kind that explains it is enough for its electrical side."""
+    """Findings of one run: temperature jumps, and the first electrical check that finds a fault."""
     jumps = jump_findings(run)
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
@@ -118,7 +118,7 @@ def _idle(run: Run, share: float) -> Finding:
 
 
 def _unexplained(run: Run, signals: Signals) -> list[Finding]:
-    """A run whose voltage current and speed do not explain, for no reason that is known."""
+    """Finding for a voltage that current and speed do not explain, for an unknown reason."""
     if not has_signal(signals.voltage):
         return []
     fits = [b.electrical for b in balances_of(signals)]

@@ -1,8 +1,9 @@
-"""Runs against each other: one that is scaled otherwise, or comes from another motor.
+"""Consistency of runs with each other: wrong scale factors, runs of another motor.
 
 Scaling voltage, current, speed and time by factors gives another motor that obeys the same
-balances, so one run alone cannot show it.  Between runs of one motor resistance, torque constant
-and inertia agree, but for heat and for effects; a factor of 9.55 or 1,000 is no effect.
+balances, so a single run cannot reveal a wrong scale.  Runs of one motor agree in resistance,
+torque constant and inertia, except for temperature and effects.  A factor of 9.55 or 1,000 is not
+an effect.
 """
 
 from __future__ import annotations
@@ -25,16 +26,17 @@ _COPPER: Final = 0.0039
 _MAGNET: Final = -0.0010
 _REFERENCE: Final = 25.0
 _CLEAN: Final = 0.02
-"""Unexplained share of the voltage up to which a run's coefficients mean something."""
+"""Unexplained fraction of the voltage up to which a run's coefficients are used."""
 _ERRORS: Final = 5.0
 _CONSTANT: Final = math.log(1.35)
 """Largest deviation of ln K between runs.  Of 1,680 healthy runs with and without effects 99 % are
 within 9 % of the median; late demagnetisation and saturation reach 25 %."""
 _RESISTANCE: Final = math.log(2.5)
-"""The same of ln R, which heat, brushes and lost voltage change more: they reach a factor 1.7."""
+"""Largest deviation of ln R between runs.  Temperature, brushes and lost voltage change R more than
+K, up to a factor 1.7."""
 _MANY_WINDOWS: Final = 60
 _FEW_WINDOWS: Final = 3.0
-"""Factor on both limits where so few windows leave the errors themselves unknown."""
+"""Factor on both limits for runs with so few windows that their standard errors are uncertain."""
 _NAMED: Final = math.log(1.35)
 _NAMED_RESISTANCE: Final = math.log(1.6)
 _TIME: Final = math.log(1.6)
@@ -55,22 +57,22 @@ _SCALES: Final = (
 
 @dataclass(frozen=True)
 class Estimate:
-    """Coefficients of one run.
+    """Regression coefficients of one run.
 
     Args:
         run: The run.
-        resistance: At 25 degC with copper's coefficient [ohm].
+        resistance: At 25 degC with the coefficient of copper [ohm].
         resistance_error: Its relative standard error.
         raw_resistance: At the run's own temperature [ohm].
-        constant: Torque constant at 25 degC with a middling magnet's coefficient [V s/rad].
+        constant: Torque constant at 25 degC with the coefficient of a typical magnet [V s/rad].
         constant_error: Its relative standard error.
         inertia: [kg m^2].
         inertia_error: Its relative standard error.
         interval: Median sample interval [s].
-        missed: Share of the voltage that is left unexplained.
+        missed: Unexplained fraction of the voltage.
         friction: Viscous friction of the same regression [N m s/rad].
         windows: Number of windows of that regression.
-        ohmic: Share of the voltage's movement that falls across the resistance.
+        ohmic: RMS voltage across the resistance over the RMS voltage, means subtracted.
     """
 
     run: Run
@@ -89,7 +91,7 @@ class Estimate:
 
     @property
     def is_long(self) -> bool:
-        """Whether there are windows enough to know the errors as well."""
+        """Whether there are enough windows to trust the standard errors."""
         return self.windows >= _MANY_WINDOWS
 
     @property
@@ -104,7 +106,7 @@ class Estimate:
 
 
 def estimate_of(run: Run) -> Estimate | None:
-    """Coefficients of a run; None where it is too short or nothing moves.
+    """Coefficients of a run; None if it is too short or its signals are constant.
 
     Args:
         run: The run.
@@ -142,10 +144,10 @@ def _relative(error: float, value: float) -> float:
 
 
 def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
-    """Runs whose coefficients contradict those of the others.
+    """Findings for runs whose coefficients contradict those of the others.
 
     Args:
-        estimates: Of all runs whose signs are right.
+        estimates: Estimates of all runs whose signs are correct.
     """
     sound = [e for e in estimates if e.is_sound]
     if len(sound) < 2:
@@ -162,7 +164,7 @@ def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
 
 
 def _median(values: Sequence[float]) -> float:
-    """The lower middle value, which is one of them."""
+    """Lower median, which is one of the values."""
     return sorted(values)[(len(values) - 1) // 2]
 
 
@@ -208,7 +210,7 @@ def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
 
 
 def _scale(e: Estimate, constant: float, resistance: float) -> tuple[str, float, str] | None:
-    """Channel, factor on its values and unit that explain the coefficients of a run."""
+    """Channel, factor on its values, and unit that explain the coefficients of a run."""
     at = math.log(e.constant / constant), math.log(e.resistance / resistance)
     for channel, size, unit in _SCALES:
         for s, word in ((size, unit), (1.0 / size, "")):
@@ -241,7 +243,7 @@ def _scale_finding(e: Estimate, channel: str, s: float, unit: str, constant: flo
 
 
 def _divided(sound: Sequence[Estimate]) -> Finding:
-    """The runs fall into parts of which none is the larger."""
+    """Finding for runs that fall into groups without a majority."""
     low, high = (min(sound, key=lambda e: e.constant), max(sound, key=lambda e: e.constant))
     if high.constant / low.constant < math.exp(_CONSTANT):
         low = min(sound, key=lambda e: e.resistance)
@@ -250,7 +252,7 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
     hint = "give runs of one motor, recorded in the same units"
     for one, other in ((low, high), (high, low)):
         named = _scale(one, other.constant, other.resistance)
-        # Units that are forgotten are small ones, so that numbers are too large.
+        # A forgotten unit is usually a small one, so that the numbers are too large.
         if named is not None and named[1] > 1.0:
             corrections = (factor(one.run, named[0], 1.0 / named[1]),)
             hint = f"{named[0]} of {one.run.name} may be in {named[2] or 'another unit'}"
@@ -272,7 +274,7 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
 
 
 def _is_slow(e: Estimate, sound: Sequence[Estimate]) -> bool:
-    """Whether a run has another unit of time: interval and inertia are off by one factor."""
+    """Whether the time of a run has another unit: interval and inertia are off by one factor."""
     return e.inertia > 0.0 and e.inertia_error < 1.0 / _ERRORS and _time_ratio(e, sound) is not None
 
 

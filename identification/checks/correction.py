@@ -1,6 +1,8 @@
-"""Words of ``--map`` that correct a run, in terms of the columns it was read from.
+"""``--map`` arguments that correct a run, in terms of the columns it was read from.
 
-training_3.csv:current_A=I motor * -1 in mA
+    training_3.csv:current_A=I motor * -1 in mA
+
+reads the current from the column "I motor" in mA, with the sign reversed.
 """
 
 from __future__ import annotations
@@ -12,12 +14,12 @@ __all__ = ["exchange", "factor", "left_out", "other_unit"]
 
 
 def factor(run: Run, channel: str, number: float) -> str:
-    """The channel times a number.
+    """Mapping of a channel multiplied by a number.
 
     Args:
-        run: The run that is wrong.
+        run: The faulty run.
         channel: Canonical name.
-        number: What the values have to be multiplied with.
+        number: Factor on the values.
     """
     source = _source(run, channel)
     words = f"{source.header} * {_number(source.scale * number)}"
@@ -29,10 +31,10 @@ def factor(run: Run, channel: str, number: float) -> str:
 
 
 def exchange(run: Run, first: str, second: str) -> tuple[str, str]:
-    """Both channels, each from the other's column, as numbers in SI units.
+    """Mappings of two channels to each other's column, in SI units.
 
     Args:
-        run: The run that is wrong.
+        run: The faulty run.
         first: Canonical name.
         second: Canonical name.
     """
@@ -40,17 +42,17 @@ def exchange(run: Run, first: str, second: str) -> tuple[str, str]:
 
 
 def _as_si(run: Run, channel: str, other: str) -> str:
-    """A channel read from the column of another one, in its own SI unit."""
+    """Mapping of a channel to the column of another one, in the channel's SI unit."""
     return f"{run.name}:{channel}={_source(run, other).header} in {canonical_unit(channel).name}"
 
 
 def other_unit(run: Run, channel: str, unit: str) -> str:
-    """The channel's column, read in another unit."""
+    """Mapping of a channel to its column in another unit."""
     return f"{run.name}:{channel}={_source(run, channel).header} in {unit}"
 
 
 def left_out(run: Run, channel: str) -> str:
-    """An optional channel left out."""
+    """Mapping that omits an optional channel."""
     return f"{run.name}:{channel}="
 
 

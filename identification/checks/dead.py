@@ -1,4 +1,4 @@
-"""Sensors that do not follow the motor: dead, stuck from some sample on, or copied."""
+"""Sensor faults: dead, stuck at one value, or copied from another channel."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from identification.ingest.run import Run
 __all__ = ["copied_findings", "dead_findings", "stuck_findings"]
 
 _FOLLOWS: Final = 0.15
-"""Explained share of a channel below which it is noise.  The least in 3,360 healthy balances was
+"""Explained fraction of a channel below which it is noise.  The least in 3,360 healthy balances was
 0.6; noise alone reaches 0.1 with five regressors and 120 windows."""
 _NEEDED: Final = 0.02
-"""Share of the voltage that the dead channel would have to explain."""
+"""Fraction of the voltage that the dead channel would have to explain."""
 _OTHER: Final = 0.12
-"""Explained share of the other channel, which proves that the motor answered."""
+"""Explained fraction of the other channel that proves that the motor responded."""
 _STAY: Final = 20
 _STAYS: Final = 5.0
 _STUCK: Final = 1.8
@@ -34,7 +34,7 @@ _NAMES: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": 
 
 
 def copied_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Channels that hold the numbers of another one.
+    """Findings for channels with the samples of another one, sign ignored.
 
     Args:
         run: The run.
@@ -62,7 +62,7 @@ def copied_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def dead_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Current or speed sensors that do not answer in a run in which the motor did.
+    """Findings for current or speed sensors that do not respond to the drive.
 
     Args:
         run: The run.
@@ -99,7 +99,7 @@ def _dead(run: Run, column: str | None, others: str, explained: float) -> Findin
 
 
 def _explained(balance: Balance, channel: str) -> float:
-    """Share of a channel that the other two and their rates explain."""
+    """Explained fraction of a channel, regressed on voltage, the other channel and its rate."""
     b = balance
     target, other, rate = (
         (b.current, b.speed, b.speed_rate)
@@ -110,20 +110,20 @@ def _explained(balance: Balance, channel: str) -> float:
         return 0.0
     regressors = [x for x in (b.voltage, other, rate) if np.ptp(x) > 0.0]
     if channel == "speed" and np.ptp(b.voltage) > 0.0:
-        # A speed is slow: what the drive did before counts as well as what it does now.
+        # The speed responds slowly, so that past voltage counts as well as present voltage.
         regressors.append(_filtered(b.voltage))
     fit = regress(target, regressors) or regress(target, regressors[:1])
     return 1.0 if fit is None else 1.0 - fit.missed
 
 
 def _filtered(signal: Array) -> Array:
-    """The signal through a low-pass of eight windows."""
+    """The signal through a low-pass filter with a time constant of eight windows."""
     kernel = np.exp(-np.arange(32) / 8.0)
     return np.convolve(signal - signal[0], kernel / kernel.sum())[: signal.size]
 
 
 def _needed(balances: list[Balance], channel: str) -> float:
-    """Share of the voltage that the other channel leaves unexplained."""
+    """Fraction of the voltage that the other channel leaves unexplained."""
     left = []
     for b in balances:
         regressors = [b.speed] if channel == "current" else [b.current, b.current_rate]
@@ -133,7 +133,7 @@ def _needed(balances: list[Balance], channel: str) -> float:
 
 
 def stuck_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Sensors that stay at one value while the motor goes on.
+    """Findings for sensors that hold one value while the motor continues to move.
 
     Args:
         run: The run.
@@ -164,18 +164,18 @@ def stuck_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def _longest_stay(signal: Array) -> tuple[int, int, int]:
-    """First and one past last sample of the longest repeat, and the length of the next one."""
+    """Start and end (exclusive) of the longest constant stretch; median length of the next ten."""
     edges = np.concatenate(([0], np.flatnonzero(np.diff(signal) != 0.0) + 1, [signal.size]))
     lengths = np.diff(edges)
     order = np.argsort(lengths)
     longest = int(order[-1])
-    # A sensor at its limit, or a motor at rest, has many stays: the middle of the longest ten.
+    # A saturated sensor, or a motor at standstill, has many constant stretches.
     usual = int(np.median(lengths[order[-11:-1]])) if lengths.size > 1 else 0
     return int(edges[longest]), int(edges[longest + 1]), usual
 
 
 def _inside(signals: Signals, start: int, stop: int) -> tuple[float, float]:
-    """Error of the voltage balance in a span over elsewhere, and over the voltage's size."""
+    """RMS error of the voltage balance in a span, over that elsewhere and over the voltage."""
     rate = np.gradient(signals.current, signals.time)
     matrix = np.column_stack([signals.current, signals.speed, rate, np.ones(signals.time.size)])
     scale = np.sqrt(np.mean(matrix**2, axis=0))

@@ -1,4 +1,4 @@
-"""A finding: one contradiction in the runs, with the number it rests on and its correction."""
+"""Finding of a check: a contradiction in the runs, with its statistic and its correction."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import Literal
 __all__ = ["Finding", "Severity"]
 
 Severity = Literal["refuse", "suspect"]
-"""``refuse``: contradicts physics or the other runs.  ``suspect``: possible, and unusual."""
+"""``refuse``: contradicts physics or the other runs.  ``suspect``: possible but unusual."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One contradiction, or one suspicion.
+    """One contradiction or one suspicion.
 
     Args:
-        code: Stable word such as ``reversed_channel``.
-        severity: Whether a fit is refused for it.
-        file: Name of the run; empty where all runs have it.
+        code: Stable identifier such as ``reversed_channel``.
+        severity: Whether the finding blocks a fit.
+        file: Name of the run; empty if it concerns all runs.
         column: Canonical name of the channel, or None.
-        message: What is wrong, in words.
-        statistic: Name of the number that decided.
+        message: Description of the fault.
+        statistic: Name of the deciding statistic.
         value: Its value.
-        limit: What it was compared with.
-        corrections: Words of ``--map`` that correct it; empty where no mapping can.
-        separable: Whether physics says that this run is at fault, whatever the others hold.
+        limit: Limit that it was compared with.
+        corrections: ``--map`` arguments that correct the fault; empty if no mapping can.
+        separable: Whether the fault is known to be in this run, regardless of the others.
     """
 
     code: str
@@ -40,7 +40,7 @@ class Finding:
     separable: bool = True
 
     def __str__(self) -> str:
-        """Place, message, the number with its limit, and the correction to type."""
+        """Location, message, statistic with its limit, and the correction to type."""
         place = ", column ".join(word for word in (self.file, self.column) if word)
         text = f"{place}: {self.message}" if place else self.message
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"

@@ -1,4 +1,4 @@
-"""The logged temperature against the winding's resistance, which is a thermometer of its own."""
+"""Check of the logged temperature against the winding resistance, itself a thermometer."""
 
 from __future__ import annotations
 
@@ -21,22 +21,24 @@ _COPPER: Final = 0.0039
 _REFERENCE: Final = 25.0
 _JUMP_K: Final = 25.0
 _JUMP_K_S: Final = 50.0
-"""A winding at ten times its rated current heats by some 10 K/s, a thermometer in it follows."""
+"""Largest rate of a thermometer [K/s].  One in a winding at ten times its rated current follows
+about 10 K/s."""
 _FAR: Final = 0.1
 _TIMES: Final = 4.0
 _OHMIC: Final = 0.15
-"""Share of the voltage across the resistance below which lags and filters bias it by a tenth."""
+"""Fraction of the voltage across the resistance below which lags and filters bias it by a tenth."""
 _FEWEST: Final = 3
 _SPAN_K: Final = 30.0
 _FAHRENHEIT: Final = (0.0019, 0.0029)
-"""Coefficient of copper over a Fahrenheit scale, 0.00245 at 25, with room on either side."""
+"""Coefficient of copper on a Fahrenheit scale, 0.00245 relative to a reading of 25, with
+margins."""
 _LINE: Final = 0.03
-"""Scatter of the resistances about their line over the temperature, as a share of Ra25."""
+"""Largest RMS deviation of the resistances from their line over temperature, over Ra25."""
 _COPPERS: Final = (0.0035, 0.00415)
 
 
 def jump_findings(run: Run) -> list[Finding]:
-    """Jumps that no thermometer makes.
+    """Findings for temperature jumps that no thermometer can follow.
 
     Args:
         run: The run.
@@ -44,7 +46,7 @@ def jump_findings(run: Run) -> list[Finding]:
     if run.temperature is None:
         return []
     step = np.abs(np.diff(run.temperature))
-    # Across a gap of the record anything may have happened.
+    # Any change is possible across a gap of the record.
     step[[start - 1 for start, _ in run.segments[1:]]] = 0.0
     rate = step / np.diff(run.time)
     jumps = np.flatnonzero((step > _JUMP_K) & (rate > _JUMP_K_S))
@@ -69,21 +71,23 @@ def jump_findings(run: Run) -> list[Finding]:
 
 
 def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
-    """Runs whose logged temperature contradicts their resistance, by that of the other runs.
+    """Findings for runs whose logged temperature contradicts their resistance.
+
+    The resistance at 25 degC of the other runs is the reference.
 
     Args:
-        estimates: Of runs that agree in all else.
+        estimates: Estimates of runs that agree in all else.
     """
     sound = [e for e in estimates if e.is_sound and e.is_long and e.run.temperature is not None]
     if len(sound) < _FEWEST:
         return []
     found = [finding for e in sound if (finding := _against(e, sound)) is not None]
-    # Where several stand out, there is no rule that one breaks.
+    # If several runs deviate, the others are no reference.
     return found[:1] if len(found) == 1 else _common(sound)
 
 
 def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
-    """A run whose resistance at 25 degC stands out by far from those of the others."""
+    """Finding for a run whose resistance at 25 degC is far from those of the others, or None."""
     others = np.log([o.resistance for o in sound if o is not e])
     middle = float(np.median(others))
     spread = float(np.abs(others - middle).max())
@@ -108,13 +112,13 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
 
 
 def _temperature(e: Estimate) -> NDArray[np.float64]:
-    """(n_sample,) logged temperature, zero where there is none [degC]."""
+    """(n_sample,) logged temperature [degC]; a single zero without a log."""
     return np.zeros(1) if e.run.temperature is None else e.run.temperature
 
 
 @dataclass(frozen=True)
 class _Deviation:
-    """How a run's resistance stands against its temperature: [ln], [ln], [degC], [degC]."""
+    """Deviation of ln Ra25 and its limit [-]; logged and effective temperature [degC]."""
 
     off: float
     limit: float
@@ -138,7 +142,7 @@ def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str)
 
 
 def _common(sound: Sequence[Estimate]) -> list[Finding]:
-    """What is suspect of the temperature in all runs."""
+    """Finding for a temperature that may be in degrees Fahrenheit in all runs."""
     logged = np.array([float(np.mean(_temperature(e))) for e in sound])
     raw = np.array([e.raw_resistance for e in sound])
     if np.ptp(logged) < _SPAN_K or logged.max() < 60.0:
@@ -148,7 +152,7 @@ def _common(sound: Sequence[Estimate]) -> list[Finding]:
     if np.sqrt(np.mean(left**2)) > _LINE * base or base <= 0.0:
         return []
     coefficient = slope / base
-    # The same line over degC: T = 1.8 C + 32.
+    # The same line over degC, with T = 1.8 C + 32.
     celsius = 1.8 * slope / (base + slope * (1.8 * _REFERENCE + 32.0 - _REFERENCE))
     if not (_FAHRENHEIT[0] < coefficient < _FAHRENHEIT[1] and _COPPERS[0] < celsius < _COPPERS[1]):
         return []

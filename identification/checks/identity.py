@@ -1,18 +1,19 @@
-"""Channels with the wrong sign, and channels that stand in each other's column.
+"""Detection of reversed and exchanged channels by the signs of the balance coefficients.
 
-The balances of a motor have positive coefficients R, K and J.  Each way in which three channels
-can be turned or exchanged breaks at least one of these signs or leaves a balance unexplained, and
-no two ways break them alike.  So every hypothesis is put to both balances, and the one under which
-the run is a motor is the correction.
+The coefficients R, K and J of a motor's balances are positive.  Each reversal or exchange of the
+three channels makes at least one of them negative or leaves a balance unexplained, and no two
+faults have the same signature.  Every hypothesis is therefore tested on both balances.  The
+hypothesis with positive coefficients is the correction.
 
-A generator and a load that drives the motor change the mechanical balance only; the electrical one
-holds whatever turns the shaft.  So a run is refused on the electrical signs alone; the mechanical
-balance serves for the choice among the hypotheses.
+A generator, or a load that drives the motor, changes the mechanical balance only.  The electrical
+balance holds whatever turns the shaft.  A run is therefore refused for its electrical signs alone;
+the mechanical balance only selects among the hypotheses.
 
-Where friction keeps current and speed in proportion, neither R nor K is known, and L tells the sign
-of the current: a delay makes L alone negative, a reversed sensor R and L together.  There the speed
-has no electrical sign at all.  A mechanical balance that holds with a negative inertia and a
-negative friction is then a suspicion, since a brake that is controlled by its speed has one, too.
+If friction keeps current and speed in proportion, R and K cannot be separated.  L then gives the
+sign of the current: a delay makes L alone negative, a reversed sensor R and L together.  The speed
+has no electrical sign in this case.  A mechanical balance that holds with negative inertia and
+negative friction is then only a suspicion, since a brake controlled by its speed has the same
+signs.
 """
 
 from __future__ import annotations
@@ -29,22 +30,22 @@ from identification.ingest.run import Run
 __all__ = ["identity_findings", "is_contradictory"]
 
 _ERRORS: Final = 5.0
-"""Standard errors by which a coefficient has to be below zero.  5,040 balances of simulated runs
-with and without effects have no negative one at all."""
+"""Standard errors by which a coefficient has to be below zero.  None of 5,040 balances of simulated
+runs, with and without effects, has a negative coefficient."""
 _SHARE: Final = 0.03
-"""Share of the voltage that a negative term has to carry."""
+"""Fraction of the voltage that a negative term has to exceed."""
 _MISSED: Final = 0.3
 _HOLDS: Final = 0.02
-"""Unexplained share of the current up to which the mechanical balance is taken to hold."""
+"""Unexplained fraction of the current up to which the mechanical balance holds."""
 _BETTER: Final = 0.25
-"""Share of the unexplained part that an exchange may leave, where no sign speaks."""
+"""Largest ratio of unexplained fractions after and before a correction, if no sign is wrong."""
 
 Exchange = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """One way in which the channels may be wrong; voltage, current, speed in this order."""
+    """A possible channel fault; `change` maps voltage, current and speed, in this order."""
 
     code: str
     channels: tuple[str, ...]
@@ -70,16 +71,16 @@ _HYPOTHESES: Final = (
 
 @dataclass(frozen=True)
 class _Judged:
-    """Signals of a run under one hypothesis.
+    """Balances of a run under one hypothesis.
 
     Args:
-        turned: Least term of the electrical balance that is negative beyond doubt, as a share of
-            the voltage; 0 where none is.
+        turned: Most negative significant term of the electrical balance, over the voltage; 0 unless
+            there is one at every window length.
         holds: Whether R, K and J are all positive.
-        missed: What both balances leave unexplained, together.
-        mechanical: What the mechanical one leaves.
-        inertia_turned: Whether the inertia is negative beyond doubt.
-        friction_turned: Whether the viscous friction is.
+        missed: Sum of the unexplained fractions of both balances.
+        mechanical: Unexplained fraction of the mechanical balance.
+        inertia_turned: Whether the inertia is significantly negative.
+        friction_turned: Whether the viscous friction is significantly negative.
     """
 
     turned: float
@@ -91,12 +92,12 @@ class _Judged:
 
     @property
     def is_backwards(self) -> bool:
-        """Whether the mechanical balance holds, and only with negative inertia and friction."""
+        """Whether the mechanical balance holds only with negative inertia and friction."""
         return self.inertia_turned and self.friction_turned and self.mechanical < _HOLDS
 
 
 def identity_findings(run: Run, signals: Signals) -> list[Finding]:
-    """The contradiction of signs or columns in a run, if there is one.
+    """Finding for a wrong sign or a wrong column in a run, if there is one.
 
     Args:
         run: The run.
@@ -114,7 +115,7 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
     possible = [(h, j) for h, j in found if j is not None and j.turned == 0.0]
     if as_logged.turned == 0.0:
         possible = [(h, j) for h, j in possible if j.holds]
-    # Where the shaft is driven, or current and speed are in proportion, a sign need not hold.
+    # With a driven shaft, or current and speed in proportion, not every sign holds.
     possible = [
         (h, j)
         for h, j in possible
@@ -133,7 +134,7 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def is_contradictory(signals: Signals) -> bool:
-    """Whether the electrical balance has a coefficient that is negative beyond doubt."""
+    """Whether the electrical balance has a significantly negative coefficient."""
     judged = _judged(balances_of(signals))
     return judged is not None and judged.turned < 0.0
 
@@ -180,7 +181,7 @@ def _changed(signals: Signals, hypothesis: _Hypothesis) -> Signals:
 
 
 def _judged(balances: Sequence[Balance]) -> _Judged | None:
-    """The verdict that the balances over all lengths of windows share."""
+    """Result that the balances over all window lengths have in common."""
     pairs = [(b.electrical, b.mechanical) for b in balances]
     fits = [(e, m) for e, m in pairs if e is not None and m is not None]
     if not fits:
@@ -200,6 +201,6 @@ def _judged(balances: Sequence[Balance]) -> _Judged | None:
 
 
 def _is_turned(electrical: Regression, k: int) -> bool:
-    """Whether R, K or L is negative beyond doubt; L only where R is negative, too."""
+    """Whether R, K or L is significantly negative; L only if R is negative as well."""
     is_negative = electrical.is_negative(k, _ERRORS, _SHARE)
     return is_negative and (k != 2 or bool(electrical.values[0] < 0.0))

@@ -1,9 +1,10 @@
-"""Channels that were logged as magnitudes, without their sign.
+"""Detection of channels that were logged as magnitudes, without their sign.
 
-A magnitude keeps its sign while the voltage reverses, leaves the voltage balance unexplained, and
-explains it once the sign is put back.  The sign is that of the voltage less the other term, so that
-a motor that is braked or reversed keeps turning: it is found in turns with the regression.  The
-speed has one sign from one standstill to the next; the current may change it at any sample.
+A magnitude keeps one sign while the voltage reverses.  It leaves the voltage balance unexplained,
+and the balance holds once the sign is restored.  The restored sign is that of the voltage minus the
+other term, so that a braked or reversed motor keeps its direction of rotation.  Signs and
+regression are computed alternately.  The speed keeps one sign between two standstills; the current
+may change its sign at any sample.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from identification.ingest.run import Run
 __all__ = ["magnitude_findings"]
 
 _REVERSAL: Final = 0.1
-"""Share of its peak up to which a channel counts as never negative."""
+"""Fraction of its peak up to which a channel counts as never negative."""
 _MISSED: Final = 0.03
 _BETTER: Final = 0.35
-"""Share of what is unexplained that may be left once the sign is put back."""
+"""Largest ratio of the unexplained fractions with and without the restored sign."""
 _TURNS: Final = 4
 _STANDSTILL: Final = 0.05
 
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Channels of a run that hold magnitudes.
+    """Findings for channels of a run that hold magnitudes.
 
     Args:
         run: The run.
@@ -69,14 +70,14 @@ def _finding(run: Run, name: str, before: float, after: float) -> Finding:
 
 
 def _missed(signals: Signals) -> float:
-    """Least share of the voltage that windows of either length leave, with positive R and K."""
+    """Least unexplained fraction of the voltage over the window lengths, with positive R and K."""
     fits = [b.electrical for b in balances_of(signals)]
     shares = [f.missed for f in fits if f is not None and f.values[0] > 0 and f.values[1] > 0]
     return min(shares, default=1.0)
 
 
 def _signed(signals: Signals, names: list[str]) -> Signals:
-    """Signals with signs put back by what the voltage says."""
+    """Signals with signs restored from the voltage balance."""
     sign = np.where(signals.voltage < 0.0, -1.0, 1.0)
     current = sign * signals.current if "current_A" in names else signals.current
     speed = signals.speed
@@ -97,7 +98,7 @@ def _signed(signals: Signals, names: list[str]) -> Signals:
 
 
 def _by_region(speed: Array, drive: Array) -> Array:
-    """Speed with one sign from one standstill to the next, that of the mean drive there."""
+    """Speed with one sign between two standstills, that of the mean drive there."""
     moving = np.abs(speed) > _STANDSTILL * float(np.abs(speed).max())
     edges = np.flatnonzero(np.diff(moving.astype(np.int8))) + 1
     starts = np.concatenate(([0], edges))

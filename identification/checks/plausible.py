@@ -1,7 +1,7 @@
-"""Units that are wrong in all runs alike: suspected from what motors of any size are like.
+"""Plausibility of units that may be wrong in all runs, by the proportions of typical motors.
 
-Scaling a channel of all runs gives another motor that obeys the same equations, so nothing here
-refuses; a reader is told what to check.
+Scaling a channel of all runs gives another motor that obeys the same equations.  These checks
+therefore refuse no run; they report what to verify.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _SHORT: Final = 0.15
 
 
 def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) -> list[Finding]:
-    """What is suspect of all runs together.
+    """Suspicions about all runs together.
 
     Args:
         runs: All runs.
-        estimates: Of those whose balances hold.
+        estimates: Estimates of runs whose balances hold.
     """
     sound = [e for e in estimates if e.is_sound and e.inertia > 0.0]
     found = _short(runs)
@@ -47,7 +47,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
     torque = constant * max(_high(e.run.current) for e in sound)
     speed = max(_high(e.run.speed) for e in sound)
     run = sound[0].run
-    # Shear stress at the rotor's surface, rotor as long as it is wide: torque = 4 pi r^3 stress.
+    # Shear stress at the rotor surface, rotor length equal to diameter: torque = 4 pi r^3 stress.
     radius = (torque / (4.0 * math.pi * _SHEAR_PA)) ** (1.0 / 3.0)
     if speed * radius > _TIP_M_S or speed > _FAST_RAD_S:
         found.append(_fast(run, speed, speed * radius, constant))
@@ -61,7 +61,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
 
 
 def _high(signal: np.ndarray) -> float:
-    """The size that a signal reaches but in one sample of a hundred."""
+    """99 % quantile of the magnitude of a signal."""
     return float(np.quantile(np.abs(signal), 0.99))
 
 

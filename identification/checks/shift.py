@@ -1,8 +1,8 @@
-"""A channel that is shifted in time against the others, as by two loggers with two clocks.
+"""Detection of a channel shifted in time, as by two loggers with separate clocks.
 
-The voltage balance is evaluated on short means with one channel taken earlier or later.  A shift
-counts where the balance misses much of the voltage as logged and little at one other lag; a delay
-of a few samples, which `channel_delay` describes, stays far below that.
+The voltage balance is evaluated on short means with one channel taken earlier or later.  A shift is
+reported if the balance leaves much of the voltage unexplained as logged and little at another lag.
+A delay of a few samples, as in the effect `channel_delay`, stays far below that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NAMES: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": 
 
 
 def shifted_findings(run: Run, signals: Signals) -> list[Finding]:
-    """A channel that is shifted in time against the others.
+    """Finding for a channel that is shifted in time against the others.
 
     Args:
         run: The run.
@@ -71,14 +71,14 @@ def shifted_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def _means(signal: Array, length: int) -> Array:
-    """Means over windows by the trapezoidal rule."""
+    """Window means by the trapezoidal rule."""
     count = (signal.size - 1) // length
     middles = 0.5 * (signal[1:] + signal[:-1])
     return np.asarray(middles[: count * length].reshape(count, length).mean(axis=1))
 
 
 def _balance_missed(means: dict[str, Array], name: str, shift: int) -> float:
-    """What the voltage balance leaves with one channel taken `shift` windows later."""
+    """Unexplained fraction of the voltage with one channel taken `shift` windows later."""
     count = means[name].size
     moved = (name, _RATE) if name == "current_A" else (name,)
     late = slice(max(shift, 0), count + min(shift, 0))

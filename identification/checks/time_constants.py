@@ -1,20 +1,22 @@
-"""Time constants of the identified motor beside those of motors in data sheets.
+"""Plausibility of the identified time constants, by data sheets of brushed motors.
 
     electrical   L / Ra            [s]
     mechanical   J Ra / Kt^2       [s]
 
 Neither depends on the number of turns.  Data sheets of brushed motors up to the size of the
-Faulhaber 3863 CR (200 W, Kt / sqrt(Ra) = 0.05 N m/sqrt(W)) have
+Faulhaber 3863 CR (200 W, Kt / sqrt(Ra) = 0.05 N m/sqrt(W)) give
 
     electrical   10 us (0816 SR), 25 us (1331 SR), 280 us (3863 CR), all coreless; 0.63 ms with an
                  iron core (Pittman 9232S003: 4.64 mH, 7.38 ohm)
     mechanical   6.1 to 6.5 ms, 6.3 to 7.1 ms, 4.8 ms and 14.4 ms
 
-and printed armatures of 0.1 to 4.5 kW below 0.15 ms and 2.9 to 20.5 ms.  Large servo motors have
-8 to 40 ms for the electrical one (Parker MGV420B to MGV950C, of three phases; an iron core of that
-size is taken to have the same with brushes).  The limits leave a factor to what is in the data
-sheets: eight for small motors, none for the longest of the large ones; a third of the least
-mechanical one, and ten times the longest, which is a load of nine times the rotor's inertia.
+and those of printed armatures of 0.1 to 4.5 kW give below 0.15 ms and 2.9 to 20.5 ms.  Large servo
+motors have electrical time constants of 8 to 40 ms (Parker MGV420B to MGV950C, of three phases; a
+brushed motor with an iron core of that size is assumed to have the same).
+
+The limits include these margins.  Electrical: a factor of eight for small motors, none for the
+longest time constant of large ones.  Mechanical: a third of the shortest time constant, and ten
+times the longest, which is a load of nine times the rotor inertia.
 
 Source: data sheets of Faulhaber 0816 SR, 1331 SR and 3863 CR (May 2012), Pittman 9232S003, printed
 armature motors B9M4 to BR27MACH, and the Parker MGV manual PVD3627 (August 2011), section 3.1.9.
@@ -30,9 +32,9 @@ from identification.checks.finding import Finding
 __all__ = ["time_constant_findings"]
 
 _SMALL: Final = 0.05
-"""Motor constant Kt / sqrt(Ra) up to which a motor is small [N m/sqrt(W)]."""
+"""Largest motor constant Kt / sqrt(Ra) of a small motor [N m/sqrt(W)]."""
 _ELECTRICAL_S: Final = (5e-3, 40e-3)
-"""Longest electrical time constant of a small and of any motor [s]."""
+"""Longest electrical time constant of a small motor and of any motor [s]."""
 _MECHANICAL_S: Final = (1e-3, 0.2)
 """Shortest and longest mechanical time constant [s]."""
 
@@ -40,11 +42,11 @@ _MECHANICAL_S: Final = (1e-3, 0.2)
 def time_constant_findings(
     values: Mapping[str, float], trusted: Mapping[str, bool]
 ) -> list[Finding]:
-    """Time constants that motors of this size do not have.
+    """Suspicions about time constants that motors of this size do not have.
 
     Args:
         values: Identified parameters by name [their units].
-        trusted: Whether each is determined; J and L that the user has given are not judged.
+        trusted: Whether each is determined; J and L given by the user are not checked.
     """
     resistance, constant = values["Ra25"], values["Kt25"]
     if not (resistance > 0.0 and constant > 0.0 and trusted["Ra25"] and trusted["Kt25"]):
