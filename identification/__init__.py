@@ -1,12 +1,12 @@
-"""Identification of a brushed DC motor from its measured runs.
+"""Identification of a brushed DC motor from measured runs.
 
     from identification import identify, read_run
 
     identification = identify([read_run("run1.csv"), read_run("run2.csv")])
     identification.result["parameters"]["Ra25"]["median"]
 
-Names are loaded when they are first used, so that a program which only reads a file does not wait
-for the simulation to be imported.
+Names are imported when they are first used, so that a program that only reads a file does not
+import the simulation.
 """
 
 from __future__ import annotations

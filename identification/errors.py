@@ -1,20 +1,20 @@
-"""Everything that can go wrong, as one tree.
+"""Exception tree of the package.
 
     IdentificationError
-    ├── InputError                 the caller's data or words are at fault; exit status 2
+    ├── InputError                 the caller's data or options are at fault; exit status 2
     │   ├── RunFileError           a run file cannot be read as a run
-    │   │   ├── UnreadableFile     there is no such file, or it cannot be opened
+    │   │   ├── UnreadableFile     the file does not exist or cannot be opened
     │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
     │   │   ├── LineTooLong        one line is longer than the limit
     │   │   ├── HeaderTooLong      one header cell is longer than the limit
     │   │   ├── NotText            a binary or compressed file, NUL bytes, an unknown encoding
-    │   │   ├── EmptyFile          no byte, or nothing but blank lines
+    │   │   ├── EmptyFile          no bytes, or only blank lines
     │   │   ├── NoTable            no line of numbers in columns was found
-    │   │   ├── NoHeader           numbers without a line of column names
-    │   │   ├── NoRows             a header and nothing below it
+    │   │   ├── NoHeader           no line of column names above the numbers
+    │   │   ├── NoRows             a header without samples below it
     │   │   ├── TooFewRows         fewer samples than an identification can use
-    │   │   ├── RaggedRow          a line with another number of fields than the others
-    │   │   ├── UnclosedQuote      a quotation mark without its partner
+    │   │   ├── RaggedRow          a line whose number of fields differs from the others
+    │   │   ├── UnclosedQuote      a quotation mark that is not closed
     │   │   ├── MissingColumn      a required channel has no column
     │   │   ├── AmbiguousColumn    several columns could be the same channel
     │   │   ├── DuplicateColumn    two columns have the same name
@@ -22,18 +22,18 @@
     │   │   ├── WrongUnit          a unit of another quantity
     │   │   ├── AmbiguousUnit      no unit is given, or two that disagree
     │   │   ├── MappingError       the mapping itself is at fault
-    │   │   ├── NotANumber         a cell that is no number
+    │   │   ├── NotANumber         a cell that is not a number
     │   │   ├── NotFinite          NaN or infinity in a cell
     │   │   ├── MissingValue       a blank cell
     │   │   ├── RepeatedTime       two samples at one time
-    │   │   ├── BackwardTime       a time before the one above it
-    │   │   └── AbsurdValue        a value that no brushed motor has
+    │   │   ├── BackwardTime       a time earlier than in the row above
+    │   │   └── AbsurdValue        a value that no brushed motor can have
     │   ├── ContradictoryRuns      runs contradict physics or each other
     │   └── OptionError            an option has a value that is not accepted
-    └── ComputationError           the input was sound, the calculation was not; exit status 1
+    └── ComputationError           the input was valid, but the calculation failed; exit status 1
 
-Catch a leaf to recover, a node to report.  Every message says what was wrong with the value,
-what was expected and what to do next, on one line.
+Catch a leaf to recover, a node to report.  Every message states on one line what was wrong, with
+the value, what was expected and what to do next.
 """
 
 from __future__ import annotations
@@ -77,17 +77,17 @@ __all__ = [
 
 
 class IdentificationError(Exception):
-    """Base of all errors that this package raises on purpose."""
+    """Base class of all errors that this package raises deliberately."""
 
 
 class InputError(IdentificationError):
-    """Data or words of the caller are at fault.
+    """Data or options of the caller are at fault.
 
     Args:
         message: What was wrong, what was expected, what to do next.
         file: Name of the file at fault, as the caller named it.
         row: Line of that file, counted from 1 with the header line.
-        column: Name of the column as it stands in the file.
+        column: Name of the column as in the file.
         value: The offending text or number.
     """
 
@@ -108,7 +108,7 @@ class InputError(IdentificationError):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        """The place and the message on one line: ``run3.csv, row 412, column current_A: ...``."""
+        """Location and message on one line: ``run3.csv, row 412, column current_A: ...``."""
         place = [self.file] if self.file else []
         if self.row is not None:
             place.append(f"row {self.row}")
@@ -121,7 +121,7 @@ class ContradictoryRuns(InputError):
     """Runs contradict physics or each other.
 
     Args:
-        message: All findings, and what to do.
+        message: All findings and the possible remedies.
         findings: Each finding as plain data.
     """
 
@@ -135,14 +135,14 @@ class ContradictoryRuns(InputError):
 class RunFileError(InputError):
     """A run file cannot be read as a run of a motor.
 
-    `code` is a stable word for scripts, such as ``missing_column``; every leaf has its own.
+    `code` is a stable identifier for scripts, such as ``missing_column``; every leaf has its own.
     """
 
     code: ClassVar[str] = "run_file"
 
 
 class UnreadableFile(RunFileError):
-    """The file is not there, is no ordinary file, or the system does not let it be read."""
+    """The file does not exist, is not a regular file, or may not be read."""
 
     code: ClassVar[str] = "unreadable_file"
 
@@ -154,13 +154,13 @@ class FileTooLarge(RunFileError):
 
 
 class LineTooLong(RunFileError):
-    """One line is longer than the limit: the file is no table of samples."""
+    """One line is longer than the limit: the file is not a table of samples."""
 
     code: ClassVar[str] = "line_too_long"
 
 
 class HeaderTooLong(RunFileError):
-    """One header cell is longer than the limit: it is no name of a column."""
+    """One header cell is longer than the limit: it is not a column name."""
 
     code: ClassVar[str] = "header_too_long"
 
@@ -172,7 +172,7 @@ class NotText(RunFileError):
 
 
 class EmptyFile(RunFileError):
-    """There is nothing in the file."""
+    """The file has no content."""
 
     code: ClassVar[str] = "empty_file"
 
@@ -184,13 +184,13 @@ class NoTable(RunFileError):
 
 
 class NoHeader(RunFileError):
-    """The numbers have no line of column names above them."""
+    """There is no line of column names above the numbers."""
 
     code: ClassVar[str] = "no_header"
 
 
 class NoRows(RunFileError):
-    """There are column names and no samples below them."""
+    """There are column names but no samples below them."""
 
     code: ClassVar[str] = "no_rows"
 
@@ -202,13 +202,13 @@ class TooFewRows(RunFileError):
 
 
 class RaggedRow(RunFileError):
-    """A line has another number of fields than the table."""
+    """A line has a different number of fields than the table."""
 
     code: ClassVar[str] = "ragged_row"
 
 
 class UnclosedQuote(RunFileError):
-    """A quotation mark is opened and not closed on its line."""
+    """A quotation mark is not closed on its line."""
 
     code: ClassVar[str] = "unclosed_quote"
 
@@ -238,31 +238,31 @@ class UnknownUnit(RunFileError):
 
 
 class WrongUnit(RunFileError):
-    """The unit is one of another quantity."""
+    """The unit belongs to another quantity."""
 
     code: ClassVar[str] = "wrong_unit"
 
 
 class AmbiguousUnit(RunFileError):
-    """No unit is given for the column, or two that disagree."""
+    """The column has no unit, or two units that disagree."""
 
     code: ClassVar[str] = "ambiguous_unit"
 
 
 class MappingError(RunFileError):
-    """The mapping that was given with the file is at fault."""
+    """The mapping given with the file is invalid."""
 
     code: ClassVar[str] = "bad_mapping"
 
 
 class NotANumber(RunFileError):
-    """A cell is no number."""
+    """A cell is not a number."""
 
     code: ClassVar[str] = "not_a_number"
 
 
 class NotFinite(RunFileError):
-    """A cell holds NaN, an infinity or a number too large to hold."""
+    """A cell holds NaN, an infinity or a number that overflows."""
 
     code: ClassVar[str] = "not_finite"
 
@@ -296,4 +296,4 @@ class OptionError(InputError):
 
 
 class ComputationError(IdentificationError):
-    """The input was sound and the calculation still did not succeed."""
+    """The input was valid, but the calculation failed."""

@@ -1,10 +1,10 @@
-"""Known values of the motor's parameters as a user writes them: ``NAME=VALUE[+-SPREAD[%]]``.
+"""Known parameter values as a user writes them: ``NAME=VALUE[+-SPREAD[%]]``.
 
     Kt25=0.048+-5%       0.048 N m/A with a standard deviation of 5 %
     L=2.9e-3+-2e-4       2.9 mH with a standard deviation of 0.2 mH
     Ra25=0.59            0.59 ohm with the default standard deviation of 1 %
 
-One parser serves the command line, HTTP and the manifests of batches.
+One parser serves the command line, HTTP and batch manifests.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ KNOWN: Final = "--known"
 """Origin of a prior that a user gave by value."""
 
 DEFAULT_SPREAD: Final = 0.01
-"""Relative standard deviation where none is given: a resistance changes by 1 % in 2.5 K."""
+"""Relative standard deviation if none is given: a resistance changes by 1 % in 2.5 K."""
 
 _NARROWEST: Final = 1e-6
 _WIDEST: Final = 5.0
-"""Spreads of a logarithm: below, rounding decides; above, the general prior says more."""
+"""Limits of the relative spread: below `_NARROWEST` rounding dominates, above `_WIDEST` the general
+prior is narrower."""
 _SLOPE_SPREADS: Final = (1e-9, 0.1)
 _STEEPEST: Final = 0.1
-"""Largest temperature coefficient [1/K]; of metals and magnets it is below 0.01."""
+"""Largest temperature coefficient [1/K]; those of metals and magnets are below 0.01."""
 _RANGES: Final = {
     "Ra25": (1e-5, 1e6),
     "Kt25": (1e-7, 1e4),
@@ -39,7 +40,7 @@ _RANGES: Final = {
     "b": (1e-14, 1e5),
     "L": (1e-8, 1e4),
 }
-"""Sizes of brushed motors from a watch to a rolling mill, with a decade or more to spare."""
+"""Ranges of brushed motors from a watch to a rolling mill, with a decade or more of margin."""
 _NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _FORM: Final = re.compile(
     rf"\s*(\w+)\s*=\s*({_NUMBER})\s*(?:(?:\+-|±)\s*({_NUMBER})\s*(%?)\s*)?", re.ASCII
@@ -52,14 +53,14 @@ _EXPECTED: Final = (
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal prior of one parameter of the nominal model; of the logarithm where it is positive.
+    """Prior of one parameter of the nominal model: normal, log-normal for a positive parameter.
 
     Args:
         name: Name of the parameter.
-        value: Its value; the median where the parameter is positive [unit of the parameter].
-        sd: Its standard deviation; over `value` it is that of the logarithm of a positive
+        value: Its value; the median of a positive parameter [unit of the parameter].
+        sd: Its standard deviation; divided by `value`, that of the logarithm of a positive
             parameter [unit of the parameter].
-        origin: Where it comes from: ``--known`` or ``--nameplate``.
+        origin: Option that gave it: ``--known`` or ``--nameplate``.
     """
 
     name: str
@@ -69,7 +70,7 @@ class Prior:
 
     @property
     def is_size(self) -> bool:
-        """Whether the parameter is positive by nature, and its logarithm normal."""
+        """Whether the parameter is positive by nature and its prior log-normal."""
         return not self.name.startswith("alpha_")
 
     @property
@@ -78,19 +79,19 @@ class Prior:
         return DECLARED_PARAMETERS[self.name].unit
 
     def __str__(self) -> str:
-        """The prior as the parser reads it, digit for digit."""
+        """The prior in the syntax of the parser, with all digits."""
         return f"{self.name}={self.value!r}+-{self.sd!r}"
 
 
 def known_values(words: Sequence[str]) -> tuple[Prior, ...]:
-    """Priors from the words of a user, in the order given.
+    """Priors from the arguments of a user, in the order given.
 
     Args:
-        words: Such as ``Kt25=0.048+-5%``; values and absolute spreads in SI units.
+        words: Arguments such as ``Kt25=0.048+-5%``; values and absolute spreads in SI units.
 
     Raises:
-        OptionError: A word has another form, a name is unknown or given twice, or a number is out
-            of range.
+        OptionError: An argument has another form, a name is unknown or given twice, or a number is
+            out of range.
     """
     found: dict[str, Prior] = {}
     for word in words:
@@ -118,7 +119,7 @@ def _prior(word: str) -> Prior:
 
 
 def _spread(value: float, number: str | None, percent: str | None) -> float:
-    """Standard deviation that was given, or the default one."""
+    """The given standard deviation, or the default one."""
     if number is None:
         return DEFAULT_SPREAD * abs(value)
     return float(number) / 100.0 * abs(value) if percent else float(number)

@@ -1,8 +1,8 @@
-"""Dense linear algebra whose status is in the result: not a number where there is no answer.
+"""Dense linear algebra that returns NaN where there is no solution, instead of raising.
 
-A candidate of a search may diverge, and its normal equations are then not finite or singular.
-LAPACK raises or hangs on some of these by the last digit; here every such system has the solution
-NaN, which the caller's cost carries on and the comparison of models rejects.
+A candidate of a search may diverge; its normal equations are then singular or not finite.  LAPACK
+raises or hangs on some of these, depending on the last digit.  Here every such system has the
+solution NaN.  The caller's cost becomes NaN, and the comparison of models rejects the candidate.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def solution(matrix: Array, right: Array) -> Array:
-    """Solution of a square system; NaN throughout where it is singular or not finite.
+    """Solution of a square system; all NaN if it is singular or not finite.
 
     Args:
         matrix: (n, n).
@@ -31,12 +31,12 @@ def solution(matrix: Array, right: Array) -> Array:
 
 
 def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Array:
-    """Least-squares solution of least norm; NaN throughout where the system is not finite.
+    """Minimum-norm least-squares solution; all NaN if the system is not finite.
 
     Args:
         matrix: (m, n).
         right: (m,) or (m, n_column).
-        rcond: Singular values below this share of the largest count as zero [-].
+        rcond: Singular values below this fraction of the largest count as zero [-].
     """
     if np.isfinite(matrix).all() and np.isfinite(right).all():
         try:
@@ -47,7 +47,7 @@ def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Ar
 
 
 def eigh(matrix: Array) -> tuple[Array, Array]:
-    """Eigenvalues, ascending, and eigenvectors of symmetric matrices; NaN where not finite.
+    """Ascending eigenvalues, and eigenvectors, of symmetric matrices; NaN if not finite.
 
     Args:
         matrix: (..., n, n).
@@ -73,7 +73,7 @@ def eigenvalues(matrices: Array) -> NDArray[np.complex128]:
 
 
 def root(covariance: Array) -> Array:
-    """A with A A' the covariance, (n, n): Cholesky's, or by eigenvalues where rounding denies it.
+    """Square root A with A A' = `covariance`, (n, n): by Cholesky, else by eigenvalues.
 
     Args:
         covariance: (n, n) symmetric, positive semi-definite up to rounding.

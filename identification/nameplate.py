@@ -1,15 +1,15 @@
-"""Nameplate or catalogue data of a motor, and what they say of its parameters.
+"""Priors of motor parameters from nameplate or catalogue data.
 
 With voltage V, no-load speed w0 and current I0, stall current Is and torque Ts, and a rated point
 (wr, Ir, Tr) at the same voltage, the steady state of the two balances gives
 
     Ra = V / Is                          or   Kt (w0 - wr) / (Ir - I0)
     Kt = (V - Ra I0) / w0                or   Ts / (Is - I0),  Tr / (Ir - I0)
-    b <= Kt I0 / w0                      all losses without load taken for viscous friction
+    b <= Kt I0 / w0                      all no-load losses taken as viscous friction
 
-The spreads are rules of thumb and not those of a standard.  A stalled winding is hot and its
-brushes are worn or new, so Ra is taken to 20 %; magnets and rounded data leave Kt to 10 %.
-Dry friction is a part of the losses that nobody knows, so their total only bounds b.
+The spreads are rules of thumb, not from a standard.  A stalled winding is hot and its brushes are
+worn or new, so Ra has a spread of 20 %; magnets and rounded data give Kt one of 10 %.  Dry friction
+is an unknown part of the losses, so their total only bounds b.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _RESISTANCE_SPREAD: Final = 0.2
 _CONSTANT_SPREAD: Final = 0.1
 
 _APART: Final = 2.0
-"""Ratio of torque constants by two ways above which a nameplate contradicts itself."""
+"""Ratio of torque constants from two equations above which a nameplate contradicts itself."""
 
 _RPM: Final = math.pi / 30.0
 _UNITS: Final[dict[str, dict[str, float]]] = {
@@ -41,7 +41,8 @@ _UNITS: Final[dict[str, dict[str, float]]] = {
     "rad/s": {"rad/s": 1.0, "rpm": _RPM},
     "N m": {"Nm": 1.0, "mNm": 1e-3},
 }
-"""Units that may follow a number, by SI unit; without one it is in the SI unit."""
+"""Accepted units after a number, with their factors, by SI unit; a bare number is in the SI
+unit."""
 
 KEYS: Final = {
     "voltage": "V",
@@ -53,7 +54,7 @@ KEYS: Final = {
     "rated_current": "A",
     "rated_torque": "N m",
 }
-"""Unit of each datum of a nameplate."""
+"""SI unit of each nameplate key."""
 
 _NUMBER: Final = re.compile(
     r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z/ ]*?)\s*"
@@ -65,12 +66,12 @@ _EXAMPLE: Final = "voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_cu
 
 @dataclass(frozen=True)
 class Nameplate:
-    """Data of a nameplate in SI units.
+    """Parameters derived from a nameplate, in SI units.
 
     Args:
-        resistance: Armature resistance, None where the data do not say it [ohm].
-        constant: Torque and back-EMF constant [N m/A].
-        friction: Upper bound of the viscous friction [N m s/rad].
+        resistance: Armature resistance [ohm]; None if the data do not determine it.
+        constant: Torque and back-EMF constant [N m/A]; None if the data do not determine it.
+        friction: Upper bound of the viscous friction [N m s/rad]; None if the data give none.
     """
 
     resistance: float | None = None
@@ -79,7 +80,7 @@ class Nameplate:
 
     @property
     def priors(self) -> tuple[Prior, ...]:
-        """Priors of the parameters that the data say."""
+        """Priors of the parameters that the data determine."""
         said = (
             ("Ra25", self.resistance, _RESISTANCE_SPREAD),
             ("Kt25", self.constant, _CONSTANT_SPREAD),
@@ -92,14 +93,14 @@ class Nameplate:
 
 
 def nameplate_of(text: str) -> Nameplate:
-    """What ``KEY=VALUE,...`` says of the parameters; nothing where the text is empty.
+    """Derive parameters from ``KEY=VALUE,...``; none if the text is empty.
 
     Args:
-        text: Data separated by commas or semicolons, in SI units or with a unit behind the number.
+        text: Data separated by commas or semicolons, in SI units or with a unit after the number.
 
     Raises:
-        OptionError: A key is unknown or given twice, a value is no positive number in a unit of
-            its kind, the data contradict each other, or they say nothing of the motor.
+        OptionError: A key is unknown or given twice, a value is not a positive number in a valid
+            unit, the data contradict each other, or they determine neither Ra25 nor Kt25.
     """
     if not text.strip():
         return Nameplate()
@@ -151,7 +152,7 @@ def _value(part: str, word: str, unit: str) -> float:
 
 
 def _check(text: str, data: Mapping[str, float]) -> None:
-    """Refuse data that contradict each other: a motor draws more and turns slower under load."""
+    """Reject contradictory data: under load, a motor draws more current and turns slower."""
     orders = (
         ("no_load_current", "rated_current"),
         ("no_load_current", "stall_current"),
@@ -169,10 +170,10 @@ def _check(text: str, data: Mapping[str, float]) -> None:
 
 
 def _check_constants(text: str, data: Mapping[str, float], found: Nameplate) -> None:
-    """Refuse a torque constant by the speed that is another one than by a torque.
+    """Reject a torque constant from the speed that differs from the one from a torque.
 
-    The rated torque tells it only where the no-load current is known, which is a large part of a
-    small motor's rated one.
+    The rated torque is used only if the no-load current is known, since that is a large part of the
+    rated current of a small motor.
     """
     if found.constant is None:
         return
@@ -192,7 +193,7 @@ def _check_constants(text: str, data: Mapping[str, float], found: Nameplate) -> 
 
 
 def _derived(data: Mapping[str, float]) -> Nameplate:
-    """Parameters from the steady state; each by the first equation of which all data are there."""
+    """Parameters of the steady state, each from the first equation whose data are complete."""
     voltage, free = data.get("voltage"), data.get("no_load_speed")
     idle = data.get("no_load_current", 0.0)
     stall, rated = data.get("stall_current"), data.get("rated_current")

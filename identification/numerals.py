@@ -1,7 +1,7 @@
-"""Numbers as people write them in options.
+"""Strict parsing of numbers in options.
 
-`float` and `int` alone also take ``1_0`` and digits of other scripts, which a reader takes for
-something else than the number that comes out.
+`float` and `int` also accept ``1_0`` and digits of other scripts, which a reader may take for
+another number.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ __all__ = ["decimal_of", "whole_of"]
 
 
 def decimal_of(text: str) -> float:
-    """The number that a text stands for; ``nan`` and ``inf`` are left to who asks for a range.
+    """The number that a text represents; the caller's range check rejects ``nan`` and ``inf``.
 
     Raises:
-        ValueError: It is no number in ASCII digits.
+        ValueError: The text is not a number in ASCII digits.
     """
     return float(_plain(text))
 
 
 def whole_of(text: str) -> int:
-    """The whole number that a text stands for.
+    """The integer that a text represents.
 
     Raises:
-        ValueError: It is no whole number in ASCII digits.
+        ValueError: The text is not an integer in ASCII digits.
     """
     return int(_plain(text))
 

@@ -1,4 +1,4 @@
-"""What a user may choose about a fit."""
+"""Options of a fit that a user may set."""
 
 from __future__ import annotations
 
@@ -20,18 +20,20 @@ class FitOptions:
 
     Args:
         seed: Seed of the sampler; the same seed gives the same result.
-        posterior: Whether to sample; without, intervals come from the fit's covariance.
-        effects: Whether to search for effects; without, the declared model is final.
-        hold: Behaviour of the voltage between samples; ``auto`` lets the data decide.
+        posterior: Whether to sample the posterior; otherwise intervals come from the covariance of
+            the fit.
+        effects: Whether to search for effects; otherwise the nominal model is final.
+        hold: Voltage between samples: zero-order hold ``zoh``, first-order hold ``foh``, or
+            ``auto``, which the data decide.
         temperatures: Temperatures of the feedback metrics [degC].
         controllers: Controllers of the feedback metrics: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``.
-        effort: How much is computed at most: ``quick``, ``normal`` or ``thorough``.
-        time_limit: Time after which the search and the sampler stop with what they have [s]; None
-            for no limit, and then no clock has a part in the result.
-        set_aside: Whether runs that contradict physics or the other runs are left out.
-        force: Whether to fit although runs contradict; the result is marked.
+        effort: Limit of the computation: ``quick``, ``normal`` or ``thorough``.
+        time_limit: Time after which the search and the sampler stop with their current result [s];
+            None for no limit, so that the result does not depend on a clock.
+        set_aside: Whether runs that contradict physics or the other runs are excluded.
+        force: Whether to fit contradictory runs; the result is marked.
         known: Known values, ``NAME=VALUE[+-SPREAD[%]]`` in SI units; see `identification.known`.
-        nameplate: Data of the nameplate, ``KEY=VALUE,...``; see `identification.nameplate`.
+        nameplate: Nameplate data, ``KEY=VALUE,...``; see `identification.nameplate`.
     """
 
     seed: int = 0
@@ -49,12 +51,12 @@ class FitOptions:
 
     @property
     def plate(self) -> Nameplate:
-        """What the nameplate says of the parameters."""
+        """Parameters derived from the nameplate."""
         return nameplate_of(self.nameplate)
 
     @property
     def priors(self) -> tuple[Prior, ...]:
-        """Priors of the user, one a parameter; a known value goes before the nameplate's."""
+        """Priors of the user, one per parameter; a known value overrides the nameplate."""
         known = known_values(self.known)
         names = {prior.name for prior in known}
         return (*known, *(prior for prior in self.plate.priors if prior.name not in names))

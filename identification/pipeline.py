@@ -1,8 +1,10 @@
-"""The whole job, from runs to a result: the only file that knows the order of the stages.
+"""Identification pipeline from runs to a result; the only module that orders the stages.
 
-identification = identify(training, validation)
-identification.result["parameters"]["Ra25"]["median"]
-identification.write(Path("out"))
+    identification = identify(training, validation)
+    identification.result["parameters"]["Ra25"]["median"]
+    identification.write(Path("out"))
+
+The stages are checks, nominal fit, effect search, posterior, feedback metrics and report.
 """
 
 from __future__ import annotations
@@ -51,20 +53,20 @@ __all__ = ["FitOptions", "Identification", "Progress", "identify"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-"""Called with the name of the stage and the fraction of the whole job that is done."""
+"""Called with the name of the stage and the completed fraction of the whole job."""
 
 _LEAST_ROWS = 50
 _LARGEST = 1e15
-"""Largest value of a channel; beyond, the squares of a long record exhaust the precision."""
+"""Largest value of a channel; beyond it, the squares of a long record exhaust double precision."""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """What became of a campaign.
+    """Result of the identification of a campaign.
 
     Args:
         result: Content of result.json.
-        findings: Everything the report is drawn from.
+        findings: All quantities that the report shows.
     """
 
     result: dict[str, object]
@@ -80,10 +82,10 @@ class Identification:
 
 _SIGNED = ("Ra25", "Kt25", "J", "b", "L")
 _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
-"""Codes of warnings that may be why a campaign cannot be calculated, the likeliest first."""
+"""Codes of warnings that may explain a failed calculation, the most likely first."""
 
 
-# A candidate that overflows has an infinite cost, which says it all; numpy need not.
+# A candidate that overflows has an infinite cost and is rejected; numpy warnings add nothing.
 @np.errstate(all="ignore")
 def identify(
     training: Sequence[Run],
@@ -97,14 +99,15 @@ def identify(
 
     Args:
         training: Runs to fit, in the order in which they were recorded.
-        validation: Runs to check the model on; they are never fitted.
-        options: What the user chose.
-        progress: Told how far the job is.
-        checkpoint: Where a posterior in progress is kept, so that the same job goes on from there.
-        withheld: Kinds of effect that the search must not add, to measure what they are worth.
+        validation: Validation runs; they are never fitted.
+        options: Options of the user.
+        progress: Called with the progress of the job.
+        checkpoint: Where the chain of the posterior is saved, so that the same job can resume it.
+        withheld: Effect types that the search must not add, to measure their contribution.
 
     Raises:
-        InputError: There is too little to fit, or the runs contradict physics or each other.
+        InputError: There are too few samples, the runs contradict physics or each other, or an
+            option is invalid.
         ComputationError: No model can be simulated over the runs.
     """
     try:
@@ -115,7 +118,7 @@ def identify(
 
 
 def _limit(seconds: float | None) -> Callable[[], bool] | None:
-    """Whether the time that a user allowed is over; None where no clock matters."""
+    """Function that returns whether the time limit has passed; None without a limit."""
     if seconds is None:
         return None
     until = time.monotonic() + seconds
@@ -144,7 +147,8 @@ def _identified(
         campaign = with_one_gain(campaign, gains)
         declared = _declared(campaign, options)
     knowledge = Knowledge(options.priors, options.plate.friction).beside(declared)
-    # What the nominal model contradicts an effect may explain: it is judged again at the end.
+    # An effect may resolve a contradiction under the nominal model: known values are tested again
+    # at the end.
     declared, _ = knowledge.joined_to(declared)
     found, outcome = _searched(declared, campaign, options, tell, withheld)
     tell("fit", 0.5)
@@ -208,7 +212,7 @@ def _searched(
     tell: Progress,
     withheld: Collection[str],
 ) -> tuple[Localisation | None, Outcome | None]:
-    """What the nominal model lacks, and the effects found; None where no effects are wanted."""
+    """Localisation of the nominal model's deficiency, and search outcome; None without a search."""
     if not options.effects:
         return None, None
     found = localise(declared)
@@ -225,7 +229,7 @@ def _searched(
 
 
 def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:
-    """Effects that the parameters of the model that was found may be taken for."""
+    """Effects that are confounded with parameters of the final model."""
     if outcome is None:
         return confounded_terms(declared)
     return confounded_terms(
@@ -260,7 +264,7 @@ def _check_withheld(kinds: Collection[str]) -> None:
 
 
 def _check_values(run: Run) -> None:
-    """Refuse what no file can hold: a run need not come from the reader, which refuses far less.
+    """Reject invalid values; a run need not come from the file reader, whose limits are tighter.
 
     Raises:
         InputError: Time does not increase, or a value is not finite or too large to be squared.
@@ -294,10 +298,11 @@ def _check_values(run: Run) -> None:
 
 
 def _declared(campaign: Campaign, options: FitOptions) -> Fit:
-    """The declared model.
+    """Fit of the nominal model.
 
-    Where the user does not say how the voltage behaves between samples and effects are searched,
-    it is declared held, as drives hold it, and the search tells where it is not.
+    If the user leaves the hold open and effects are searched, the fit assumes zero-order hold, as
+    drives apply it, and the search detects deviations.  Without a search, the better one of
+    zero-order and first-order hold is taken.
     """
     if options.hold != "auto":
         return fit_declared(campaign.training, options.hold)
@@ -315,7 +320,7 @@ def _drawn(
     progress: Callable[[float], None],
     checkpoint: Checkpoint | None,
 ) -> tuple[Sample | None, dict[str, Array]]:
-    """The chain, where one is asked for, and draws, with what the data leave open drawn as well."""
+    """The chain, if requested, and draws that include the non-identifiable directions."""
 
     def opened(draws: dict[str, Array]) -> dict[str, Array]:
         draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
@@ -344,7 +349,7 @@ def _drawn(
 def _declared_draws(
     declared: Fit, outcome: Outcome | None, draws: dict[str, Array], options: FitOptions
 ) -> dict[str, Array]:
-    """Draws of the declared model's posterior; those of the final model where it is the same."""
+    """Draws from the nominal model's posterior; those of the final model if it has no effects."""
     if outcome is None or not outcome.effects:
         return draws
     draws = normal_draws(Posterior(declared, effective_share(declared)), options.seed)
@@ -352,13 +357,13 @@ def _declared_draws(
 
 
 def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:
-    """Draws with the signs that a motor has; the loop refuses others, as words of a user.
+    """Draws with the signs of a physical motor; the loop would reject others as invalid input.
 
-    A parameter that the runs hardly determine, as of a sensor the wrong way round, has draws at
-    its bound of 0, where a last digit decides.
+    A parameter that the runs hardly determine, as with a reversed sensor, has draws at its bound of
+    0, where rounding decides the sign.
 
     Raises:
-        ComputationError: A draw is infinite or no number.
+        ComputationError: A draw is infinite or NaN.
     """
     beyond = [name for name in _SIGNED if not np.isfinite(draws.get(name, 0.0)).all()]
     if beyond:
@@ -370,7 +375,7 @@ def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:
 
 
 def _suspects(runs: Sequence[Run]) -> str:
-    """What was noticed in the runs that may be why there is no result; empty where nothing was."""
+    """Input warnings that may explain why there is no result; empty if there are none."""
     found = [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
     if not found:
         return ""

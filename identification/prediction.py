@@ -1,10 +1,10 @@
-"""Simulation of a run by a result: what its sensors would have logged.
+"""Simulation of a run with an identified motor: predicted readings of its sensors.
 
     prediction = predict(json.loads(text), read_run("run.csv"))
 
-Only voltage, temperature and, where logged, angle of the run are used, and its first samples for
-the state in which it begins.  Where the temperature was not logged, or by a thermometer that lags
-in coarse steps, it is one that fits the run.
+The simulation uses the voltage, the temperature and, if logged, the angle of the run.  Its first
+samples give the initial state.  If the temperature was not logged, or was logged by a lagging
+thermometer in coarse steps, it is fitted to the run.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
 
     Args:
         result: Content of a result.json.
-        run: The run; its current and speed serve for the initial state only.
-        declared: Whether to use the declared model and not the final one.
+        run: The run; its current and speed only give the initial state and an unlogged temperature.
+        declared: Whether to use the nominal model instead of the final one.
 
     Raises:
-        InputError: The result lacks what a simulation needs.
+        InputError: The result lacks data that the simulation needs.
     """
     model, values = model_of(result, declared)
     before = _before(result, run)
@@ -86,11 +86,11 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
 
 
 def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorModel, Array]:
-    """The model of a result and its parameters.
+    """The model of a result and its parameter values.
 
     Args:
         result: Content of a result.json.
-        declared: Whether to take the declared model and not the final one.
+        declared: Whether to take the nominal model instead of the final one.
 
     Returns:
         The model and (n_parameter,) physical values.
@@ -139,7 +139,7 @@ def _value(parameter: Parameter, entry: object) -> float:
 
 
 def _number(value: float) -> float:
-    """As a floating-point number; infinite where a whole number is beyond all of them."""
+    """The value as a float; infinite for an integer beyond the range of floats."""
     try:
         return float(value)
     except OverflowError:
@@ -173,7 +173,7 @@ def _lacks(place: str, what: str) -> InputError:
 
 
 def _before(result: Mapping[str, Any], run: Run) -> list[Mapping[str, Any]]:
-    """The runs that were recorded before: all, where the run was no part of the campaign."""
+    """Runs recorded before this one; all of them if the run is not part of the campaign."""
     runs = [run for run in _list(result, "runs") if isinstance(run, Mapping)]
     for place, known in enumerate(runs):
         if known.get("sha256") == run.sha256:

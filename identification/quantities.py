@@ -1,7 +1,7 @@
-"""Names and units that users script against, in one place.
+"""Public names and units of parameters and channels, defined once.
 
-The names of parameters, channels and effects are fixed by the interface: a result file of today
-is read by a script of next year.  Nothing else in the package spells a unit again.
+Names of parameters, channels and effects are part of the interface: a result file of today is read
+by a script of next year.  No other module of the package writes these units.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CHANNEL_UNITS = {
 
 @dataclass(frozen=True)
 class Declared:
-    """One parameter of the declared model: its name, unit and meaning."""
+    """One parameter of the nominal model: its name, unit and meaning."""
 
     name: str
     unit: str

@@ -1,7 +1,7 @@
-"""Number of threads of a calculation: as many as there are cores, or as it was told.
+"""Number of threads of a calculation: the number of cores, unless limited.
 
-Several calculations on one machine share its cores; whoever starts them knows how many they are,
-and says it to each.
+Several calculations on one machine share its cores.  The process that starts them knows their
+number and sets the limit of each.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def threads() -> int:
 
 
 def use_threads(most: int) -> None:
-    """Bound the threads of all calculations in this process from now on.
+    """Limit the threads of all calculations in this process from now on.
 
     Args:
-        most: How many; at least 1.
+        most: Largest number of threads; at least 1.
     """
-    global _told  # noqa: PLW0603  it is the process that is told
+    global _told  # noqa: PLW0603  the limit is per process
     if most < 1:
         raise ValueError(f"most is {most}; expected at least one thread")
     _told = most
@@ -43,9 +43,9 @@ def use_threads(most: int) -> None:
 
 @contextmanager
 def repeatable_algebra() -> Iterator[None]:
-    """One thread for linear algebra, whose sums else depend in their last digit on the threads.
+    """Limit linear algebra to one thread; the last digit of its sums depends on the thread count.
 
-    The simulation loops keep all threads: each lane is computed by one of them alone.
+    The simulation loops keep all threads, since each lane is computed by one of them alone.
     """
     with threadpool_limits(1, user_api="blas"):
         yield

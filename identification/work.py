@@ -1,19 +1,19 @@
-"""Count of floating-point operations, the measure of cost by which every stage is bounded.
+"""Count of floating-point operations, the repeatable measure of cost that bounds every stage.
 
-A limit in seconds makes an answer depend on how busy the machine is.  Here the numerical kernels
-charge what they compute to a meter, and a stage stops where its share of operations is spent, so
-that equal input and equal versions give equal results on any load and with any number of threads.
+A limit in seconds makes the answer depend on the load of the machine.  Here the numerical kernels
+charge their operations to a meter, and a stage stops when its budget is spent.  Equal input and
+equal versions therefore give equal results under any load and with any number of threads.
 
     with metered():
         budget = Budget(2e10)
         while not budget.spent: ...
 
-Only a user who sets a time limit brings in a clock: `metered` then asks it whether to stop, every
-budget is spent from that moment on, and `was_interrupted` says so.
+A clock is used only if the user sets a time limit.  `metered` then asks the clock whether to stop;
+from that moment every budget is spent, and `was_interrupted` is true.
 
 The count is an estimate: rows times lanes times operations of a simulated step, the products of the
-normal equations, and a fixed charge for each structure that is compiled.  It has to grow as the
-time does and to be repeatable, not to be exact.
+normal equations, and a fixed charge for each compiled structure.  It has to be repeatable and to
+grow with computing time; it need not be exact.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ _outside = _Meter()
 
 @contextmanager
 def metered(is_due: Callable[[], bool] | None = None) -> Iterator[None]:
-    """A meter that starts at zero and knows no compiled structure, for one identification.
+    """Meter for one identification, which starts at zero and without compiled structures.
 
     Args:
-        is_due: Asked between the steps of the stages whether to stop; never where None.
+        is_due: Called between the steps of a stage; returns whether to stop.  Never if None.
     """
     token = _meter.set(_Meter(is_due or _never))
     try:
@@ -68,14 +68,14 @@ def operations() -> float:
 
 
 def was_interrupted() -> bool:
-    """Whether the stages were told to stop before their budgets were spent."""
+    """Whether the time limit stopped the stages before their budgets were spent."""
     meter = _meter.get(_outside)
     meter.interrupted = meter.interrupted or meter.is_due()
     return meter.interrupted
 
 
 def charge(count: float) -> None:
-    """Charge operations that are computed.
+    """Charge operations to the meter.
 
     Args:
         count: Number of floating-point operations.
@@ -84,13 +84,13 @@ def charge(count: float) -> None:
 
 
 def charge_once(key: Hashable, count: float) -> None:
-    """Charge the preparation of something that is kept; nothing where it was charged before.
+    """Charge the preparation of a cached object, unless it was charged before.
 
-    Whether it really was kept, from an earlier identification in this process, makes no
-    difference to the count.
+    A cached object from an earlier identification in this process is charged as well, so that the
+    count is repeatable.
 
     Args:
-        key: What is prepared.
+        key: Identifier of the object.
         count: Number of floating-point operations that take as long.
     """
     meter = _meter.get(_outside)
@@ -100,11 +100,11 @@ def charge_once(key: Hashable, count: float) -> None:
 
 
 class Budget:
-    """A number of operations that may be spent from now on.
+    """Operations that may be spent from now on.
 
     Args:
-        count: Operations; infinite for no limit.
-        within: A budget that ends this one too.
+        count: Number of operations; infinite for no limit.
+        within: Enclosing budget, which ends this one too.
     """
 
     def __init__(self, count: float = np.inf, within: Budget | None = None) -> None:
@@ -114,18 +114,18 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """Operations that are left; negative where more were spent."""
+        """Remaining operations; negative if more were spent."""
         return self._end - operations()
 
     @property
     def spent(self) -> bool:
-        """Whether nothing is left, or the stages were told to stop."""
+        """Whether no operations remain, or the stages were stopped."""
         return self.left < 0.0 or was_interrupted()
 
     def longer(self, count: float) -> Budget:
-        """A budget that starts now and has more operations left than this one.
+        """New budget from now on, with `count` more operations left than this one.
 
         Args:
-            count: Operations on top.
+            count: Additional operations.
         """
         return Budget(self.left + count)
