@@ -1,1 +1,1 @@
-"""Many motors from a manifest: fitted on this machine, or by a service."""
+"""Batch identification of many motors from a manifest, locally or on a service."""

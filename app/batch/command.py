@@ -1,11 +1,11 @@
-"""`motorid batch`: every motor of a manifest, a table and a page of all of them.
+"""`motorid batch`: fit every motor of a manifest; write a table and a page of the results.
 
-    DIR/MOTOR/             what `motorid fit` writes, for each motor
-    DIR/results.csv        a row for each motor; results.parquet the same
+    DIR/MOTOR/             output of `motorid fit` for each motor
+    DIR/results.csv        one row per motor; results.parquet has the same content
     DIR/fleet.html         all motors on one page
 
-A motor whose result was made from the same runs with the same options is not fitted again, so a
-batch that was interrupted is taken up by giving the same command again.  One bad motor does not
+A motor is not fitted again if its result was made from the same runs with the same options,
+so an interrupted batch is resumed by giving the same command again.  A failed motor does not
 stop the others.
 """
 
@@ -33,7 +33,7 @@ from identification.report.atomic import replacing, write_text
 __all__ = ["run_batch"]
 
 _TABLE_EVERY_S = 2.0
-# A wrong address shall not cost ten minutes, and a service that is started anew not the batch.
+# Fail fast on a wrong URL; tolerate a restart of the service.
 _FIRST_PATIENCE_S = 60.0
 _PATIENCE_S = 600.0
 
@@ -51,17 +51,17 @@ def run_batch(
     """Fit every motor of a manifest.
 
     Args:
-        manifest: The manifest.
-        out: Directory that gets a directory for each motor, the table and the page.
-        options: Options of motors about which the manifest says nothing else.
-        at_once: How many motors at the same time.
-        server: Address of a service that fits them; on this machine where not given.
-        key: Key of that service.
-        show: What goes to standard output.
+        manifest: Path of the manifest.
+        out: Directory for the motors' directories, the table and the page.
+        options: Default options; those in the manifest take precedence.
+        at_once: Number of motors fitted in parallel.
+        server: URL of a service that computes the fits; None computes them on this machine.
+        key: API key of that service.
+        show: Form of the standard output.
 
     Raises:
-        InputError: The manifest or the directory is at fault.
-        ComputationError: Motors failed; the table says which and why.
+        InputError: The manifest or the directory is invalid.
+        ComputationError: At least one motor failed; the table gives the reasons.
     """
     motors = read_manifest(manifest, options)
     with writable_directory(out), _alone_in(out), console.progress_bar(show.quiet) as progress:
@@ -95,7 +95,7 @@ def run_batch(
 
 
 class _Batch:
-    """Motors in the order of the manifest, and what became of them so far."""
+    """Motors in manifest order with the results obtained so far."""
 
     def __init__(self, motors: Sequence[Motor], out: Path) -> None:
         self._motors = motors
@@ -106,12 +106,12 @@ class _Batch:
 
     @property
     def refits(self) -> list[Refit]:
-        """What is known, in the order of the manifest."""
+        """Results obtained so far, in manifest order."""
         names = (motor.name for motor in self._motors)
         return [self._found[name] for name in names if name in self._found]
 
     def begin(self) -> list[Job]:
-        """What is left to fit; results that are still true are taken as they are."""
+        """Return the jobs that are still to be fitted; results that are up to date are kept."""
         for rest in (*self._out.glob(".results.*.part"), *self._out.glob(".fleet.html.*.part")):
             rest.unlink(missing_ok=True)
         jobs = []
@@ -126,7 +126,7 @@ class _Batch:
         return jobs
 
     def take(self, ended: Iterator[tuple[Job, str]], tell: _Teller) -> None:
-        """Note how each fit ended, and write the table from time to time."""
+        """Record the outcome of each fit, and rewrite the table at intervals."""
         for job, reason in ended:
             if reason:
                 self._failed(job.motor.name, reason)
@@ -137,12 +137,12 @@ class _Batch:
                 self.write_table()
 
     def write_table(self) -> None:
-        """Write results.csv with what is known."""
+        """Write results.csv with the results obtained so far."""
         write_text(self._out / "results.csv", csv_text(rows_of(self.refits)))
         self._written_at = time.monotonic()
 
     def write_all(self, title: str) -> str:
-        """Write the table as Parquet and the page; gives a remark where one was not written."""
+        """Write the page and the Parquet table; return a note if Parquet is not available."""
         from identification.fleet.page import render_fleet
 
         write_text(self._out / "fleet.html", render_fleet(title, self.refits))
@@ -156,7 +156,7 @@ class _Batch:
         return ""
 
     def _read(self, job: Job, status: str) -> bool:
-        """Take the result of a directory, if it was made from what the motor's record says."""
+        """Load the stored result of a job if it is up to date; return whether it is."""
         found = kept_result(job.out, job.record)
         if found is None:
             return False
@@ -172,7 +172,7 @@ class _Batch:
 
 
 class _Teller:
-    """Progress of one fit as progress of the batch."""
+    """Combines the progress of single fits into the progress of the batch."""
 
     def __init__(self, progress: console.Progress, batch: _Batch) -> None:
         self._progress = progress
@@ -181,12 +181,12 @@ class _Teller:
         self._kept = len(batch.refits)
 
     def __call__(self, motor: str, stage: str, share: float) -> None:
-        """A fit has come to a stage."""
+        """Report the stage and the completed fraction of one fit."""
         self._shares[motor] = share
         self._tell(f"{motor}: {stage}")
 
     def ended(self, motor: str) -> None:
-        """A fit has ended."""
+        """Report the end of one fit."""
         self._shares[motor] = 1.0
         self._tell(f"{motor}: done")
 
@@ -198,10 +198,10 @@ class _Teller:
 
 @contextmanager
 def _alone_in(out: Path) -> Iterator[None]:
-    """Hold the directory, so that no second batch writes into it meanwhile.
+    """Hold an exclusive lock on the output directory.
 
     Raises:
-        OptionError: Another one does.
+        OptionError: Another batch holds the lock.
     """
     with (out / ".lock").open("ab") as lock:
         try:

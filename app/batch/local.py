@@ -1,4 +1,4 @@
-"""Motors fitted on this machine: each in a process of its own, as many at once as asked for."""
+"""Batch identification on this machine: one process per motor, a fixed number in parallel."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _PIPELINE = "identification.pipeline:identify"
 
 @dataclass(frozen=True)
 class Job:
-    """A motor that is to be fitted.
+    """A motor to be fitted.
 
     Args:
-        motor: The motor.
-        record: What its result depends on.
-        out: Its directory.
+        motor: Entry of the manifest.
+        record: Inputs that determine the result.
+        out: Output directory of the motor.
     """
 
     motor: Motor
@@ -39,12 +39,12 @@ class Job:
 def fit_all(
     jobs: Sequence[Job], at_once: int, tell: Callable[[str, str, float], None]
 ) -> Iterator[tuple[Job, str]]:
-    """Fit motors, and give each with the reason of its failure, empty where there is none.
+    """Fit motors on this machine; yield each job with its error message, or "" on success.
 
     Args:
-        jobs: What to fit.
-        at_once: How many at the same time.
-        tell: Told motor, stage and share of a fit that is done.
+        jobs: Motors to fit.
+        at_once: Number of motors fitted in parallel.
+        tell: Progress callback with motor, stage and completed fraction of the fit.
     """
     if not jobs:
         return
@@ -67,17 +67,17 @@ def fit_all(
                     running.remove(one)
                     losses[one.job.motor.name] += one.is_lost
                     if one.is_lost and losses[one.job.motor.name] < _MOST_LOSSES:
-                        # The fork server was ended, which is no fault of the motor.
+                        # The fork server ended, not the fit: retry.
                         waiting.append(one.job)
                         continue
                     yield one.job, one.reason
     finally:
-        # Ends what still runs, when the command was interrupted.
+        # Kill the remaining fits if the command was interrupted.
         nursery.stop()
 
 
 class _Running:
-    """A fit that is being computed."""
+    """A fit in progress."""
 
     def __init__(self, job: Job, task: Task) -> None:
         self.job = job
@@ -87,7 +87,7 @@ class _Running:
         self._has_result = False
 
     def look(self, wait_s: float, tell: Callable[[str, str, float], None]) -> bool:
-        """Take what the process told; True once it has ended."""
+        """Process the messages of the fit; return True once it has ended."""
         for message in self._task.messages(wait_s):
             if "progress" in message:
                 tell(self.job.motor.name, *message["progress"])

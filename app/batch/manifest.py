@@ -1,4 +1,4 @@
-"""Manifests: which motors there are, where their runs lie, and what is special about each.
+"""Manifest of a batch: motors with their run files and options, as CSV or YAML.
 
     motor,training,validation,seed
     pump-17,pump17/run1.csv;pump17/run2.csv,pump17/check.csv,3
@@ -11,9 +11,9 @@
         mapping: pump17/columns.json
         options: {seed: 3}
 
-A name that ends with .yaml or .yml is read as the second, any other as the first.  Paths are
-relative to the manifest.  What a manifest says about a motor goes before what it says about all,
-and that before the command line.
+A file name that ends with .yaml or .yml selects YAML, any other name CSV.  Paths are relative to
+the manifest.  Options of a motor override the common options of the manifest, which override those
+of the command line.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ __all__ = ["Motor", "read_manifest"]
 _FILES: Final = ("training", "validation")
 _FIELDS: Final = ("motor", *_FILES, "mapping")
 _OPTIONS: Final = tuple(FitOptions.__dataclass_fields__)
-# The motor's name becomes the name of a directory.
+# The motor name is used as a directory name.
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,99}")
-# Beside those directories lie the batch's own files.
+# The batch writes its own files to the same directory.
 _RESERVED: Final = frozenset({"results.csv", "results.parquet", "fleet.html", "service.json"})
 _LARGEST_BYTES: Final = 20_000_000
 
@@ -47,11 +47,11 @@ class Motor:
     """One motor of a manifest.
 
     Args:
-        name: Name of the motor and of its directory.
-        training: Run files to fit, in the order of recording.
-        validation: Run files to check on.
-        options: Options of its fit.
-        mapping: JSON file that says which column is which channel, or None.
+        name: Name of the motor and of its output directory.
+        training: Training run files, in the order of recording.
+        validation: Validation run files.
+        options: Options of the fit.
+        mapping: JSON file that assigns columns to channels, or None.
     """
 
     name: str
@@ -62,14 +62,14 @@ class Motor:
 
 
 def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
-    """Motors of a manifest.
+    """Read the motors of a manifest.
 
     Args:
-        path: The manifest.
-        defaults: Options of motors about which it says nothing else.
+        path: Path of the manifest.
+        defaults: Options that apply where the manifest gives no others.
 
     Raises:
-        InputError: The file cannot be read, or an entry is at fault.
+        InputError: The file cannot be read, or an entry is invalid.
     """
     text = _text(path)
     is_yaml = path.suffix.lower() in (".yaml", ".yml")
@@ -146,9 +146,9 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
     from app.batch.yaml_loader import ManifestLoader
 
     try:
-        content = yaml.load(text, ManifestLoader)  # noqa: S506  a safe loader with less in it
+        content = yaml.load(text, ManifestLoader)  # noqa: S506  subclass of the safe loader
     except (AttributeError, OverflowError, RecursionError, ValueError, yaml.YAMLError) as error:
-        # A constructor of YAML gives what Python makes of a number or a date that is none.
+        # YAML constructors pass on Python's own errors for malformed numbers and dates.
         mark = getattr(error, "problem_mark", None)
         raise InputError(
             f"is not YAML ({getattr(error, 'problem', None) or 'no such text'}); expected a "
@@ -173,7 +173,7 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
 
 @dataclass(frozen=True)
 class _Place:
-    """Where in a manifest something is wrong."""
+    """Source location of an error in a manifest."""
 
     path: Path
     row: int | None
@@ -218,7 +218,7 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
 
 
 def _path(folder: Path, file: str, place: _Place) -> Path:
-    """A file that the system can be asked for: no NUL, and nothing that is no character."""
+    """Path of a file named in the manifest; names with NUL or lone surrogates are rejected."""
     if "\0" in file or any("\ud800" <= letter <= "\udfff" for letter in file):
         raise place.wrong(f"{ascii(file)[:60]} is no path; expected a file")
     return folder / file

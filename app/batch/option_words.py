@@ -1,16 +1,22 @@
-"""Options of a fit as a manifest writes them.
+"""Parsing and validation of the fit options in a manifest.
+
+Form of each option in a CSV cell:
 
 seed            3
-posterior       false, no or 0
+posterior       true, yes or 1; false, no or 0
+effects         as posterior
 hold            zoh
 effort          quick
 time_limit      60
-temperatures    25;125            a list in YAML
-controllers     P:1;PI:2,0.5      a list in YAML
-set_aside       true, yes or 1
-force           true, yes or 1
-known           Kt25=0.048+-5%;L=2.9e-3               a list in YAML
-nameplate       voltage=12;no_load_speed=3000rpm      commas in YAML
+temperatures    25;125
+controllers     P:1;PI:2,0.5
+set_aside       as posterior
+force           as posterior
+known           Kt25=0.048+-5%;L=2.9e-3
+nameplate       voltage=12;no_load_speed=3000rpm
+
+YAML uses its own booleans, numbers and lists; `nameplate` is a string in which commas
+separate the entries.
 """
 
 from __future__ import annotations
@@ -30,25 +36,25 @@ _TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0"
 
 
 class Place(Protocol):
-    """Where an option stands."""
+    """Source location of an option value in a manifest."""
 
     def at(self, column: str) -> Place:
-        """The same place, in a column."""
+        """Return the same location with a column name."""
 
     def wrong(self, message: str) -> InputError:
-        """The error that says what is wrong there."""
+        """Return an error for this location."""
 
 
 def option_of(name: str, word: str, place: Place) -> object:
-    """The value of an option from a cell.
+    """Parse the text of a CSV cell as the value of an option.
 
     Args:
         name: Name of the option.
-        word: The cell, not empty.
-        place: Where it stands.
+        word: Text of the cell, not empty.
+        place: Source location for the error message.
 
     Raises:
-        InputError: The cell is no value of this option.
+        InputError: The text is not a value of this option.
     """
     try:
         return _OF_WORD[name](word)
@@ -57,15 +63,15 @@ def option_of(name: str, word: str, place: Place) -> object:
 
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
-    """Options with what was given in place of the defaults.
+    """Return the default options with the given values in place of some of them.
 
     Args:
-        defaults: What holds where nothing was given.
-        given: Values by name.
-        place: Where they stand.
+        defaults: Options that apply unless `given` has a value.
+        given: Values by option name.
+        place: Source location for the error message.
 
     Raises:
-        InputError: There is no such option, or a value is not accepted.
+        InputError: An option is unknown, or a value is invalid.
     """
     values: dict[str, Any] = {}
     for name, value in given.items():
@@ -84,7 +90,7 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
 
 
 def _checked(name: str, value: object, place: Place) -> object:
-    """A value of the right type; lists become tuples, and whole numbers may be temperatures."""
+    """Check the type of a value; convert lists to tuples, and integers to floats where needed."""
     expected = _EXPECTED[name]
     match name, value:
         case ("posterior" | "effects" | "set_aside" | "force", bool()) | (
@@ -97,7 +103,7 @@ def _checked(name: str, value: object, place: Place) -> object:
         case "seed", int() if not isinstance(value, bool):
             return value
         case "temperatures", list() | tuple() if value and all(map(_is_number, value)):
-            with contextlib.suppress(OverflowError):  # a whole number beyond any temperature
+            with contextlib.suppress(OverflowError):  # integer too large for a float
                 return tuple(float(one) for one in value)
         case "controllers", list() | tuple() if value and all(isinstance(v, str) for v in value):
             return tuple(value)

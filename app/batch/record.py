@@ -1,11 +1,11 @@
-"""What a result in the directory of a batch was made from, and what stood there before it.
+"""Provenance record and history of the results in a batch directory.
 
     DIR/MOTOR/result.json, report.html, posterior.nc
-    DIR/MOTOR/batch.json             hashes of the runs, options, and when the fit ended
-    DIR/MOTOR/history/TIME.json      earlier results with their records, oldest first by name
+    DIR/MOTOR/batch.json             hashes of the runs, options, and end time of the fit
+    DIR/MOTOR/history/TIME.json      earlier results with their records; names sort by time
 
-`batch.json` is written last and taken away first, so where it stands the result beside it is whole.
-A result that makes way for another goes to the history before that.
+`batch.json` is written last and deleted first, so its presence proves that the result in the same
+directory is complete.  Before a result is replaced, it is copied to the history.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ _MADE_FROM: Final = ("runs", "options", "mapping")
 
 
 def record_of(motor: Motor) -> dict[str, Any]:
-    """What a result depends on: the bytes of the runs, the options, the mapping.
+    """Inputs that determine a result: hashes of the run files, options, hash of the mapping file.
 
     Raises:
-        OptionError: A file cannot be read, or two of the runs are the same.
+        OptionError: A file cannot be read, or two run files have the same content.
     """
     try:
         runs = {
@@ -58,15 +58,15 @@ def record_of(motor: Motor) -> dict[str, Any]:
     except OSError as error:
         raise OptionError(f"{error.filename}: cannot be opened ({error.strerror})") from error
     _refuse_twice((*motor.training, *motor.validation), (*runs["training"], *runs["validation"]))
-    # As JSON gives it back, so that it compares.
+    # Convert to JSON types, so that the record equals one read from disk.
     options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))
-    # A record of before these options says the same as one without them.
+    # Omit these options if empty: records from before they existed have no such entries.
     options = {n: v for n, v in options.items() if v or n not in ("known", "nameplate")}
     return {"runs": runs, "options": options} | ({"mapping": mapping} if mapping else {})
 
 
 def kept_result(out: Path, record: Mapping[str, Any]) -> tuple[dict[str, Any], str | None] | None:
-    """The result in a directory and when it was made, if it was made from what a record says."""
+    """Stored result and its end time if it was made from the inputs in `record`, else None."""
     stored = _stored(out)
     if stored is None or any(stored.get(part) != record.get(part) for part in _MADE_FROM):
         return None
@@ -77,7 +77,7 @@ def kept_result(out: Path, record: Mapping[str, Any]) -> tuple[dict[str, Any], s
 
 
 def make_way(out: Path) -> None:
-    """Move the result of a directory to its history, and sweep up what a killed writer left."""
+    """Archive the result of a directory and delete temporary files of a killed writer."""
     for rest in out.glob(".*.part"):
         rest.unlink(missing_ok=True)
     stored = _stored(out)
@@ -93,9 +93,9 @@ def make_way(out: Path) -> None:
 
 
 def remember(out: Path, record: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-    """Put a result into the history of a directory.
+    """Write a result to the history of a directory.
 
-    The same result makes the same name, however often it is put there.
+    The file name is the end time of the fit, so writing the same result again has no effect.
     """
     history = out / _HISTORY
     history.mkdir(parents=True, exist_ok=True)
@@ -105,13 +105,13 @@ def remember(out: Path, record: Mapping[str, Any], result: Mapping[str, Any]) ->
 
 
 def finish(out: Path, record: Mapping[str, Any], ended_at: str) -> None:
-    """Say that the result of a directory is whole; nothing is written after this."""
+    """Mark the result of a directory as complete; this must be the last write."""
     content = json.dumps({**record, "ended_at": ended_at}, indent=2)
     write_text(out / _RECORD, content + "\n")
 
 
 def previous_refit(motor: str, out: Path) -> Refit | None:
-    """The newest result of a motor's history, or None."""
+    """Newest readable result in the history of a motor, or None."""
     for path in sorted((out / _HISTORY).glob("*.json"), reverse=True):
         try:
             with open_regular(path) as file:
@@ -120,13 +120,13 @@ def previous_refit(motor: str, out: Path) -> Refit | None:
             place = f"{motor}/{_HISTORY}/{path.name}"
             return refit_of(motor, "fitted", result, fit=place, ended_at=record.get("ended_at"))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            # Not written here; the one before it may be.
+            # Not a history file of this program; try the next older file.
             continue
     return None
 
 
 def now_text() -> str:
-    """The time, UTC, ISO 8601."""
+    """Current time in UTC, ISO 8601."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
 
@@ -140,7 +140,7 @@ def _stored(out: Path) -> dict[str, Any] | None:
 
 
 def _refuse_twice(files: Sequence[Path], hashes: Sequence[str]) -> None:
-    """Refuse bytes that stand for two runs: a model cannot be checked on what it was fitted to."""
+    """Reject duplicate run files: a model cannot be validated on the data it was fitted to."""
     first: dict[str, Path] = {}
     for file, found in zip(files, hashes, strict=True):
         if found in first:
@@ -150,7 +150,7 @@ def _refuse_twice(files: Sequence[Path], hashes: Sequence[str]) -> None:
 
 
 def _hash(file: Path) -> str:
-    # Asked before it is opened: a pipe to which nobody writes would be waited for.
+    # Check the type first: opening a FIFO without a writer would block.
     if not stat.S_ISREG(mode := file.stat().st_mode) and not stat.S_ISDIR(mode):
         raise OptionError(f"{file}: is not a regular file; expected a run or a mapping")
     with file.open("rb") as content:

@@ -1,9 +1,9 @@
-"""Motors fitted by a service: runs go there, results come into the same directory.
+"""Batch identification on a service: upload runs, submit batches, fetch results.
 
-    DIR/service.json       the batch that was asked for, written before it is
+    DIR/service.json       the batch request, written before it is sent
 
-The file holds the whole request with its Idempotency-Key, so that a command that was killed at any
-moment and is given again finds the batch that it began, and begins none twice.
+The file holds the complete request with its Idempotency-Key.  If the command is killed at any
+moment and given again, it resumes its batch and submits none twice.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused
 __all__ = ["fit_all_at"]
 
 _STATE: Final = "service.json"
-_MOST_MOTORS: Final = MOST_MOTORS // 2  # the body, too, has its limit
+_MOST_MOTORS: Final = MOST_MOTORS // 2  # the request body has a size limit, too
 _TOO_MANY: Final = "quota_batch"
 _FIRST_LOOK_S: Final = 0.2
 _SLOWEST_LOOK_S: Final = 5.0
@@ -38,17 +38,17 @@ Tell = Callable[[str, str, float], None]
 
 @contextmanager
 def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterator[Client]:
-    """A client of a service that has answered once.
+    """Yield a client of a service that has answered at least once.
 
     Args:
-        url: Address of the service.
-        key: Its key.
-        first_s: Time to wait for the first answer [s].
-        later_s: Time to wait for each later one [s].
+        url: URL of the service.
+        key: API key of the service.
+        first_s: Time over which the first call is retried [s].
+        later_s: Time over which each later call is retried [s].
 
     Raises:
-        InputError: The key is not accepted, or the service refused for another reason.
-        ComputationError: The service does not answer, at first or later.
+        InputError: The service rejects the key or refuses a call for another reason.
+        ComputationError: The service does not answer.
     """
     try:
         with Client(url, key, patience_s=first_s) as first:
@@ -68,17 +68,17 @@ def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterat
 def fit_all_at(
     service: Client, out: Path, name: str, jobs: Sequence[Job], tell: Tell
 ) -> Iterator[tuple[Job, str]]:
-    """Have motors fitted by a service, and give each with the reason of its failure, or "".
+    """Fit motors on a service; yield each job with its error message, or "" on success.
 
     Args:
-        service: The service.
+        service: Client of the service.
         out: Directory of the batch.
-        name: Name of the batch in the service's lists.
-        jobs: What to fit.
-        tell: Told motor, stage and share of a fit that is done.
+        name: Display name of the batch on the service.
+        jobs: Motors to fit.
+        tell: Progress callback with motor, stage and completed fraction of the fit.
 
     Raises:
-        ClientError: The service does not answer, or refuses.
+        ClientError: The service does not answer, or refuses a call.
     """
     left = list(jobs)
     most = _MOST_MOTORS
@@ -104,7 +104,8 @@ def fit_all_at(
             mine = [job for job in left if _is_in(state, job)]
             left = [job for job in left if job not in mine]
         if (batch := _begun(service, state)) is None:
-            # More than may wait at this service: what is uploaded goes there in smaller batches.
+            # The batch exceeds the queue quota: submit the uploaded runs in batches of
+            # half the size.
             most = len(state["motors"]) // 2
             names = {job.motor.name for job in mine}
             sent |= {entry["motor"]: entry for entry in state["motors"] if entry["motor"] in names}
@@ -117,14 +118,14 @@ def fit_all_at(
 
 
 def _has_place(fresh: Sequence[tuple[Job, object]], job: Job, most: int) -> bool:
-    """Whether one more motor goes into a batch; the first does in any case."""
+    """Whether one more motor fits into a batch; the first one always does."""
     motors = [job.motor, *(one.motor for one, _ in fresh)]
     runs = sum(len(motor.training) + len(motor.validation) for motor in motors)
     return not fresh or (len(motors) <= most and runs <= MOST_RUNS)
 
 
 def _begun(service: Client, state: Mapping[str, Any]) -> Batch | str | None:
-    """The batch; why the service refused it; or None where it would take smaller ones."""
+    """Submit a batch; return it, the reason for a refusal, or None if it must be split."""
     try:
         return service.batch(
             state["motors"], name=state["name"], idempotency_key=state["idempotency_key"]
@@ -132,14 +133,14 @@ def _begun(service: Client, state: Mapping[str, Any]) -> Batch | str | None:
     except (NotFound, Refused) as error:
         if error.code == _TOO_MANY and len(state["motors"]) > 1:
             return None
-        # Runs were removed meanwhile, or this service has never seen them.
+        # Runs were deleted in the meantime, or this service never had them.
         return f"the service refused the batch: {error}"
 
 
 def _followed(
     service: Client, batch: Batch, jobs: Sequence[Job], tell: Tell
 ) -> Iterator[tuple[Job, str]]:
-    """Results of a batch, as they come."""
+    """Poll a batch and yield each job when its fit has ended."""
     waiting = {job.motor.name: job for job in jobs}
     pause = _FIRST_LOOK_S
     while waiting:
@@ -176,7 +177,7 @@ def _ended(batch: Batch, waiting: Mapping[str, Job], tell: Tell) -> list[Mapping
 
 
 def _taken(service: Client, job: Job, fit: Mapping[str, Any]) -> str:
-    """Write the result of a fit that ended; gives the reason where there is none."""
+    """Write the result of an ended fit; return the error message, or "" on success."""
     if fit["status"] != "succeeded":
         error = fit.get("error") or {}
         return str(error.get("detail") or f"{fit['fit']} was {fit['status']} at the service")
@@ -190,7 +191,7 @@ def _taken(service: Client, job: Job, fit: Mapping[str, Any]) -> str:
 
 
 def _remember_earlier(service: Client, job: Job, fit: Mapping[str, Any]) -> None:
-    """Take the refit before from the service where this directory knows of none."""
+    """Copy the previous result of a motor from the service if the local history is empty."""
     if previous_refit(job.motor.name, job.out) is not None:
         return
     for earlier in service.fits(status="succeeded", motor=job.motor.name):
@@ -203,7 +204,7 @@ def _remember_earlier(service: Client, job: Job, fit: Mapping[str, Any]) -> None
 
 
 def _uploaded(service: Client, job: Job, tell: Tell) -> tuple[dict[str, Any] | None, str]:
-    """A motor as the service is asked for it, or the reason why a run was not taken."""
+    """Upload the runs of a motor; return its request entry, or None and the error message."""
     motor = job.motor
     tell(motor.name, "upload", 0.0)
     try:
@@ -236,7 +237,7 @@ def _new_state(
 
 
 def _state(out: Path, url: str, jobs: Sequence[Job]) -> dict[str, Any] | None:
-    """The batch that an earlier command began here, if it was to fit one of these motors."""
+    """Request of an earlier command in this directory, if it contains one of these jobs."""
     try:
         state = json.loads((out / _STATE).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,10 +1,12 @@
-"""One motor of a batch, fitted in a child of a fork server and reported in lines of JSON.
+"""Fit of one motor of a batch in a child process of the fork server.
+
+Messages to the parent process, one JSON object per line:
 
     {"progress": ["posterior", 0.42]}
-    {"done": true}                the result and its record are on the disk
-    {"failed": "..."}             the input or the calculation
+    {"done": true}                the result and its record are on disk
+    {"failed": "..."}             invalid input or failed computation
 
-If it ends without one of the last two it has crashed.
+A child that exits without `done` or `failed` has crashed.
 """
 
 from __future__ import annotations
@@ -30,12 +32,12 @@ _INTERVAL_S = 0.2
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
-    """Fit a motor and report on the pipe.
+    """Fit one motor and report its progress and outcome on the pipe.
 
     Args:
-        task: `out`, `training`, `validation`, `mapping`, `options`, `record`, `pipeline` and
-            `threads`.
-        answer: Pipe to the command.
+        task: `out`, `training`, `validation`, `mapping`, `options`, `record`, `pipeline`
+            and `threads`.
+        answer: Write end of the pipe to the command.
     """
     try:
         with warnings_logged():
@@ -46,7 +48,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
         tell(answer, {"failed": f"{error.filename or 'files'}: {error.strerror or error}"})
     except MemoryError:
         tell(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
-    except Exception as error:  # noqa: BLE001  one bad motor does not stop the others
+    except Exception as error:  # noqa: BLE001  a failed motor must not stop the batch
         tell(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
         if os.environ.get(TRACEBACK):
             raise
@@ -70,14 +72,14 @@ def _fit(task: dict[str, Any], progress: _Progress) -> None:
     training = runs[: len(task["training"])]
     identification = identify(training, runs[len(training) :], FitOptions(**options), progress)
     out.mkdir(parents=True, exist_ok=True)
-    # Until here the earlier result stands as it was.
+    # The previous result is kept until the new fit has succeeded.
     make_way(out)
     identification.write(out)
     finish(out, task["record"], now_text())
 
 
 class _Progress:
-    """Progress as messages, thinned out."""
+    """Rate-limited progress messages."""
 
     def __init__(self, answer: int) -> None:
         self._answer = answer

@@ -1,4 +1,4 @@
-"""Loader of YAML manifests: the safe loader of PyYAML without what a manifest has no use for."""
+"""YAML loader for manifests: the safe loader of PyYAML with further restrictions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _LONGEST_SCALAR = 10_000
 
 
 class ManifestLoader(yaml.SafeLoader):
-    """Refuses aliases, huge scalars and keys that are there twice, each with its line.
+    """Rejects aliases, very long scalars and duplicate keys, and reports the line.
 
-    A few lines of aliases stand for more than any memory holds, a whole number such as ``1:1:1`` is
-    converted in a time that grows with the square of its length, and of two equal keys YAML as
-    PyYAML reads it keeps the last without a word.
+    Nested aliases in a few lines can expand beyond any memory.  A base-60 integer such as
+    ``1:1:1`` takes a conversion time quadratic in its length.  Of two equal keys, PyYAML silently
+    keeps the last.
     """
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Make a node of the next events."""
+        """Compose the next node; reject aliases and very long scalars."""
         event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
             raise _fault("has an alias where each value is to be written out", event)
@@ -29,7 +29,7 @@ class ManifestLoader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Make a mapping of a node, each key of which is there once."""
+        """Construct a mapping; reject duplicate keys."""
         found = set()
         for key_node, _ in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
