@@ -1,1 +1,1 @@
-"""Batches: many motors at once, each a fit of its own."""
+"""Batches: one request for many motors, with one fit each."""

@@ -1,4 +1,4 @@
-"""Calls about batches."""
+"""HTTP endpoints of batches."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ def create_batch(
         Header(description="A word of your own: the same word and request are the same batch."),
     ] = None,
 ) -> BatchOut:
-    """Accept a fit for each motor, all of them or none; one that fails stops no other."""
+    """Submit one fit per motor. The batch is accepted or rejected as a whole.
+
+    A failed fit does not stop the others.
+    """
     batch = services.batches.create(caller, body.requests(), body.name, idempotency_key)
     response.headers["Location"] = f"/api/v1/batches/{batch.row.id}"
     return BatchOut.of(batch)
@@ -71,13 +74,13 @@ def list_batches(
         str | None, Query(max_length=200, description="`next` of the page before.")
     ] = None,
 ) -> BatchList:
-    """Batches, newest first."""
+    """List batches, newest first."""
     return BatchList.of(*services.batches.page(caller, after=after, limit=limit))
 
 
 @router.get("/{batch_id}", summary="Show a batch", responses=responses(404))
 def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut:
-    """How many fits are in each state, and each motor's fit."""
+    """Show the number of fits in each state and the state of each motor's fit."""
     return BatchOut.of(services.batches.get(caller, batch_id))
 
 
@@ -88,7 +91,7 @@ def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> Batch
     responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
 )
 def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut | Response:
-    """Cancel the fits that have not ended; where all have, remove the batch and its fits."""
+    """Cancel the unfinished fits of a batch; if all have ended, delete the batch with its fits."""
     batch = services.batches.delete(caller, batch_id)
     return Response(status_code=204) if batch is None else BatchOut.of(batch)
 
@@ -108,7 +111,7 @@ def fetch_results(
         Header(description="application/json, text/csv or application/vnd.apache.parquet."),
     ] = None,
 ) -> BatchResults | Response:
-    """The table of results, as JSON, CSV or Parquet: parameters, intervals, effects and drift."""
+    """Fetch the table of parameters, intervals, effects and drift as JSON, CSV or Parquet."""
     return _results(services, caller, batch_id, _wanted(accept))
 
 
@@ -121,7 +124,7 @@ def fetch_results(
 def fetch_results_as(
     batch_id: str, form: Form, services: ServicesDep, caller: CallerDep
 ) -> BatchResults | Response:
-    """The same table, in the form that the address ends with."""
+    """Fetch the same table in the format given by the suffix of the URL."""
     return _results(services, caller, batch_id, form)
 
 
@@ -135,7 +138,7 @@ def fetch_results_as(
     },
 )
 def fetch_fleet(batch_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
-    """All motors on one page: each parameter in order, what stands out, and what has moved."""
+    """Fetch one page of all motors: parameter values in order, outliers and drift."""
     page = services.batches.report(caller, batch_id)
     return HTMLResponse(page, headers={"Content-Security-Policy": FLEET_POLICY})
 
@@ -153,7 +156,7 @@ def _results(
 
 
 def _wanted(accept: str | None) -> Form:
-    """The form that an Accept header wants most; JSON where it has no wish."""
+    """Format that an Accept header prefers; JSON without a header."""
     best, wanted = 0.0, None
     for part in (accept or "*/*").split(","):
         kind, *words = (word.strip().lower() for word in part.split(";"))

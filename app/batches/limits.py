@@ -1,7 +1,7 @@
-"""How large a batch may be; what makes batches of more cuts them at these numbers.
+"""Size limits of a batch; clients split larger batches at these numbers.
 
-A batch is kept in one transaction, and SQLite lets nobody else write meanwhile: not another
-workspace, and not the server that renews the leases of the fits that run.
+A batch is stored in one transaction.  SQLite blocks all other writers meanwhile: other workspaces,
+and the server that renews the leases of running fits.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from typing import Final
 __all__ = ["MOST_MOTORS", "MOST_RUNS"]
 
 MOST_MOTORS: Final = 1000
-"""Motors of one batch."""
+"""Maximum number of motors in a batch."""
 
 MOST_RUNS: Final = 10_000
-"""Runs of all motors of one batch together, each as often as a motor names it.
+"""Maximum number of runs in a batch; a run counts once for each motor that names it.
 
-With these the writer is held for about a second at most, where the lease of a running fit lasts 15.
+With these limits the write lock is held for about 1 s at most; the lease of a running
+fit lasts 15 s.
 """

@@ -1,4 +1,4 @@
-"""Batches in the database, each query within one workspace."""
+"""Database queries of batches; lookups are restricted to one workspace."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ __all__ = [
 
 
 def add(session: Session, row: BatchRow) -> None:
-    """Keep a batch."""
+    """Insert a batch."""
     session.add(row)
     session.flush()
 
 
 def get(session: Session, workspace: str, batch_id: str) -> BatchRow | None:
-    """A batch, or None."""
+    """Batch by ID within a workspace, or None."""
     query = select(BatchRow).where(BatchRow.workspace == workspace, BatchRow.id == batch_id)
     return session.scalars(query).one_or_none()
 
 
 def by_key(session: Session, workspace: str, idempotency_key: str) -> BatchRow | None:
-    """The batch that was asked for under an Idempotency-Key, or None."""
+    """Batch that was requested with an Idempotency-Key, or None."""
     query = select(BatchRow).where(
         BatchRow.workspace == workspace, BatchRow.idempotency_key == idempotency_key
     )
@@ -48,7 +48,7 @@ def by_key(session: Session, workspace: str, idempotency_key: str) -> BatchRow |
 def page(
     session: Session, workspace: str, *, after: tuple[float, str] | None, limit: int
 ) -> Sequence[BatchRow]:
-    """Batches, newest first; `after` is time and id of the last one of the page before."""
+    """Page of batches, newest first; `after` is the creation time and ID of the preceding batch."""
     query = select(BatchRow).where(BatchRow.workspace == workspace)
     if after is not None:
         query = query.where(tuple_(BatchRow.created_at, BatchRow.id) < tuple_(*after))
@@ -58,7 +58,7 @@ def page(
 
 
 def counts(session: Session, batch_ids: Sequence[str]) -> dict[str, dict[str, int]]:
-    """How many fits of some batches are in each state, by batch."""
+    """Number of fits in each state, by batch ID."""
     query = (
         select(FitRow.batch_id, FitRow.status, func.count())
         .where(FitRow.batch_id.in_(batch_ids))
@@ -71,7 +71,7 @@ def counts(session: Session, batch_ids: Sequence[str]) -> dict[str, dict[str, in
 
 
 def fractions(session: Session, batch_ids: Sequence[str]) -> dict[str, float]:
-    """Share of some batches that is done, by batch; a fit that ended is done, however it ended."""
+    """Completed fraction of each batch by ID; an ended fit counts as 1 in any final state."""
     done = case((FitRow.status.in_(ENDED), 1.0), else_=FitRow.fraction)
     query = (
         select(FitRow.batch_id, func.avg(done))
@@ -83,7 +83,7 @@ def fractions(session: Session, batch_ids: Sequence[str]) -> dict[str, float]:
 
 
 def cancel(session: Session, batch_id: str, now: float) -> int:
-    """End the fits of a batch that have not ended; gives their number."""
+    """Cancel the unfinished fits of a batch; return their number."""
     statement = (
         update(FitRow)
         .where(FitRow.batch_id == batch_id, FitRow.status.not_in(ENDED))
@@ -101,12 +101,12 @@ def cancel(session: Session, batch_id: str, now: float) -> int:
 
 
 def fit_ids(session: Session, batch_id: str) -> Sequence[str]:
-    """Ids of the fits of a batch."""
+    """IDs of the fits of a batch."""
     return session.scalars(select(FitRow.id).where(FitRow.batch_id == batch_id)).all()
 
 
 def remove(session: Session, batch_id: str) -> None:
-    """Forget a batch and its fits."""
+    """Delete a batch and its fits."""
     session.execute(delete(FitRow).where(FitRow.batch_id == batch_id))
     session.execute(delete(BatchRow).where(BatchRow.id == batch_id))
 
@@ -114,13 +114,13 @@ def remove(session: Session, batch_id: str) -> None:
 def earlier(
     session: Session, workspace: str, motors: Sequence[str], before: float
 ) -> dict[str, FitRow]:
-    """The newest fit of each motor that succeeded and was asked for before a time, by motor.
+    """Newest succeeded fit of each motor that was requested before a given time, by motor.
 
     Args:
-        session: Session of the database.
+        session: Database session.
         workspace: Workspace of the caller.
-        motors: Which motors.
-        before: The time [s since 1970].
+        motors: Names of the motors.
+        before: Upper limit of the time of the request [s since 1970].
     """
     found: dict[str, FitRow] = {}
     for some in portions(motors):
@@ -142,7 +142,7 @@ def earlier(
                 (FitRow.motor == newest.c.motor) & (FitRow.created_at == newest.c.created_at),
             )
             .where(FitRow.workspace == workspace, FitRow.status == "succeeded")
-            # Fits of one batch share their time; the last of a motor counts.
+            # Fits of one batch share their creation time; the last one of a motor counts.
             .order_by(FitRow.position)
         )
         found |= {str(row.motor): row for row in session.scalars(query)}

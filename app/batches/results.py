@@ -1,7 +1,7 @@
-"""Results of the fits of a batch, beside each other.
+"""Results of the fits of a batch as rows of a table.
 
-A batch may have a thousand results, and each is read for the table and again for the page, so what
-was taken from one is kept in memory: a result never changes once its fit succeeded.
+A batch can have a thousand results, which the table and the page each read in full.  They are
+cached, because a result never changes once its fit has succeeded.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from identification.fleet.refit import Refit, compared_with, refit_of
 __all__ = ["MISSING", "refits_of"]
 
 MISSING = "its result is missing or damaged in the data directory"
-"""What the table says of a fit that succeeded and whose result cannot be read any more."""
+"""Error text of a succeeded fit whose result cannot be read."""
 
 _UNNAMED = "unnamed motor"
 _MOST_KEPT = 4000
@@ -29,12 +29,12 @@ _MOST_KEPT = 4000
 def refits_of(
     storage: Storage, fits: Sequence[FitRow], earlier: Mapping[str, FitRow]
 ) -> list[Refit]:
-    """Fits as rows of the table, each with the refit of its motor before it.
+    """Rows of the table, each compared with the previous fit of its motor.
 
     Args:
-        storage: The data directory.
-        fits: Fits of the batch, in its order.
-        earlier: The fit before the batch that succeeded, by motor.
+        storage: Data directory.
+        fits: Fits of the batch, in order.
+        earlier: Last succeeded fit before the batch, by motor.
     """
     refits = []
     for row in fits:
@@ -54,7 +54,7 @@ def _refit(storage: Storage, row: FitRow) -> Refit:
     try:
         refit = _read(storage.attempt(row.id, row.attempt))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        # The last four: members of a result that no sums protect.
+        # The last four: malformed content of a result that has no checksum.
         refit = Refit(motor, row.status, error=MISSING)
     return replace(refit, motor=motor, status=row.status, fit=row.id, ended_at=ended_at, link=link)
 

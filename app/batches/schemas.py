@@ -1,4 +1,4 @@
-"""Batches as callers see them."""
+"""Request and response schemas of batches."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class BatchItem(BaseModel):
 
 
 class BatchCreate(Received):
-    """A batch to be made."""
+    """Request for a batch of fits."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -59,7 +59,7 @@ class BatchCreate(Received):
     name: Motor | None = Field(default=None, description="What lists show.")
 
     def requests(self) -> list[FitRequest]:
-        """What the caller asks for, motor by motor."""
+        """One fit request per motor."""
         return [
             FitCreate(
                 training=item.training,
@@ -72,7 +72,7 @@ class BatchCreate(Received):
 
 
 class BatchFit(BaseModel):
-    """One motor of a batch and how its fit is doing."""
+    """One motor of a batch, with the state of its fit."""
 
     fit: str = Field(description="Id of the fit; GET /api/v1/fits/{id} has its result.")
     motor: str | None
@@ -82,7 +82,7 @@ class BatchFit(BaseModel):
 
 
 class BatchProgress(BaseModel):
-    """How far a batch is."""
+    """Progress of a batch."""
 
     fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
     ended: int = Field(description="Fits that have ended, however they ended.")
@@ -104,7 +104,7 @@ class BatchSummary(BaseModel):
 
     @classmethod
     def of(cls, batch: Batch) -> BatchSummary:
-        """A batch as it is stored."""
+        """Build the schema from a stored batch."""
         return cls.model_validate(_fields(batch))
 
 
@@ -144,7 +144,7 @@ class BatchOut(BatchSummary):
 
     @classmethod
     def of(cls, batch: Batch) -> BatchOut:
-        """A batch as it is stored."""
+        """Build the schema from a stored batch."""
         listed = [
             {
                 "fit": fit.id,
@@ -159,7 +159,7 @@ class BatchOut(BatchSummary):
 
 
 class BatchResults(BaseModel):
-    """The results of a batch, motor by motor."""
+    """Results of a batch, one row per motor."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -189,7 +189,7 @@ class BatchResults(BaseModel):
 
     @classmethod
     def of(cls, batch: Batch, rows: Sequence[dict[str, Any]]) -> BatchResults:
-        """The table of a batch."""
+        """Build the schema from a batch and the rows of its table."""
         return cls(id=batch.row.id, status=batch.status, rows=list(rows))
 
 
@@ -201,7 +201,7 @@ class BatchList(BaseModel):
 
     @classmethod
     def of(cls, batches: Sequence[Batch], following: str | None) -> BatchList:
-        """A page as it is stored."""
+        """Build the schema from stored batches and the cursor of the next page."""
         return cls(items=[BatchSummary.of(batch) for batch in batches], next=following)
 
 

@@ -1,6 +1,6 @@
-"""What can be done with batches: many motors at once, each a fit of its own.
+"""Batch service: submit, list, cancel and delete batches, and read their results.
 
-A batch is accepted whole or not at all; after that one motor's failure is its own.
+A batch is accepted or rejected as a whole; its fits then succeed or fail independently.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ __all__ = ["ENDED", "Batch", "BatchService"]
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch with what belongs to it.
+    """A batch with its derived data.
 
     Args:
-        row: The batch.
+        row: Database row of the batch.
         counts: Number of its fits in each state.
-        fraction: Share of the whole that is done.
-        fits: Its fits in order, where they were asked for.
+        fraction: Completed fraction of the batch.
+        fits: Its fits in order, if requested.
     """
 
     row: BatchRow
@@ -53,10 +53,10 @@ class Batch:
 
     @property
     def status(self) -> str:
-        """One word for all fits: ``partial`` where some succeeded and others did not."""
+        """Combined state of all fits; ``partial`` if some succeeded and others did not."""
         states = {state for state, number in self.counts.items() if number}
         if not states:
-            # Its fits were removed one by one, which only fits that ended can be.
+            # All fits were deleted singly, which requires that they had ended.
             return "succeeded"
         if states <= {"queued"}:
             return "queued"
@@ -68,7 +68,7 @@ class Batch:
 
 
 class BatchService:
-    """Batches of all workspaces; each call is made for one caller."""
+    """Operations on batches; each is restricted to the workspace of its caller."""
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
@@ -85,22 +85,23 @@ class BatchService:
         name: str | None,
         idempotency_key: str | None,
     ) -> Batch:
-        """Accept a batch.
+        """Submit a batch.
 
         Args:
-            caller: For whom.
-            requests: One for each motor.
-            name: What lists show.
-            idempotency_key: As with a fit: the same word with the same request is the same batch.
+            caller: Caller of the request.
+            requests: One fit request per motor.
+            name: Display name of the batch.
+            idempotency_key: As for a fit: the same key with the same request returns
+                the same batch.
 
         Raises:
             NotFound: A run is not in the caller's workspace.
-            FieldRefused: A run is named twice in one fit, a name or key is not accepted, or the
-                motors together have more runs than a batch may.
-            OptionError: An option is not accepted.
-            KeyReused: The key came before with another request.
-            WaitingQuota: More fits of the workspace would wait than may.
-            BatchQuota: The batch alone has more.
+            FieldRefused: A fit names a run twice, a validation run equals a training run, a name or
+                key is invalid, or the motors together exceed the maximum number of runs.
+            OptionError: An option is invalid.
+            KeyReused: The key was used before with a different request.
+            WaitingQuota: The workspace would exceed its quota of waiting fits.
+            BatchQuota: The batch alone exceeds that quota.
         """
         key = checked_key(idempotency_key)
         _check_size(requests)
@@ -112,7 +113,7 @@ class BatchService:
             idempotency_key=key,
             request_sha256=request_hash(*requests),
         )
-        # All that needs no database comes before the transaction, for which other writers wait.
+        # Build the rows before the transaction, which blocks other writers.
         made = [(_fit_row(caller, row, n, request), request) for n, request in enumerate(requests)]
         known = None
         try:
@@ -124,7 +125,7 @@ class BatchService:
                     repository.add(session, row)
                     fits.add(session, *made)
         except IntegrityError:
-            # The same key came twice at the same time, and the other was first.
+            # A concurrent request with the same key was committed first.
             if key is None:
                 raise
             with self._database.reading() as session:
@@ -137,10 +138,10 @@ class BatchService:
     def page(
         self, caller: Caller, *, after: str | None, limit: int
     ) -> tuple[list[Batch], str | None]:
-        """Batches, newest first, and where the next page begins, if there is one.
+        """Page of batches, newest first, and the cursor of the next page, if any.
 
         Raises:
-            FieldRefused: `after` is no position that was given before.
+            FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
             rows = repository.page(
@@ -153,10 +154,10 @@ class BatchService:
         return batches, cursor_of(rows, limit)
 
     def get(self, caller: Caller, batch_id: str) -> Batch:
-        """One batch, with its fits.
+        """Batch with its fits.
 
         Raises:
-            NotFound: There is no such batch in the caller's workspace.
+            NotFound: The caller's workspace has no such batch.
         """
         with self._database.reading() as session:
             row = _known(session, caller, batch_id)
@@ -165,13 +166,13 @@ class BatchService:
             return Batch(row, counts, share, fits.of_batch(session, row.id))
 
     def delete(self, caller: Caller, batch_id: str) -> Batch | None:
-        """Cancel the fits of a batch that have not ended, or remove it where all have.
+        """Cancel the unfinished fits of a batch; if all have ended, delete the batch.
 
         Returns:
-            The batch where fits were cancelled, None where it was removed.
+            The batch if fits were cancelled, None if it was deleted.
 
         Raises:
-            NotFound: There is no such batch in the caller's workspace.
+            NotFound: The caller's workspace has no such batch.
         """
         with self._database.writing() as session:
             row = _known(session, caller, batch_id)
@@ -187,25 +188,25 @@ class BatchService:
         return None
 
     def rows(self, caller: Caller, batch_id: str) -> tuple[Batch, list[dict[str, Any]]]:
-        """The batch and the table of its results, a row for each motor; see `table`.
+        """Batch and the rows of its results table, one per motor.
 
         Raises:
-            NotFound: There is no such batch in the caller's workspace.
+            NotFound: The caller's workspace has no such batch.
         """
         batch, refits = self._refits(caller, batch_id)
         return batch, rows_of(refits)
 
     def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
-        """The table of the results of a batch as a file.
+        """Results table of a batch as a file.
 
         Args:
-            caller: For whom.
-            batch_id: The batch.
-            kind: Form of the file.
+            caller: Caller of the request.
+            batch_id: ID of the batch.
+            kind: File format.
 
         Raises:
-            NotFound: There is no such batch in the caller's workspace.
-            NotAcceptable: This service cannot write Parquet.
+            NotFound: The caller's workspace has no such batch.
+            NotAcceptable: This installation cannot write Parquet.
         """
         _, rows = self.rows(caller, batch_id)
         if kind == "csv":
@@ -219,12 +220,12 @@ class BatchService:
             ) from error
 
     def report(self, caller: Caller, batch_id: str) -> str:
-        """All motors of a batch on one page, with what is known by now.
+        """Page of all motors of a batch, with the results available so far.
 
         Raises:
-            NotFound: There is no such batch in the caller's workspace.
+            NotFound: The caller's workspace has no such batch.
         """
-        # Imported with the first page: it brings what draws, for which every start would wait.
+        # Lazy import: the plotting library would slow down every start.
         from identification.fleet.page import render_fleet
 
         batch, refits = self._refits(caller, batch_id)
@@ -234,7 +235,8 @@ class BatchService:
         batch = self.get(caller, batch_id)
         refits = self._read(caller, batch)
         if any(refit.error == MISSING for refit in refits):
-            # Fits are removed before their files: what is left of the batch is asked for again.
+            # A fit is deleted before its files, so a missing file may mean a deleted
+            # fit: read again.
             batch = self.get(caller, batch_id)
             refits = self._read(caller, batch)
         return batch, refits
