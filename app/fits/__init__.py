@@ -1,1 +1,1 @@
-"""Fits: accepted, queued, computed in processes of their own, watched and cancelled."""
+"""Fits: submission, queue, computation in separate processes, monitoring and cancellation."""

@@ -1,4 +1,4 @@
-"""An attempt at a fit that runs under this server, and its messages so far."""
+"""Attempt at a fit that runs under this server, with its messages so far."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _LONGEST_STAGE = 100
 
 @dataclass
 class Attempt:
-    """An attempt that runs here.
+    """An attempt that runs under this server.
 
     Args:
-        running: The job as its engine has it.
-        began: When it was begun, on the monotonic clock [s].
-        failures: How many attempts failed before.
-        is_alone: Whether no other fit may run meanwhile.
-        told: All members of its messages; of each name the last.
-        news: Stage and fraction that are not written down yet.
-        renewed: When its lease was renewed, on the monotonic clock [s].
+        running: The job on its engine.
+        began: Time of the start, on the monotonic clock [s].
+        failures: Number of earlier attempts that crashed.
+        is_alone: Whether no other fit may run at the same time.
+        told: Fields of all messages so far; a later value replaces an earlier one.
+        news: Stage and fraction that are not stored yet.
+        renewed: Time of the last renewal of the lease, on the monotonic clock [s].
     """
 
     running: AbstractRunning
@@ -38,14 +38,14 @@ class Attempt:
 
     @property
     def job(self) -> Job:
-        """The job."""
+        """The job of the attempt."""
         return self.running.job
 
     def hear(self, message: dict[str, Any]) -> None:
-        """Take a message; progress that the tables could not hold is passed over.
+        """Process a message; ignore progress that the database could not store.
 
         Args:
-            message: What the process wrote, which may be anything.
+            message: Message of the process, with unchecked content.
         """
         self.told |= message
         progress = message.get("progress")

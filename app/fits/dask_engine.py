@@ -1,13 +1,14 @@
-"""The engine of several machines: each attempt is a task of a Dask cluster.
+"""Compute engine on a Dask cluster: each attempt is one task.
 
-The tables stay the truth.  Dask is told of an attempt when it is begun and forgets it with its
-scheduler; an attempt whose scheduler or worker is gone is lost, which is no fault of the fit, and
-the fit waits again.  See `app.fits.dask_task` for the side of the worker.
+The database remains the record of the work.  Dask receives an attempt when it starts and loses it
+with its scheduler.  If the scheduler or the worker of an attempt is gone, the attempt is lost and
+its fit is requeued; the loss does not count against the fit.  See `app.fits.dask_task` for the
+worker's side.
 
-One thread looks after the connection, so that the supervisor never waits for a cluster that does
-not answer.  While there is no connection the capacity is 0 and fits wait in the tables.  Runs and
-outputs are in the data directory, which the workers share; over the network of the cluster go
-names, progress and ends only.
+A separate thread maintains the connection, so the supervisor never waits for a cluster that does
+not answer.  Without a connection the capacity is 0, and fits wait in the queue.  The workers share
+the data directory, which holds runs and outputs; only job descriptions, progress and outcomes cross
+the network of the cluster.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ _log = logging.getLogger(__name__)
 
 
 class DaskEngine(AbstractEngine):
-    """Tasks of a cluster.
+    """Runs jobs as tasks of a Dask cluster.
 
     Args:
-        settings: Address of the scheduler, its certificates, how many fits may run at once, and
-            with how many threads.
-        storage: The data directory, which the workers share.
+        settings: Address of the scheduler, its certificates, maximum number of parallel fits, and
+            number of threads per fit.
+        storage: Data directory, which the workers share.
     """
 
     def __init__(self, settings: Settings, storage: Storage) -> None:
@@ -65,29 +66,29 @@ class DaskEngine(AbstractEngine):
         self._thread = threading.Thread(target=self._look_after, name="dask", daemon=True)
 
     def open(self) -> None:
-        """Begin to connect."""
+        """Start the thread that connects to the cluster."""
         self._thread.start()
 
     def close(self) -> None:
-        """Give the connection back, with all tasks."""
+        """Close the connection, which ends all tasks."""
         self._stop.set()
         if self._thread.is_alive():
-            # It may be waiting for a scheduler that is not there; it gives up by itself.
+            # The thread may be waiting for an unreachable scheduler; that call times out by itself.
             self._thread.join(_KILL_S)
         self._disconnect()
 
     def capacity(self) -> int:
-        """Threads of all workers; 0 while there is no connection or tasks are lost at once."""
+        """Number of the workers' threads, up to the configured limit; 0 if offline or paused."""
         if _line(self._client) is None or time.monotonic() < self._paused_until:
             return 0
         return min(self._threads, self._most)
 
     def threads(self, jobs: int) -> int:
-        """One, for which the cluster counts it, unless the settings say otherwise."""
+        """Configured threads per fit, or one, because the cluster assigns one thread to a task."""
         return self._threads_of_one
 
     def start(self, job: Job) -> AbstractRunning:
-        """Give an attempt to the cluster."""
+        """Submit an attempt to the cluster."""
         client = self._client
         line = _line(client)
         if client is None or line is None:
@@ -105,32 +106,32 @@ class DaskEngine(AbstractEngine):
         return running
 
     def has_line(self, line: object) -> bool:
-        """Whether the connection is still the one over which a task was given.
+        """Whether the connection over which a task was submitted still exists.
 
-        A task that is given while the connection breaks is dropped without a word, and those given
-        before end with it.
+        Dask silently drops a task that is submitted while the connection breaks, and the earlier
+        tasks end with the connection.
 
         Args:
-            line: The connection of that time.
+            line: Connection at the time of submission.
         """
         return _line(self._client) is line
 
     def forget(self, key: str) -> None:
-        """Hear no more of a task.
+        """Ignore further events of a task.
 
         Args:
-            key: Its name in the cluster.
+            key: Key of the task in the cluster.
         """
         self._running.pop(key, None)
 
     def note(self, *, has_begun: bool) -> None:
-        """Learn how a task ended, and wait where they are lost before they begin.
+        """Record how a task ended, and pause the engine while tasks are lost before they start.
 
-        A cluster that cannot begin anything (a worker without the data directory, say) would
-        otherwise take and lose the same fit many times a second.
+        A cluster that cannot start any task (for example, a worker without the data directory)
+        would otherwise take and lose the same fit many times a second.
 
         Args:
-            has_begun: Whether the task ever told of itself.
+            has_begun: Whether the task has reported anything or is still pending.
         """
         if has_begun:
             self._losses = 0
@@ -141,12 +142,12 @@ class DaskEngine(AbstractEngine):
         self._paused_until = time.monotonic() + pause
 
     def _look_after(self) -> None:
-        """Keep connected, and notice workers that are gone."""
+        """Maintain the connection and detect lost workers."""
         while not self._stop.is_set():
             try:
                 client = self._client or self._connect()
-                # Made again each time: a client that has lost its scheduler and found it back
-                # does not do it.
+                # Subscribe on every poll: Dask does not renew the subscription after a
+                # reconnection.
                 client.subscribe_topic(TOPIC, self._hear)
                 workers: dict[str, int] = client.nthreads(callback_timeout=_ANSWER_S)
             except _REFUSED as error:
@@ -185,7 +186,7 @@ class DaskEngine(AbstractEngine):
             running.look_for_worker(workers)
 
     def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
-        """Take what a task tells; tasks of other services tell theirs, too."""
+        """Pass an event to its task; ignore events of other services' tasks."""
         _, told = event
         if running := self._running.get(told["key"]):
             running.hear(told)
@@ -218,7 +219,7 @@ class _DaskRunning(AbstractRunning):
         status = None if self.future is None else self.future.status
         if status in (None, "pending"):
             return None
-        # It told of no end, and its events come before its result does.
+        # The task has reported no exit, and its events would arrive before its result.
         if status == "error" and self.future is not None:
             with suppress(*_REFUSED):
                 reason = str(self.future.exception(timeout=_KILL_S))[:300]
@@ -255,7 +256,7 @@ class _DaskRunning(AbstractRunning):
         self._is_lost = True
 
     def look_for_worker(self, workers: dict[str, int]) -> None:
-        """Count how often the worker was missing; more than once, since lists can be late."""
+        """Declare the job lost if its worker is missing in several polls; one list may be late."""
         if self._worker is None or self._worker in workers:
             self._absent = 0
             return
@@ -265,7 +266,7 @@ class _DaskRunning(AbstractRunning):
 
 
 def _line(client: Client | None) -> object:
-    """The connection of a client to its scheduler, another one each time, or None."""
+    """Connection of a client to its scheduler, or None; each reconnection makes a new object."""
     line = None if client is None else client.scheduler_comm
     return None if line is None or line.closed() else line
 
@@ -282,7 +283,7 @@ def _security(settings: Settings) -> Security | None:
 
 
 def _log_like_the_rest() -> None:
-    """Send Dask's log where the service's goes; it comes with handlers of its own."""
+    """Send Dask's log to the log of the service, in place of Dask's own handlers."""
     for name in ("distributed", "distributed.client", "distributed.comm", "tornado"):
         logger = logging.getLogger(name)
         logger.handlers = []

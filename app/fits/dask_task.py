@@ -1,14 +1,14 @@
-"""One attempt at one fit as a task of a Dask worker.
+"""Dask task: one attempt at a fit, computed in a separate process on the worker's machine.
 
-The task computes nothing itself: it has a nursery of its worker fork a process for the fit, hands
-on what that process tells, and kills it when nobody wants the task any more.  So a fit that
-crashes takes no worker with it, and one that was cancelled does not run to its end.
+The task itself computes nothing.  The fork server of the worker forks a process for the fit; the
+task forwards the messages of that process and kills it when the task is cancelled.  A crash of a
+fit therefore does not end the worker, and a cancelled fit does not run to its end.
 
-Dask runs a task again when its worker was lost.  An attempt is begun once, though: a file in its
-directory says that it was, and a second task tells that it is lost and leaves it alone.  The
-service then makes the next attempt.
+Dask runs a task again if its worker was lost, but an attempt must start only once.  A marker file
+in the attempt directory records the start.  A second task finds the marker, reports the attempt as
+lost and leaves the directory unchanged; the service then starts the next attempt.
 
-Scheduler and workers load this module, so it imports little.
+Scheduler and workers import this module, so it imports little.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from app.nursery.client import Nursery
 __all__ = ["BEGUN", "TOPIC", "compute"]
 
 TOPIC = "motorid"
-"""Topic of the events by which tasks tell of their fits."""
+"""Dask topic of the events that tasks send."""
 
 BEGUN = ".begun"
-"""File in the directory of an attempt: it was begun, and is not begun again."""
+"""Marker file in the directory of an attempt: it has started and must not start again."""
 
 _LOOK_S = 0.1
 _WANTED = ("executing", "long-running")
@@ -42,9 +42,9 @@ def compute(fields: dict[str, Any], data_dir: str) -> None:
     """Compute a job in a process of its own.
 
     Args:
-        fields: Fields of the job, with paths as the service has them.
-        data_dir: The data directory as the service has it; a worker that has it elsewhere is told
-            by MOTORID_DATA_DIR.
+        fields: Fields of the job, with paths as the service sees them.
+        data_dir: Data directory as the service sees it; MOTORID_DATA_DIR names it on a worker
+            with another path.
     """
     worker = get_worker()
     key = str(worker.get_current_task())
@@ -80,7 +80,7 @@ class _Teller:
 
 
 def _begin(directory: Path) -> bool:
-    """Mark an attempt as begun; False where it was begun before."""
+    """Mark an attempt as started; return False if it was started before."""
     try:
         handle = os.open(directory / BEGUN, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     except FileExistsError:
@@ -95,7 +95,7 @@ def _is_wanted(worker: Worker, key: str) -> bool:
 
 
 def _nursery(pipeline: str, worker: Worker) -> Nursery:
-    """The worker's process that forks those that compute with a pipeline."""
+    """Fork server of this worker for a pipeline."""
     module = pipeline.partition(":")[0]
     with _lock:
         if module not in _nurseries:
@@ -105,7 +105,7 @@ def _nursery(pipeline: str, worker: Worker) -> Nursery:
 
 
 def _placed(job: Job, theirs: Path) -> Job:
-    """A job with its paths as this machine has them."""
+    """Job with its paths translated to this machine."""
     ours = Path(os.environ.get("MOTORID_DATA_DIR") or theirs).absolute()
 
     def place(path: str) -> str:

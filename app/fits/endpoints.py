@@ -1,4 +1,4 @@
-"""Calls about fits."""
+"""HTTP endpoints of fits."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def create_fit(
         ),
     ] = None,
 ) -> FitOut:
-    """Accept a fit and compute it in the background.
+    """Submit a fit, which is computed in the background.
 
-    `Location` says where its status, its progress and in the end its result are.
+    `Location` is the URL of its status, its progress and finally its result.
     """
     fit = services.fits.create(caller, body.request(), idempotency_key)
     response.headers["Location"] = f"/api/v1/fits/{fit.row.id}"
@@ -77,14 +77,14 @@ def list_fits(
         str | None, Query(max_length=200, description="Only fits of this motor.")
     ] = None,
 ) -> FitList:
-    """Fits, newest first, without their results."""
+    """List fits, newest first, without their results."""
     fits = services.fits.page(caller, after=after, limit=limit, status=status, motor=motor)
     return FitList.of(*fits)
 
 
 @router.get("/{fit_id}", summary="Show a fit", responses=responses(404))
 def show_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut:
-    """Status and progress, and the result once the fit succeeded."""
+    """Show the status and progress of a fit, and its result once it has succeeded."""
     return FitOut.of(services.fits.get(caller, fit_id))
 
 
@@ -100,7 +100,7 @@ async def follow_fit(
     caller: CallerDep,
     last_event_id: Annotated[str | None, Header(description="Sent by browsers.")] = None,
 ) -> Response:
-    """Server-sent events: each tells status and progress; the stream closes when the fit ends."""
+    """Stream status and progress as Server-Sent Events; the stream closes when the fit ends."""
     version = last_version(last_event_id)
     row = await to_thread.run_sync(services.fits.row, caller, fit_id)
     if version and has_heard_the_end(row, version):
@@ -123,7 +123,7 @@ async def follow_fit(
     responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
 )
 def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut | Response:
-    """Cancel a fit that has not ended; remove one that has, with its report and posterior."""
+    """Cancel an unfinished fit; delete an ended one with its report and posterior."""
     fit = services.fits.delete(caller, fit_id)
     return Response(status_code=204) if fit is None else FitOut.of(fit)
 
@@ -138,7 +138,7 @@ def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut 
     },
 )
 def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
-    """The HTML report of a fit that succeeded."""
+    """Fetch the HTML report of a succeeded fit."""
     return OpenFileResponse(
         services.fits.report(caller, fit_id),
         media_type="text/html; charset=utf-8",
@@ -156,7 +156,7 @@ def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenF
     },
 )
 def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
-    """The posterior of a fit that succeeded and sampled one, as NetCDF that ArviZ reads."""
+    """Fetch the posterior of a succeeded fit that was sampled, as NetCDF for ArviZ."""
     return OpenFileResponse(
         services.fits.posterior(caller, fit_id),
         media_type="application/x-netcdf",

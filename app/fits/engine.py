@@ -1,13 +1,13 @@
-"""What computes: an engine starts jobs, and each job that runs is asked how it is doing.
+"""Compute engines: start jobs and report on the running ones.
 
     running = engine.start(job)
-    running.messages()        what it told since it was asked last
-    running.exit()            None while it runs, else how it ended
-    running.kill()            at once, with everything it started
+    running.messages()        messages since the last call
+    running.exit()            None while the job runs, else how it ended
+    running.kill()            kill the job with all its child processes
 
-`LocalEngine` has each job computed by one process on this machine.  The supervisor knows only the
-two abstract classes, so that another engine changes nothing else; whatever computes may die at any
-moment, since the tables and not the engine say what there is to do.
+`LocalEngine` computes each job in one process on this machine.  The supervisor uses only the two
+abstract classes, so engines are interchangeable.  An engine may fail at any moment: the pending
+work is recorded in the database, not in the engine.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from identification.threads import cores
 __all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words", "log_tail"]
 
 LOST = "the end of its engine"
-"""How a job ended that did not end by itself: it is no fault of the job."""
+"""Outcome of a job whose engine ended; it does not count against the fit."""
 
 _LONGEST_LOG = 4_000
 
@@ -38,42 +38,42 @@ class AbstractRunning(abc.ABC):
 
     @abc.abstractmethod
     def messages(self) -> list[dict[str, Any]]:
-        """What the job told since the last call, oldest first."""
+        """Messages of the job since the last call, oldest first."""
 
     @abc.abstractmethod
     def exit(self) -> str | None:
-        """None while the job runs, else in words how its process ended, or `LOST`."""
+        """None while the job runs, else a description of how its process ended, or `LOST`."""
 
     @abc.abstractmethod
     def log_tail(self) -> str:
-        """The end of what the job printed."""
+        """End of the job's log."""
 
     @abc.abstractmethod
     def kill(self) -> None:
-        """End the job at once; returns when it has ended."""
+        """Kill the job; return when it has ended."""
 
 
 class AbstractEngine(abc.ABC):
-    """Starts jobs."""
+    """Starts jobs and limits their number."""
 
     @abc.abstractmethod
     def open(self) -> None:
-        """Begin to work; returns without waiting for others."""
+        """Start the engine; return without waiting for a connection."""
 
     @abc.abstractmethod
     def close(self) -> None:
-        """End, with all jobs that still run."""
+        """Stop the engine and all jobs that still run."""
 
     @abc.abstractmethod
     def capacity(self) -> int:
-        """How many jobs may run at once now; 0 while none can be started."""
+        """Number of jobs that may run in parallel now; 0 while none can be started."""
 
     @abc.abstractmethod
     def threads(self, jobs: int) -> int:
-        """Threads that a job may use.
+        """Number of threads that a job may use.
 
         Args:
-            jobs: How many run or wait, with this one.
+            jobs: Number of jobs that run or wait, including this one.
         """
 
     @abc.abstractmethod
@@ -81,20 +81,20 @@ class AbstractEngine(abc.ABC):
         """Start a job.
 
         Args:
-            job: What to compute; its directory is there and empty.
+            job: Job to compute; its directory exists and is empty.
 
         Raises:
-            OSError: It cannot be started now.
+            OSError: The job cannot be started now.
         """
 
 
 class LocalEngine(AbstractEngine):
-    """One process a job on this machine, each in a process group of its own.
+    """Computes each job in one process on this machine, in a process group of its own.
 
     Args:
-        nursery: Where they are forked, with `app.fits.worker` as its module.
-        most: How many may run at once.
-        threads: Threads of each, or None where they share the cores.
+        nursery: Fork server whose module is `app.fits.worker`.
+        most: Maximum number of parallel jobs.
+        threads: Threads per job; None divides the cores among the jobs.
     """
 
     def __init__(self, nursery: Nursery, most: int, threads: int | None = None) -> None:
@@ -103,23 +103,23 @@ class LocalEngine(AbstractEngine):
         self._threads = threads
 
     def open(self) -> None:
-        """Start the process that forks the others."""
+        """Start the fork server."""
         self._nursery.start()
 
     def close(self) -> None:
-        """End it, and the others with it."""
+        """Stop the fork server and its children."""
         self._nursery.stop()
 
     def capacity(self) -> int:
-        """As many as were asked for."""
+        """Configured maximum number of parallel jobs."""
         return self._most
 
     def threads(self, jobs: int) -> int:
-        """A job's share of the cores: all of them where it is alone, one where many wait."""
+        """Configured number of threads, or an equal share of the cores and at least one."""
         return self._threads or max(1, cores() // min(jobs, self._most))
 
     def start(self, job: Job) -> AbstractRunning:
-        """Start a process for a job."""
+        """Fork a process for a job."""
         return _LocalRunning(job, self._nursery.fork(dataclasses.asdict(job)))
 
 
@@ -154,7 +154,7 @@ class _LocalRunning(AbstractRunning):
 
 
 def log_tail(job: Job) -> str:
-    """The end of what the process of a job printed."""
+    """End of the log that the process of a job has written."""
     try:
         with (Path(job.directory) / LOG).open("rb") as log:
             log.seek(max(0, log.seek(0, os.SEEK_END) - _LONGEST_LOG))
@@ -164,10 +164,10 @@ def log_tail(job: Job) -> str:
 
 
 def in_words(code: int) -> str:
-    """How a process ended.
+    """Describe how a process ended.
 
     Args:
-        code: Its exit status, or less than zero the signal that ended it.
+        code: Exit status; a negative value is the number of the signal that ended it.
     """
     if code >= 0:
         return f"exit status {code}"

@@ -1,16 +1,16 @@
-"""Progress of a fit as server-sent events.
+"""Progress of a fit as Server-Sent Events.
 
     event: progress
     id: 7
     data: {"id": "fit_...", "status": "running", "progress": {"stage": "posterior", ...}, ...}
 
-Each event is the whole state, so that whoever comes late or back again needs no history.  The id of
-an event is the version of that state: a browser that lost its connection sends it back and hears
-only what changed since.  After the event of a state that is not left comes one named `end`, and the
-stream closes; a browser that comes back after it is told, by 204, to stay away.
+Each event carries the complete state, so a client that connects late or again needs no history.
+The ID of an event is the version of the state.  A browser that reconnects sends this ID and
+receives only later versions.  After a final state, an event named `end` follows and the stream
+closes; a browser that reconnects after that is stopped by status 204.
 
-The state is read from the database, by `app.fits.watcher` for all who listen, and not passed on
-within the process, so that it is the same whichever server computes.
+`app.fits.watcher` reads the state from the database for all listeners.  The state is not passed
+within the process, so the events do not depend on which server computes the fit.
 """
 
 from __future__ import annotations
@@ -30,34 +30,35 @@ from app.tables import FitRow
 __all__ = ["EventStream", "has_heard_the_end", "last_version", "stream"]
 
 _LONGEST_WAIT_S = 1.0
-"""A stream that hears nothing looks this often whether the service stops [s]."""
+"""Interval at which an idle stream checks whether the service is stopping [s]."""
 _RETRY_MS = 2000
 
 
 def last_version(header: str | None) -> int:
-    """Version in a Last-Event-ID header; 0 where there is none that could be one of ours."""
+    """Version in a Last-Event-ID header; 0 if the header is absent or invalid."""
     text = (header or "").strip()
     return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
 
 
 def has_heard_the_end(row: FitRow, version: int) -> bool:
-    """Whether a listener that comes back has missed nothing and will never hear more."""
+    """Whether a reconnecting client has already received the final state."""
     return row.status in ENDED and version >= row.version
 
 
 class EventStream(StreamingResponse):
-    """The answer to who listens to a fit; it counts as open for as long as it is sent.
+    """Response that streams the events of a fit; it counts as open until it has been sent.
 
     Args:
-        watcher: Tells when the fit changes.
-        row: The fit as it was just read.
-        key_id: The key that was shown, or None where no key is asked for.
-        version: Last version that the listener has.
-        keep_alive_s: Longest silence [s].
-        is_stopping: Whether the service wants to stop.
+        watcher: Source of the changes.
+        row: Row of the fit as just read.
+        key_id: ID of the caller's key, or None if no key is required.
+        version: Last version that the client has.
+        keep_alive_s: Maximum time without output [s].
+        is_stopping: Whether the service is stopping.
 
     Raises:
-        TooManyStreams: The key has as many streams open as it may; raised before anything is sent.
+        TooManyStreams: The key has the maximum number of open streams; raised before
+            anything is sent.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class EventStream(StreamingResponse):
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send events until there are no more, or the listener leaves."""
+        """Send events until the stream ends or the client disconnects."""
         with self._listening as listener:
             self.body_iterator = self._events(listener)
             await super().__call__(scope, receive, send)
@@ -90,13 +91,13 @@ async def stream(
     keep_alive_s: float,
     is_stopping: Callable[[], bool],
 ) -> AsyncIterator[str]:
-    """Events of a fit until it ends, is removed, or the service stops.
+    """Events of a fit until it ends, is deleted, or the service stops.
 
     Args:
-        listener: Sees the fit, or None where there is nothing more to hear.
-        version: Last version that the listener has.
-        keep_alive_s: Longest silence [s].
-        is_stopping: Whether the service wants to stop.
+        listener: Subscription to the fit.
+        version: Last version that the client has.
+        keep_alive_s: Maximum time without output [s].
+        is_stopping: Whether the service is stopping.
     """
     yield f"retry: {_RETRY_MS}\n\n"
     spoke = time.monotonic()

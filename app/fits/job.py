@@ -1,7 +1,7 @@
-"""What a computing process is told: one attempt at one fit.
+"""Job description for a computing process: one attempt at one fit.
 
-A process that computes knows no database, no keys and no settings; it gets this, writes into one
-directory and reports over a pipe.
+A computing process has no access to the database, the keys or the settings.  It receives this
+description, writes to one directory and reports over a pipe.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from typing import Any, Self
 __all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "OUTPUT_SUMS", "Job", "RunFile"]
 
 CHECKPOINTS = "checkpoints"
-"""Directory beside those of the attempts: what each has so far, in a file named by its number."""
+"""Directory next to the attempt directories, with one checkpoint file per attempt number."""
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
-"""Files that a fit may leave; the last only where the posterior was sampled."""
+"""Output files of a fit; the last exists only if the posterior was sampled."""
 
 OUTPUT_SUMS = "SHA256SUMS"
-"""File beside the outputs with the SHA-256 of each; written after them."""
+"""File with the SHA-256 of each output, written after them to the same directory."""
 
 LOG = "worker.log"
-"""File that holds what a process printed."""
+"""File with what a process has printed."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class RunFile:
     """A run as it was accepted.
 
     Args:
-        path: Where its bytes are.
-        name: What the result calls it.
-        mapping: Which column is which channel, or None.
-        sha256: Hash of the bytes as they were uploaded; where it is None they are not compared.
+        path: Path of the file.
+        name: Name of the run in the result.
+        mapping: Assignment of columns to channels, or None.
+        sha256: SHA-256 of the uploaded bytes; None skips the comparison.
     """
 
     path: str
@@ -47,15 +47,15 @@ class Job:
     """One attempt at one fit.
 
     Args:
-        fit_id: The fit.
-        attempt: Which attempt this is, counted from 1.
-        directory: Where the outputs go.
-        training: Runs to fit, in the order of recording.
-        validation: Runs to check the model on.
+        fit_id: ID of the fit.
+        attempt: Number of this attempt, counted from 1.
+        directory: Directory for the outputs.
+        training: Training runs, in the order of recording.
+        validation: Validation runs.
         options: Fields of `identification.options.FitOptions`.
         pipeline: Function that computes, as module:function.
-        checkpoint_s: Least time between two savings of what it has so far [s].
-        threads: Threads that it may use.
+        checkpoint_s: Minimum time between two checkpoints [s].
+        threads: Number of threads that the job may use.
     """
 
     fit_id: str
@@ -70,7 +70,7 @@ class Job:
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:
-        """A job from its fields as JSON has them."""
+        """Build a job from its fields in JSON form."""
         runs = {
             role: tuple(RunFile(**run) for run in fields[role])
             for role in ("training", "validation")

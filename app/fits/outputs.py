@@ -1,10 +1,10 @@
-"""Outputs of a fit on the disk: written once with their SHA-256, compared with it when read.
+"""Output files of a fit with SHA-256 checksums, which every read verifies.
 
     seal(directory)                       after the outputs were written
-    open_output(directory, "report.html")     the whole file as it was written, or an OSError
+    open_output(directory, "report.html")     the verified file, or an OSError
 
-A disk may give back other bytes than it was given, and a file that was cut looks like a shorter
-one.  The sums are a file of the form that ``sha256sum --check`` reads, beside the outputs.
+The checksums reveal bytes that the disk has corrupted and files that were truncated.  They are
+stored in the directory of the outputs, in the format of ``sha256sum --check``.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _LONGEST_SUMS = 10_000
 
 
 def seal(directory: Path) -> None:
-    """Force the outputs of an attempt to the disk and write their sums beside them.
+    """Flush the outputs of an attempt to disk and write their checksums.
 
     Args:
-        directory: The directory of the attempt.
+        directory: Directory of the attempt.
     """
     lines = []
     for name in OUTPUTS:
@@ -44,7 +44,7 @@ def seal(directory: Path) -> None:
 
 
 def sums_of(directory: Path) -> dict[str, str]:
-    """SHA-256 of the outputs of an attempt by name; empty where none were kept or can be read."""
+    """SHA-256 of the outputs of an attempt by name; empty without a readable checksum file."""
     try:
         with open_regular(directory / OUTPUT_SUMS) as file:
             text = file.read(_LONGEST_SUMS).decode("ascii", "replace")
@@ -55,19 +55,19 @@ def sums_of(directory: Path) -> dict[str, str]:
 
 
 def expected_outputs(directory: Path) -> set[str]:
-    """Names of the outputs that an attempt that succeeded has."""
+    """Names of the outputs of a succeeded attempt."""
     return {*_ALWAYS, *sums_of(directory)}
 
 
 def open_output(directory: Path, name: str) -> BufferedReader:
-    """Open an output to be read.
+    """Open an output for reading after verifying its checksum, if one is stored.
 
     Args:
-        directory: The directory of the attempt.
+        directory: Directory of the attempt.
         name: One of `app.fits.job.OUTPUTS`.
 
     Raises:
-        OSError: It is missing, cannot be read, or is not what was written.
+        OSError: The file is missing, unreadable, or differs from its checksum.
     """
     file = open_regular(directory / name)
     try:
@@ -81,13 +81,13 @@ def open_output(directory: Path, name: str) -> BufferedReader:
 
 
 def read_result(directory: Path) -> dict[str, Any]:
-    """The content of the result.json of an attempt.
+    """Content of the result.json of an attempt.
 
     Args:
-        directory: The directory of the attempt.
+        directory: Directory of the attempt.
 
     Raises:
-        OSError: It is missing, cannot be read, or is not what was written.
+        OSError: The file is missing, unreadable, or differs from what was written.
     """
     with open_output(directory, "result.json") as file:
         try:

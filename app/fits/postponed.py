@@ -1,4 +1,4 @@
-"""Fits that are passed over for some time after they could not be begun or were interrupted."""
+"""Exponential backoff with jitter for fits that could not be started or were interrupted."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _FORGOTTEN_S = 3600.0
 
 
 class Postponed:
-    """Pauses of fits, each about twice as long as the one before.
+    """Backoff delays of fits; each delay is about twice the previous one.
 
-    A pause is drawn at random around its length, so that fits which were interrupted together are
-    not begun together again: one of them may be the cause.
+    Delays are random, so fits that were interrupted together do not start together again: one of
+    them may have caused the interruption.
     """
 
     def __init__(self) -> None:
@@ -24,14 +24,14 @@ class Postponed:
         self._until: dict[str, float] = {}
 
     def postpone(self, fit_id: str, *, free: int = 0) -> int:
-        """Begin a pause.
+        """Start a delay.
 
         Args:
-            fit_id: The fit.
-            free: How many times there is no pause at first.
+            fit_id: ID of the fit.
+            free: Number of initial postponements without a delay.
 
         Returns:
-            How often the fit was postponed in a row.
+            Number of consecutive postponements of the fit.
         """
         times = self._times[fit_id] = self._times.get(fit_id, 0) + 1
         doublings = min(times - 1 - free, 10)
@@ -40,14 +40,14 @@ class Postponed:
         return times
 
     def forget(self, fit_id: str) -> None:
-        """End the row of a fit."""
+        """Reset the backoff of a fit."""
         self._times.pop(fit_id, None)
         self._until.pop(fit_id, None)
 
     def now(self) -> list[str]:
-        """Ids of fits whose pause has not ended."""
+        """IDs of the fits whose delay has not ended."""
         moment = time.monotonic()
-        # Those that another server has ended are not heard of again.
+        # Drop old entries: a fit that another server has ended is never reset here.
         for fit_id in [f for f, until in self._until.items() if until < moment - _FORGOTTEN_S]:
             self.forget(fit_id)
         return [fit_id for fit_id, until in self._until.items() if until > moment]

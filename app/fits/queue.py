@@ -1,14 +1,15 @@
-"""The queue: which fit comes next, and which fall back into it.
+"""Fit queue in the database: claims with leases, requeueing, takeover from dead servers.
 
-    queue.claim()             the next attempt at the fit that waits longest, taken for this server
-    queue.put_back(...)       it waits again
-    queue.take_over()         so do those of a server that is gone
+    queue.claim()             claim the fit that has waited longest
+    queue.put_back(...)       requeue a fit
+    queue.take_over()         requeue the fits of a dead server
 
-The fit that waits longest comes next, unless it is passed over: no fit may keep the others waiting.
+The queue is first in, first out, but skips postponed fits, so that no fit blocks the others.
 
-A server holds a fit by a lease that it renews.  Its name begins with that of its place, a machine
-and a data directory, which has one server at a time: whatever a former one held there is free when
-the next one starts, and what others hold is not before their lease has ended.
+A server holds a fit by a lease, which it renews.  A place is a machine with a data directory.
+Only one server runs there at a time, and its name begins with that of the place.  A new server
+therefore takes over all fits of its predecessor at once, and fits of other places only after their
+lease has expired.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Claim:
-    """A fit that was taken for this server.
+    """A fit that this server has claimed.
 
     Args:
-        job: The next attempt at it.
-        failures: How many attempts failed before.
-        is_alone: Whether it has to run alone, since it may be what ends its server.
+        job: The next attempt at the fit.
+        failures: Number of earlier attempts that crashed.
+        is_alone: Whether the fit must run alone, since it may be the cause of server kills.
     """
 
     job: Job
@@ -53,14 +54,14 @@ class Claim:
 
 
 class FitQueue:
-    """Fits that wait, as one server sees them.
+    """Queue of fits as seen by one server.
 
     Args:
-        database: Where the fits are.
-        storage: Where their files are, and the name of this place.
-        lease_s: How long a fit is held without a heartbeat [s].
-        pipeline: Function that computes, as module:function.
-        checkpoint_s: Least time between two checkpoints of a fit [s].
+        database: Database of the fits.
+        storage: Data directory, which also names this place.
+        lease_s: Duration of a lease after its renewal [s].
+        pipeline: Function that computes a fit, as module:function.
+        checkpoint_s: Minimum time between two checkpoints of a fit [s].
     """
 
     def __init__(
@@ -83,40 +84,41 @@ class FitQueue:
         return f"{self._storage.place}/{secrets.token_hex(8)}"
 
     def lease(self) -> float:
-        """Until when a fit is held that is heard of now [s since 1970]."""
+        """End of a lease that is renewed now [s since 1970]."""
         return time.time() + self._lease_s
 
     def held(self) -> dict[tuple[str, int], int]:
-        """Fits and attempts that this server holds, and how many attempts failed before."""
+        """Number of failed attempts of the fits that this server holds, by fit ID and attempt."""
         with self._database.reading() as session:
             return repository.held(session, self._owner)
 
     def has_ended(self, fit_id: str) -> bool:
-        """Whether a fit is in a state that it does not leave, or was removed."""
+        """Whether a fit is in a final state or was deleted."""
         with self._database.reading() as session:
             return repository.has_ended(session, fit_id)
 
     def waiting(self, most: int) -> int:
-        """How many fits wait, counted up to a number."""
+        """Number of queued fits, counted up to a maximum."""
         with self._database.reading() as session:
             return repository.waiting(session, most)
 
     def claim(self, without: Collection[str] = (), *, running: int = 0) -> Claim | None:
-        """Take the fit that waits longest.
+        """Claim the fit that has waited longest.
 
-        A fit whose server was killed ten times during it may be the cause.  It is begun alone, so
-        that further kills are counted against no other fit.
+        If a fit's server was killed ten times while it ran, the fit may be the cause.  It is then
+        started alone, so that further kills count against no other fit.
 
         Args:
-            without: Ids of fits to pass over.
-            running: How many fits run here.
+            without: IDs of fits to skip.
+            running: Number of fits that run here.
 
         Returns:
-            What was taken, or None where no fit waits or the next one must wait to be alone.
+            The claim.  None if no fit waits, or if the next fit must run alone and
+            others still run.
         """
         passed = list(without)[:_MOST_PASSED]
         while True:
-            # Read first: most looks find nothing, and a write would keep other writers waiting.
+            # Read first: most polls find nothing, and a write would block other writers.
             with self._database.reading() as session:
                 row = repository.next_queued(session, without=passed)
                 if row is None or (running and _is_suspect(row)):
@@ -126,38 +128,38 @@ class FitQueue:
                 if row is None or (running and _is_suspect(row)):
                     return None
                 job = self._job(session, row)
-                # Where another server was faster, the next one is tried.
+                # If another server was faster, try the next fit.
                 if repository.claim(session, row, self._owner, time.time(), self.lease()):
                     return Claim(job, row.failures, _is_suspect(row))
 
     def unclaim(self, fit_id: str, attempt: int) -> None:
-        """Let a fit wait again whose attempt could not be begun; the attempt is not counted.
+        """Requeue a fit whose attempt could not be started; the attempt is not counted.
 
         Args:
-            fit_id: The fit.
+            fit_id: ID of the fit.
             attempt: The attempt that was claimed.
         """
         with self._database.writing() as session:
             repository.unclaim(session, fit_id, attempt)
 
     def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
-        """Let a fit wait again.
+        """Requeue a fit after an attempt without a result.
 
         Args:
-            fit_id: The fit.
+            fit_id: ID of the fit.
             attempt: The attempt that ended.
-            failures: How many attempts failed by themselves.
+            failures: Total number of attempts that crashed.
         """
         with self._database.writing() as session:
             repository.put_back(session, fit_id, attempt, failures=failures)
 
     def give_up(self, fit_id: str, attempt: int, error: dict[str, Any]) -> bool:
-        """End a fit as failed and remove its files; False where the attempt is not the current one.
+        """End a fit as failed and delete its files; return False if the attempt is not current.
 
         Args:
-            fit_id: The fit.
+            fit_id: ID of the fit.
             attempt: Its current attempt.
-            error: `code` and `detail`.
+            error: `code` and `detail` of the failure.
         """
         with self._database.writing() as session:
             is_ours = repository.finish(
@@ -168,7 +170,7 @@ class FitQueue:
         return is_ours
 
     def take_over(self) -> None:
-        """Let fits wait again whose server is gone, unless that happened too often during one."""
+        """Requeue the fits of dead servers; give up a fit during which too many servers died."""
         with self._database.reading() as session:
             rows = repository.expired(
                 session, place=self._storage.place, owner=self._owner, now=time.time()

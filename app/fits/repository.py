@@ -1,8 +1,8 @@
-"""Fits in the database.
+"""Database queries of fits.
 
-Callers' queries stay within one workspace.  What the supervisor writes about a fit that runs
-carries the number of the attempt, and changes nothing where that attempt is no longer the current
-one: a process that was only slow, and not dead, cannot overwrite what came after it.
+Queries for callers are restricted to one workspace.  Every update of a running fit is conditional
+on the attempt number (optimistic locking), so a slow process whose attempt was replaced cannot
+overwrite the state of its successor.
 """
 
 from __future__ import annotations
@@ -44,28 +44,28 @@ __all__ = [
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
-"""States that a fit does not leave."""
+"""Final states of a fit."""
 
 
 def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
-    """Keep fits and which runs they take."""
+    """Insert fits with the assignment of their runs."""
     session.add_all(row for row, _ in fits)
     session.flush()
     roles.add(session, ((row.id, request) for row, request in fits))
 
 
 def get(session: Session, workspace: str, fit_id: str) -> FitRow | None:
-    """A fit, or None."""
+    """Fit by ID within a workspace, or None."""
     query = select(FitRow).where(FitRow.workspace == workspace, FitRow.id == fit_id)
     return session.scalars(query).one_or_none()
 
 
 def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:
-    """Those of some fits that are no longer in a version, by id; None for one that is gone.
+    """Fits whose version differs from the known one, by ID; None for a deleted fit.
 
     Args:
-        session: Session of the database.
-        versions: The version of each fit that is known already.
+        session: Database session.
+        versions: Known version of each fit.
     """
     found: dict[str, FitRow | None] = {}
     for asked in portions(list(versions)):
@@ -80,7 +80,7 @@ def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow |
 
 
 def by_key(session: Session, workspace: str, idempotency_key: str) -> FitRow | None:
-    """The fit that was asked for under an Idempotency-Key, or None."""
+    """Fit that was requested with an Idempotency-Key, or None."""
     query = select(FitRow).where(
         FitRow.workspace == workspace, FitRow.idempotency_key == idempotency_key
     )
@@ -96,15 +96,15 @@ def page(
     status: str | None = None,
     motor: str | None = None,
 ) -> Sequence[FitRow]:
-    """Fits, newest first.
+    """Page of fits, newest first.
 
     Args:
-        session: Session of the database.
+        session: Database session.
         workspace: Workspace of the caller.
-        after: Time of creation and id of the last fit of the page before.
-        limit: Most fits of a page.
-        status: Only fits in this state.
-        motor: Only fits of this motor.
+        after: Creation time and ID of the last fit of the previous page.
+        limit: Maximum number of fits.
+        status: Select only fits in this state.
+        motor: Select only fits of this motor.
     """
     query = select(FitRow).where(FitRow.workspace == workspace)
     if status is not None:
@@ -119,13 +119,13 @@ def page(
 
 
 def of_batch(session: Session, batch_id: str) -> Sequence[FitRow]:
-    """The fits of a batch in its order."""
+    """Fits of a batch, in order."""
     query = select(FitRow).where(FitRow.batch_id == batch_id).order_by(FitRow.position)
     return session.scalars(query).all()
 
 
 def cancel(session: Session, fit_id: str, now: float) -> bool:
-    """End a fit that has not ended; False where it has."""
+    """Cancel an unfinished fit; return False if it has ended."""
     return _changed(
         session,
         and_(FitRow.id == fit_id, FitRow.status.not_in(ENDED)),
@@ -137,20 +137,20 @@ def cancel(session: Session, fit_id: str, now: float) -> bool:
 
 
 def remove(session: Session, fit_id: str) -> None:
-    """Forget a fit."""
+    """Delete a fit."""
     session.execute(delete(FitRow).where(FitRow.id == fit_id))
 
 
 def next_queued(
     session: Session, *, without: Collection[str] = (), lock: bool = False
 ) -> FitRow | None:
-    """The fit that waits longest, or None.
+    """Fit that has waited longest in the queue, or None.
 
     Args:
-        session: Session of the database.
-        without: Ids of fits to pass over; not more than a statement may have parameters.
-        lock: Whether to pass over fits that another server is about to take, and to keep this one
-            from the others until the session ends.
+        session: Database session.
+        without: IDs of fits to skip, at most as many as a statement may have parameters.
+        lock: Whether to lock the row until the session ends and to skip rows that another
+            server has locked.
     """
     query = (
         select(FitRow)
@@ -164,7 +164,7 @@ def next_queued(
 
 
 def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: float) -> bool:
-    """Begin the next attempt at a fit that waits; False where another was faster."""
+    """Start the next attempt at a queued fit; return False if another server was faster."""
     return _changed(
         session,
         and_(FitRow.id == row.id, FitRow.attempt == row.attempt, FitRow.status == "queued"),
@@ -179,7 +179,7 @@ def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: fl
 
 
 def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
-    """Fits and attempts that run under an owner, and how many attempts failed before."""
+    """Number of failed attempts of the fits that run under an owner, by fit ID and attempt."""
     query = select(FitRow.id, FitRow.attempt, FitRow.failures).where(
         FitRow.status == "running", FitRow.owner == owner
     )
@@ -187,7 +187,7 @@ def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
 
 
 def has_ended(session: Session, fit_id: str) -> bool:
-    """Whether a fit is in a state that it does not leave, or is not there any more."""
+    """Whether a fit is in a final state or was deleted."""
     query = select(FitRow.status).where(FitRow.id == fit_id)
     return session.scalars(query).one_or_none() in (None, *ENDED)
 
@@ -195,7 +195,7 @@ def has_ended(session: Session, fit_id: str) -> bool:
 def renew(
     session: Session, fit_id: str, attempt: int, *, lease_until: float, progress: dict[str, Any]
 ) -> bool:
-    """Write lease and progress of an attempt; False where it is no longer the current one."""
+    """Renew the lease of an attempt and store its progress; return False if it is not current."""
     step = 1 if progress else 0
     condition = _current(fit_id, attempt)
     return _changed(session, condition, step=step, lease_until=lease_until, **progress)
@@ -210,9 +210,9 @@ def finish(
     now: float,
     error: dict[str, Any] | None = None,
 ) -> bool:
-    """End a fit with what an attempt came to; False where that is no longer the current one.
+    """End a fit with the outcome of an attempt; return False if the attempt is not current.
 
-    Said twice it is true twice: a commit whose answer was lost is made again.
+    The call is idempotent, so a commit whose confirmation was lost can be repeated.
     """
     values: dict[str, Any] = {"stage": "done", "fraction": 1.0} if status == "succeeded" else {}
     is_done = _changed(
@@ -236,7 +236,7 @@ def _has_ended_so(session: Session, fit_id: str, attempt: int, status: str) -> b
 
 
 def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
-    """Let a fit wait as if it had not been taken: nothing was begun, so nothing is counted."""
+    """Requeue a fit whose attempt never started; the attempt is not counted."""
     return _changed(
         session,
         _current(fit_id, attempt),
@@ -251,14 +251,14 @@ def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
 def put_back(
     session: Session, fit_id: str, attempt: int, *, failures: int, interruptions: int = 0
 ) -> bool:
-    """Let a fit wait again after an attempt without a result.
+    """Requeue a fit after an attempt without a result.
 
     Args:
-        session: Session of the database.
-        fit_id: The fit.
+        session: Database session.
+        fit_id: ID of the fit.
         attempt: The attempt that ended.
-        failures: How many attempts failed by themselves.
-        interruptions: How many more ends of a server to count against the fit.
+        failures: Total number of attempts that crashed.
+        interruptions: Number of server kills to add to the fit's count.
     """
     return _changed(
         session,
@@ -274,13 +274,14 @@ def put_back(
 
 
 def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence[FitRow]:
-    """Fits that run under an owner who is gone.
+    """Running fits whose owner is gone.
 
     Args:
-        session: Session of the database.
-        place: Name of this place: it has one server, so that every other owner of it is gone.
+        session: Database session.
+        place: Name of this machine and data directory.  Only one server runs there at a time, so
+            every other owner with this name is gone.
         owner: This server.
-        now: The time, past which a lease must reach [s since 1970].
+        now: Current time; a lease that ends earlier has expired [s since 1970].
     """
     query = select(FitRow).where(
         FitRow.status == "running",
@@ -291,26 +292,26 @@ def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence
 
 
 def waiting(session: Session, most: int) -> int:
-    """How many fits wait, of all workspaces, counted up to a number."""
+    """Number of queued fits of all workspaces, counted up to a maximum."""
     query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
     return len(session.scalars(query).all())
 
 
 def counts(session: Session) -> dict[str, int]:
-    """How many fits there are in each state, of all workspaces."""
+    """Number of fits of all workspaces in each state."""
     query = select(FitRow.status, func.count()).group_by(FitRow.status)
     return {status: number for status, number in session.execute(query)}
 
 
 def oldest_queued(session: Session) -> float | None:
-    """When the fit was made that waits longest, or None."""
+    """Creation time of the fit that has waited longest, or None [s since 1970]."""
     return session.scalars(
         select(func.min(FitRow.created_at)).where(FitRow.status == "queued")
     ).one_or_none()
 
 
 def all_ids(session: Session) -> set[str]:
-    """Ids of all fits of all workspaces."""
+    """IDs of all fits of all workspaces."""
     return set(session.scalars(select(FitRow.id)))
 
 
@@ -319,7 +320,7 @@ def _current(fit_id: str, attempt: int) -> Any:
 
 
 def _changed(session: Session, condition: Any, *, step: int = 1, **values: Any) -> bool:
-    """Change the one row that meets a condition; False where there is none."""
+    """Update the row that meets a condition and its version; return False if there is none."""
     statement = update(FitRow).where(condition).values(version=FitRow.version + step, **values)
     result = session.execute(
         statement.returning(FitRow.id), execution_options={"synchronize_session": False}

@@ -1,4 +1,4 @@
-"""What a caller may ask of a fit, checked before anything is kept."""
+"""Request for a fit, validated before anything is stored."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _KEY = re.compile(r"[\x21-\x7e]{1,255}")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What a caller asks for.
+    """Content of a request for a fit.
 
     Args:
-        training: Ids of the runs to fit, in the order in which they were recorded.
-        validation: Ids of the runs to check the model on.
+        training: IDs of the training runs, in the order of recording.
+        validation: IDs of the validation runs.
         options: Fields of `identification.options.FitOptions`.
-        motor: Which motor it is.
+        motor: Name of the motor, or None.
     """
 
     training: Sequence[str]
@@ -43,11 +43,11 @@ class FitRequest:
 
 
 def new_row(caller: Caller, request: FitRequest) -> FitRow:
-    """A fit that waits, not yet kept.
+    """Build the row of a queued fit without storing it.
 
     Raises:
-        FieldRefused: The runs or the motor are not accepted.
-        OptionError: An option is not accepted.
+        FieldRefused: A run is named twice, or the name of the motor is invalid.
+        OptionError: An option is invalid.
     """
     ids = [*request.training, *request.validation]
     if len(set(ids)) < len(ids):
@@ -82,21 +82,24 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
 
 
 def _check_controllers(controllers: Sequence[str]) -> None:
-    # Imported with the first fit: it brings scipy, for which every start would have to wait.
+    # Lazy import: scipy would slow down every start.
     from identification.feedback.controller import parse_controllers
 
     parse_controllers(controllers)
 
 
 def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
-    """Refuse runs that are not there or check nothing; those there stay until the session ends.
+    """Check that the runs exist and that no validation run equals a training run of the same fit.
+
+    The rows of the runs stay locked against deletion until the session ends.
 
     Raises:
-        NotFound: A run is not in the caller's workspace; of several requests the message says
-            which one names it.
-        FieldRefused: A validation run has the bytes of a training run, read with another mapping.
+        NotFound: A run is not in the caller's workspace; with several requests, the message names
+            the one concerned.
+        FieldRefused: A validation run has the same bytes as a training run, read with
+            another mapping.
     """
-    # Asked for all together: a writer whom others wait for has no time for a query each.
+    # One query for all runs keeps the write transaction short.
     named = {run_id for r in requests for run_id in (*r.training, *r.validation)}
     hashes = runs.hashes(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
@@ -115,7 +118,7 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
 
 
 def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:
-    """The error that tells of the first run that is missing."""
+    """Build the error for the first missing run."""
     position, run_id = next(
         (position, run_id)
         for position, request in enumerate(requests)
@@ -127,16 +130,16 @@ def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:
 
 
 def _place(position: int, requests: Sequence[FitRequest]) -> str:
-    """Which of several requests a message is about."""
+    """Prefix of a message that identifies one of several requests."""
     motor = requests[position].motor or "no name"
     return f"motors.{position} ({motor}): " if len(requests) > 1 else ""
 
 
 def checked_key(key: str | None) -> str | None:
-    """An Idempotency-Key as it may be kept.
+    """Return an Idempotency-Key if it is valid.
 
     Raises:
-        FieldRefused: It is empty, too long or has other than visible ASCII characters.
+        FieldRefused: The key is empty, too long or contains other than visible ASCII characters.
     """
     if key is not None and not _KEY.fullmatch(key):
         raise FieldRefused(
@@ -146,6 +149,6 @@ def checked_key(key: str | None) -> str | None:
 
 
 def request_hash(*requests: FitRequest) -> str:
-    """Hash by which the same request is known again, whatever the order of its fields."""
+    """Hash that identifies equal requests, whatever the order of their fields."""
     content = [[list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

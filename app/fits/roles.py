@@ -1,4 +1,4 @@
-"""Which runs a fit takes, in which role and order."""
+"""Assignment of runs to fits, with their role and order."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Role = Literal["training", "validation"]
 
 
 def add(session: Session, fits: Iterable[tuple[str, FitRequest]]) -> None:
-    """Keep which runs some fits take, in one statement.
+    """Store the runs of several fits in one statement.
 
     Args:
-        session: A session that writes.
-        fits: Id and request of each.
+        session: Session that writes.
+        fits: ID and request of each fit.
     """
-    # Plain rows: as objects they would cost the writer, for whom others wait, many times as long.
+    # Use plain rows: ORM objects would hold the write lock many times as long.
     rows = [
         {"fit_id": fit_id, "role": role, "position": position, "run_id": run_id}
         for fit_id, request in fits
@@ -35,12 +35,12 @@ def add(session: Session, fits: Iterable[tuple[str, FitRequest]]) -> None:
 
 
 def ids_of(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list[str]]]:
-    """Ids of the runs of some fits, in order, by fit and role."""
+    """IDs of the runs of several fits, in order, by fit and role."""
     found: dict[str, dict[str, list[str]]] = {
         fit_id: {"training": [], "validation": []} for fit_id in fit_ids
     }
     for some in portions(fit_ids):
-        # Columns and not objects, of which a page of fits may have a hundred thousand.
+        # Select columns: a page of fits can have 100,000 runs, too many for ORM objects.
         query = (
             select(FitRunRow.fit_id, FitRunRow.role, FitRunRow.run_id)
             .where(FitRunRow.fit_id.in_(some))
@@ -52,7 +52,7 @@ def ids_of(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list
 
 
 def runs_of(session: Session, fit_id: str, role: Role) -> Sequence[RunRow]:
-    """The runs of a fit in one role, in order."""
+    """Runs of a fit in one role, in order."""
     query = (
         select(RunRow)
         .join(FitRunRow, FitRunRow.run_id == RunRow.id)

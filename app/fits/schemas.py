@@ -1,4 +1,4 @@
-"""Fits as callers see them."""
+"""Request and response schemas of fits."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _FIT: dict[str, Any] = {
 
 
 class FitOptionsIn(BaseModel):
-    """What a caller may choose about a fit."""
+    """Options of a fit that a caller can set."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -128,7 +128,7 @@ class FitOptionsIn(BaseModel):
 
 
 class FitCreate(Received):
-    """A fit to be made."""
+    """Request for a fit."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -153,21 +153,21 @@ class FitCreate(Received):
     motor: Motor | None = Field(default=None, description="Which motor it is.")
 
     def request(self) -> FitRequest:
-        """What the caller asks for."""
+        """Convert to the request that the service takes."""
         return FitRequest(
             self.training, self.validation, self.options.model_dump(mode="json"), self.motor
         )
 
 
 class Progress(BaseModel):
-    """How far a fit is."""
+    """Progress of a fit."""
 
     stage: str
     fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
 
 
 class FitError(BaseModel):
-    """Why a fit failed."""
+    """Reason why a fit failed."""
 
     code: str = Field(description="A stable word for scripts.")
     detail: str
@@ -203,12 +203,12 @@ class FitSummary(BaseModel):
 
     @classmethod
     def of(cls, fit: Fit) -> FitSummary:
-        """A fit as it is stored."""
+        """Build the schema from a stored fit."""
         return cls.model_validate(_fields(fit))
 
 
 class FitOut(FitSummary):
-    """A fit, with its result once it succeeded."""
+    """A fit with its result if it has succeeded."""
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [_FIT | {"result": {"schema_version": 1}}]}
@@ -220,7 +220,7 @@ class FitOut(FitSummary):
 
     @classmethod
     def of(cls, fit: Fit) -> FitOut:
-        """A fit as it is stored."""
+        """Build the schema from a stored fit."""
         return cls.model_validate(_fields(fit) | {"result": fit.result})
 
 
@@ -232,12 +232,12 @@ class FitList(BaseModel):
 
     @classmethod
     def of(cls, fits: Sequence[Fit], following: str | None) -> FitList:
-        """A page as it is stored."""
+        """Build the schema from stored fits and the cursor of the next page."""
         return cls(items=[FitSummary.of(fit) for fit in fits], next=following)
 
 
 class FitEvent(BaseModel):
-    """What an event tells."""
+    """Content of a progress event."""
 
     id: str
     status: Status
@@ -247,7 +247,7 @@ class FitEvent(BaseModel):
 
     @classmethod
     def of(cls, row: FitRow) -> FitEvent:
-        """The state of a fit."""
+        """Build the event from the database row of a fit."""
         return cls.model_validate(
             {
                 "id": row.id,

@@ -1,4 +1,4 @@
-"""What can be done with fits."""
+"""Fit service: submit, list, cancel and delete fits, and read their outputs."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit with what belongs to it.
+    """A fit with its derived data.
 
     Args:
-        row: The fit.
-        training: Ids of its training runs, in order.
-        validation: Ids of its validation runs.
-        has_posterior: Whether there is a posterior to fetch.
-        result: Content of result.json once it succeeded, where it was asked for.
+        row: Database row of the fit.
+        training: IDs of its training runs, in order.
+        validation: IDs of its validation runs.
+        has_posterior: Whether a posterior can be fetched.
+        result: Content of result.json if the fit has succeeded and the result was requested.
     """
 
     row: FitRow
@@ -50,7 +50,7 @@ class Fit:
 
 
 class FitService:
-    """Fits of all workspaces; each call is made for one caller."""
+    """Operations on fits; each is restricted to the workspace of its caller."""
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
@@ -61,20 +61,20 @@ class FitService:
         self._supervisor = supervisor
 
     def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> Fit:
-        """Accept a fit; it is computed when its turn comes.
+        """Submit a fit, which is queued and computed in the background.
 
         Args:
-            caller: For whom.
-            request: What to fit.
-            idempotency_key: A word of the caller: the same word with the same request is the same
-                fit, however often it is sent.
+            caller: Caller of the request.
+            request: Runs and options of the fit.
+            idempotency_key: Key chosen by the caller: the same key with the same request returns
+                the same fit, however often it is sent.
 
         Raises:
             NotFound: A run is not in the caller's workspace.
-            FieldRefused: Runs or key are not accepted.
-            OptionError: An option is not accepted.
-            KeyReused: The key came before with another request.
-            WaitingQuota: As many fits of the workspace wait as may.
+            FieldRefused: The runs or the key are invalid.
+            OptionError: An option is invalid.
+            KeyReused: The key was used before with a different request.
+            WaitingQuota: The workspace has reached its quota of waiting fits.
         """
         key = checked_key(idempotency_key)
         row = new_row(caller, request)
@@ -87,7 +87,7 @@ class FitService:
                     self._quotas.check_fits(session, caller.workspace, 1)
                     repository.add(session, (row, request))
         except IntegrityError:
-            # The same key came twice at the same time, and the other was first.
+            # A concurrent request with the same key was committed first.
             with self._database.reading() as session:
                 known = key and repository.by_key(session, caller.workspace, key)
             if not known:
@@ -111,10 +111,10 @@ class FitService:
         status: str | None,
         motor: str | None,
     ) -> tuple[list[Fit], str | None]:
-        """Fits, newest first, and where the next page begins, if there is one.
+        """Page of fits, newest first, and the cursor of the next page, if any.
 
         Raises:
-            FieldRefused: `after` is no position that was given before.
+            FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
             rows = repository.page(
@@ -129,11 +129,11 @@ class FitService:
         return [self._fit(row, ids[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
 
     def get(self, caller: Caller, fit_id: str) -> Fit:
-        """One fit, with its result once it succeeded.
+        """Fit with its result if it has succeeded.
 
         Raises:
-            NotFound: There is no such fit in the caller's workspace.
-            FileLost: Its result is missing or damaged.
+            NotFound: The caller's workspace has no such fit.
+            FileLost: The result is missing or damaged.
         """
         with self._database.reading() as session:
             row = _known(session, caller, fit_id)
@@ -146,27 +146,27 @@ class FitService:
                 raise self._lost(caller, row, "result.json", error) from error
         fit = self._fit(row, ids, result)
         if result is not None and not fit.has_posterior:
-            # Its posterior may have gone with the fit since its result was read.
+            # If the fit was deleted after its result was read, this raises NotFound.
             self.row(caller, fit_id)
         return fit
 
     def row(self, caller: Caller, fit_id: str) -> FitRow:
-        """State and progress of a fit.
+        """Database row of a fit: its state and progress.
 
         Raises:
-            NotFound: There is no such fit in the caller's workspace.
+            NotFound: The caller's workspace has no such fit.
         """
         with self._database.reading() as session:
             return _known(session, caller, fit_id)
 
     def delete(self, caller: Caller, fit_id: str) -> Fit | None:
-        """Cancel a fit that has not ended, or remove one that has.
+        """Cancel an unfinished fit, or delete an ended one.
 
         Returns:
-            The fit where it was cancelled, None where it was removed.
+            The fit if it was cancelled, None if it was deleted.
 
         Raises:
-            NotFound: There is no such fit in the caller's workspace.
+            NotFound: The caller's workspace has no such fit.
         """
         with self._database.writing() as session:
             _known(session, caller, fit_id)
@@ -174,7 +174,7 @@ class FitService:
             if not is_cancelled:
                 repository.remove(session, fit_id)
         if is_cancelled:
-            # An attempt that runs is killed by its supervisor, which removes the rest.
+            # The supervisor kills a running attempt and deletes its files.
             self._storage.remove_checkpoints(fit_id)
             self._supervisor.wake()
             return self.get(caller, fit_id)
@@ -182,11 +182,11 @@ class FitService:
         return None
 
     def report(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """The report of a fit, open to be read.
+        """Open the report of a fit for reading.
 
         Raises:
-            NotFound: There is no such fit in the caller's workspace.
-            NotReady: It has not succeeded.
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded.
             FileLost: The report is missing or damaged.
         """
         row = self._succeeded(caller, fit_id)
@@ -196,11 +196,11 @@ class FitService:
             raise self._lost(caller, row, "report.html", error) from error
 
     def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """The posterior of a fit, open to be read.
+        """Open the posterior of a fit for reading.
 
         Raises:
-            NotFound: There is no such fit in the caller's workspace.
-            NotReady: It has not succeeded, or was made without a posterior.
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded, or was computed without a posterior.
             FileLost: The posterior is missing or damaged.
         """
         row = self._succeeded(caller, fit_id)
@@ -232,12 +232,12 @@ class FitService:
         return self._storage.attempt(row.id, row.attempt)
 
     def _lost(self, caller: Caller, row: FitRow, name: str, error: OSError) -> FileLost:
-        """What it means that an output cannot be read.
+        """Build the error for an output that cannot be read.
 
         Raises:
-            NotFound: The fit has been removed since.
+            NotFound: The fit was deleted in the meantime.
         """
-        # A fit is removed before its files: one whose files are gone is looked for again.
+        # A fit is deleted before its files, so a missing file may mean a deleted fit.
         self.row(caller, row.id)
         state = f"is damaged ({error.strerror})"
         if isinstance(error, FileNotFoundError):

@@ -1,8 +1,8 @@
-"""Start of attempts: takes the next fit from the queue and has the engine begin it.
+"""Start of attempts: claim the next fit from the queue and start it on the engine.
 
-A fit that cannot be started keeps no other waiting.  A shortage of the machine (no process, no
-descriptor, no space) is no fault of the fit, which waits for as long as it lasts; any other refusal
-is counted, and after a few of them the fit has failed with the reason.
+A fit that cannot be started does not block the others.  A resource shortage of the machine
+(processes, file descriptors, disk space) does not count against the fit, which waits until the
+shortage ends.  Any other error counts, and after three of them the fit fails with the reason.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ _MOST_REFUSALS = 3
 _SHORTAGES: Final = (
     *(errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ETOOMANYREFS),
     *(errno.EIO, errno.EROFS, errno.ESTALE, errno.EPIPE, errno.ECONNRESET),
-    None,  # what an engine raises itself, such as one without a connection
+    None,  # errors of an engine itself, for example without a connection
 )
 _REFUSALS = (OSError, ValueError, TypeError, RuntimeError, MemoryError)
 _log = logging.getLogger(__name__)
 
 
 class CannotStart(Exception):
-    """The machine has no room for any fit now."""
+    """A resource shortage prevents the start of any fit."""
 
 
 class Starter:
-    """Begins one fit after the other.
+    """Starts queued fits one after the other.
 
     Args:
-        queue: Fits that wait.
-        engine: What computes.
-        postponed: Fits to pass over.
+        queue: Queue of the fits.
+        engine: Compute engine.
+        postponed: Fits to skip for now.
     """
 
     def __init__(self, queue: FitQueue, engine: AbstractEngine, postponed: Postponed) -> None:
@@ -52,18 +52,18 @@ class Starter:
         self._refusals: Counter[str] = Counter()
 
     def start(self, running: int) -> tuple[Claim, AbstractRunning] | None:
-        """Begin the fit that waits longest, passing over those that cannot be begun.
+        """Start the fit that has waited longest, skipping those that cannot be started.
 
         Args:
-            running: How many fits run here.
+            running: Number of fits that run here.
 
         Returns:
-            What was begun, or None where no fit waits that may be begun now.
+            The claim and the running job, or None if no queued fit can be started now.
 
         Raises:
-            CannotStart: Nothing can be begun now.
+            CannotStart: A resource shortage prevents the start of any fit.
         """
-        # Not all of a long queue is counted: what matters is how many will run at once.
+        # Count up to the capacity only, which bounds the number of fits that can run in parallel.
         waiting = self._queue.waiting(self._engine.capacity())
         if not waiting:
             return None
@@ -98,7 +98,7 @@ class Starter:
 
 
 def _is_shortage(error: Exception) -> bool:
-    """Whether another fit would meet the same error."""
+    """Whether the error is a resource shortage, which any other fit would meet as well."""
     if not isinstance(error, OSError):
         return isinstance(error, MemoryError)
     return error.errno in _SHORTAGES or isinstance(error, TimeoutError) or is_full(error)

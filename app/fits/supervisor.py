@@ -1,17 +1,17 @@
-"""The supervisor: takes fits that wait, has them computed, and writes down what became of them.
+"""Supervisor: claims queued fits, runs them on the engine and records their outcome.
 
     queued --claim--> running --done--> succeeded
-       ^                 |---- failed by its own words ----> failed
+       ^                 |---- reported failure -----------> failed
        +---- crashed ----+---- crashed too often ----------> failed
                          +---- cancelled by a caller ------> cancelled
 
-It runs in one thread of the server and looks around several times a second.  Every write carries
-the attempt it speaks of, so whatever is killed, and whenever, the worst is that work is done again:
-a fit is computed at least once, and ends exactly once.
+The supervisor polls in one thread of the server, about ten times a second while fits run.  Every
+write is conditional on the attempt number, so a kill of any process at any moment costs at most
+repeated work: a fit is computed at least once and ends exactly once.
 
-A crash of the computing process counts against the fit.  The end of what computes (a fork server,
-a worker) does not, nor does an orderly end of the server; a kill of the server does not unless it
-happens so often that the fit itself must be suspected.
+A crash of the computing process counts against the fit.  The loss of its engine (fork server,
+worker) and an orderly shutdown of the server do not count.  A kill of the server counts only if it
+happens so often that the fit itself is suspect.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ _log = logging.getLogger(__name__)
 
 
 class Supervisor:
-    """Keeps as many fits running as the settings say.
+    """Runs as many fits in parallel as the engine has capacity for.
 
     Args:
-        database: Where the fits are.
-        storage: Where their files are.
-        engine: What computes.
+        database: Database of the fits.
+        storage: Data directory with their files.
+        engine: Compute engine.
         settings: Leases and limits.
-        metrics: Where the ends of fits are counted.
+        metrics: Counters of ended fits.
     """
 
     def __init__(
@@ -83,17 +83,17 @@ class Supervisor:
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
 
     def start(self) -> None:
-        """Begin; fits of a server that is gone are taken up."""
+        """Start the thread, which also takes over the fits of dead servers."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End: what runs is stopped and waits for the next start."""
+        """Stop the thread; running fits are killed and return to the queue."""
         self._stop.set()
         self._wake.set()
         self._thread.join()
 
     def wake(self) -> None:
-        """Look around now: something was queued or cancelled."""
+        """Poll at once, since a fit was queued or cancelled."""
         self._looked = 0.0
         self._wake.set()
 
@@ -107,7 +107,8 @@ class Supervisor:
             try:
                 self._turn()
             except (SQLAlchemyError, OSError):
-                # What was done is in the tables or will be tried again; only time helps.
+                # Finished work is in the database and the rest is retried; wait for the
+                # fault to pass.
                 _log.exception("the database or the system refused")
                 self._stop.wait(_IDLE_S)
             self._wake.wait(_BUSY_S if self._attempts else _IDLE_S)
@@ -126,8 +127,8 @@ class Supervisor:
             pass
 
     def _attend(self, attempt: Attempt) -> None:
-        """Hear what an attempt has to tell, and end it if it is over."""
-        # Asked first: what was told before the end is then all there.
+        """Process the messages of an attempt, and conclude the attempt if it has ended."""
+        # Read the exit first, so that all messages before it are available below.
         end = attempt.running.exit()
         for message in attempt.running.messages():
             attempt.hear(message)
@@ -213,11 +214,12 @@ class Supervisor:
         self._drop(attempt)
 
     def _interrupt(self, attempt: Attempt) -> None:
-        """Let a fit wait again whose engine was ended, which is no fault of the fit."""
+        """Requeue a fit whose engine ended; the fit is not at fault."""
         job = attempt.job
         refused = attempt.told.get("refused")
         _log.warning("an attempt was interrupted", extra={"fit": job.fit_id, "reason": refused})
-        # Once is no reason to wait; a machine that has no process to give shall not be asked often.
+        # The first interruption causes no delay, but a machine without free processes must not be
+        # asked often.
         self._postponed.postpone(job.fit_id, free=0 if refused else 1)
         self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
         self._drop(attempt)
@@ -233,13 +235,13 @@ class Supervisor:
         )
 
     def _drop(self, attempt: Attempt) -> None:
-        """Let an attempt go that counts no longer, and what it left."""
+        """Kill an attempt that is no longer current, and delete its files."""
         attempt.running.kill()
         self._storage.remove_attempt(attempt.job.fit_id, attempt.job.attempt)
         self._attempts.pop(attempt.job.fit_id, None)
 
     def _compare(self) -> None:
-        """Bring what runs here and what the tables say runs here together."""
+        """Reconcile the running attempts with those that the database assigns to this server."""
         held = self._queue.held()
         running = {(a.job.fit_id, a.job.attempt): a for a in self._attempts.values()}
         for key, attempt in running.items():
@@ -250,7 +252,8 @@ class Supervisor:
                     self._storage.remove_checkpoints(attempt.job.fit_id)
                 _log.info("fit given up", extra={"fit": attempt.job.fit_id})
         for fit_id, number in held.keys() - running.keys():
-            # Claimed, and then an error kept it from being started or given back.
+            # The fit was claimed, but an error prevented both its start and its return
+            # to the queue.
             self._queue.put_back(fit_id, number, held[fit_id, number])
             _log.warning("fit found without a process", extra={"fit": fit_id})
 
@@ -259,11 +262,11 @@ class Supervisor:
         return len(self._attempts) < self._engine.capacity() and not is_taken
 
     def _begin(self) -> bool:
-        """Begin the fit that waits longest; False where none waits or none can be begun."""
+        """Start the fit that has waited longest; return False if no fit can be started."""
         try:
             begun = self._starter.start(len(self._attempts))
         except CannotStart:
-            # The machine has no room: the fits wait, and so does this thread.
+            # The machine is short of resources, so pause this thread as well.
             self._stop.wait(_IDLE_S)
             return False
         if begun is None:
@@ -277,8 +280,8 @@ class Supervisor:
         return True
 
     def _release(self) -> None:
-        """End what runs here, without counting it against the fits."""
-        # All at once; one after the other could take longer than there is time to stop.
+        """Stop all attempts that run here without counting it against their fits."""
+        # Close the engine first: killing one attempt after another could exceed the shutdown time.
         self._engine.close()
         for attempt in list(self._attempts.values()):
             attempt.running.kill()
@@ -286,7 +289,7 @@ class Supervisor:
             try:
                 self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
             except SQLAlchemyError:
-                # The next server finds the lease of one that is gone.
+                # The next server takes the fit over when it finds the old lease.
                 _log.exception("a fit could not be given back")
             else:
                 _log.info("fit put back", extra={"fit": job.fit_id, "attempt": job.attempt})

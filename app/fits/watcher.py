@@ -1,15 +1,15 @@
-"""Watches the fits that someone listens to: one look at the database for all who listen.
+"""Change notification for fits: one database poll serves all listeners.
 
     group.start_soon(watcher.run)
     with watcher.listen(row, caller.key_id) as listener:
-        row = listener.look()           None once the fit is removed or the key opens nothing more
-        await listener.wait(1.0)        until it changes, but not longer
+        row = listener.look()           None once the fit is deleted or the key is invalid
+        await listener.wait(1.0)        until the fit changes, or the time is over
 
-A look asks for the versions of all fits that are listened to, and reads only those that changed;
-listeners of one fit are told the same row.  So what listening costs grows with neither the number
-of listeners nor that of keys, and other calls find the threads and the database free.
+A poll reads the versions of all fits that have listeners and fetches only the rows that changed;
+all listeners of a fit share its row.  The number of polls therefore depends neither on the number
+of listeners nor on that of keys, and other requests find the threads and the database free.
 
-A look that fails is made again: the listeners stay, and hear nothing new until one succeeds.
+A failed poll is repeated.  Meanwhile the listeners stay registered and receive nothing new.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass
 class _Fit:
-    """A fit that is listened to: its row, or None once it is gone."""
+    """A fit with listeners: its row, or None once it is deleted."""
 
     row: FitRow | None
     listeners: int = 0
     change: anyio.Event = field(default_factory=anyio.Event)
 
     def tell(self, row: FitRow | None) -> None:
-        """Wake the listeners, unless they know."""
+        """Store a newer row and wake the listeners; ignore a row that is not newer."""
         if self.row is None or (row is not None and row.version <= self.row.version):
             return
         self.row = row
@@ -55,14 +55,14 @@ class _Fit:
 
 @dataclass
 class _Key:
-    """A key under which someone listens."""
+    """An API key with listeners."""
 
     listeners: int = 0
     is_open: bool = True
 
 
 class Listener:
-    """One who listens to a fit."""
+    """Subscription to one fit."""
 
     def __init__(self, fit: _Fit, key: _Key) -> None:
         self._fit = fit
@@ -70,28 +70,28 @@ class Listener:
         self._change = fit.change
 
     def look(self) -> FitRow | None:
-        """The fit as it was last seen; None where it is gone or the key opens nothing any more."""
-        # Kept from before the row is told, so that what changes meanwhile is not waited for.
+        """Latest row of the fit; None if the fit is deleted or the key is invalid."""
+        # Keep the event before reading the row, so that wait() notices any later change.
         self._change = self._fit.change
         return self._fit.row if self._key.is_open else None
 
     async def wait(self, seconds: float) -> None:
-        """Wait until the fit is another than at the last look.
+        """Wait until the fit differs from the last look.
 
         Args:
-            seconds: Longest time [s].
+            seconds: Maximum time [s].
         """
         with anyio.move_on_after(seconds):
             await self._change.wait()
 
 
 class Watcher:
-    """Looks at the database for all who listen; used in the thread of the event loop alone.
+    """Polls the database for all listeners; used only in the thread of the event loop.
 
     Args:
-        database: The tables.
-        access: Keys; a listener whose key is revoked hears no more.
-        most_streams: Listeners that a key may have at once; 0 for any number.
+        database: Database of the fits.
+        access: API keys; a listener whose key is revoked receives nothing more.
+        most_streams: Maximum number of listeners per key; 0 for no limit.
     """
 
     def __init__(self, database: Database, access: AccessService, most_streams: int) -> None:
@@ -102,19 +102,19 @@ class Watcher:
         self._keys: dict[str, _Key] = {}
         self._keys_due = 0.0
         self._is_failing = False
-        # A thread of its own: a look waits for no call, and no call for a look.
+        # Use a dedicated thread, so that polls and requests do not wait for each other.
         self._limiter = CapacityLimiter(1)
 
     @contextmanager
     def listen(self, row: FitRow, key_id: str | None) -> Iterator[Listener]:
-        """Listen to a fit for the length of a block.
+        """Subscribe to a fit for the duration of a `with` block.
 
         Args:
-            row: The fit as it was just read.
-            key_id: The key that was shown, or None where none is asked for.
+            row: Row of the fit as just read.
+            key_id: ID of the caller's key, or None if no key is required.
 
         Raises:
-            TooManyStreams: The key has as many listeners as it may.
+            TooManyStreams: The key has the maximum number of listeners.
         """
         key = _Key() if key_id is None else self._keys.get(key_id, _Key())
         if self._most_streams and key.listeners >= self._most_streams:
@@ -139,7 +139,7 @@ class Watcher:
                 del self._keys[key_id]
 
     async def run(self) -> None:
-        """Look, now and again, while someone listens; until it is cancelled."""
+        """Poll at intervals while there are listeners, until cancelled."""
         while True:
             await anyio.sleep(_LOOK_S)
             if self._fits:
@@ -148,8 +148,8 @@ class Watcher:
     async def _try(self) -> None:
         try:
             await self._look()
-        except Exception:  # noqa: BLE001  a task that ended here would end the service
-            # Said once, since the next look is a moment away.
+        except Exception:  # noqa: BLE001  an exception here would end the service
+            # Log only the first of consecutive failures, since polls are frequent.
             if not self._is_failing:
                 _log.exception("listeners have to wait for the database")
             self._is_failing = True
@@ -165,7 +165,7 @@ class Watcher:
         changes, opening = await to_thread.run_sync(
             self._read, versions, keys, limiter=self._limiter
         )
-        # Who listens may have changed meanwhile.
+        # Listeners may have come or gone during the read.
         for fit_id in changes.keys() & self._fits.keys():
             self._fits[fit_id].tell(changes[fit_id])
         for key_id in self._keys.keys() & keys:
@@ -174,7 +174,7 @@ class Watcher:
     def _read(
         self, versions: Mapping[str, int], keys: Collection[str]
     ) -> tuple[dict[str, FitRow | None], Collection[str]]:
-        """The fits that are not in these versions any more, and which keys open something."""
+        """Fits whose version differs from these, and the keys that are still valid."""
         with self._database.reading() as session:
             changes = repository.changes(session, versions)
         return changes, self._access.open_keys(keys) if keys else ()

@@ -1,11 +1,14 @@
-"""One attempt at one fit, computed in a child of a fork server and reported in lines of JSON.
+"""One attempt at a fit, computed in a child process of the fork server.
+
+Messages to the supervisor, one JSON object per line:
 
     {"progress": {"stage": "posterior", "fraction": 0.42}}
-    {"done": true}                            all outputs are on the disk
-    {"failed": {"code", "detail", ...}}       the input or the calculation; another try is no use
+    {"done": true}                            all outputs are on disk
+    {"failed": {"code", "detail", ...}}       invalid input or failed computation; no retry
+    {"crashed": "..."}                        cause of a crash, if the child knows it
 
-If it ends without one of the last two it has crashed, and the fit is tried again; where it could
-tell why, `{"crashed": "..."}` says it.  This is the only place where the service runs the pipeline.
+A child that exits without `done` or `failed` has crashed, and the fit is retried.  No other module
+of the service runs the pipeline.
 """
 
 from __future__ import annotations
@@ -44,11 +47,11 @@ _NICENESS = 5
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
-    """Compute a job and report on the pipe.
+    """Compute a job and report its progress and outcome on the pipe.
 
     Args:
         task: Fields of a job.
-        answer: Pipe to the supervisor.
+        answer: Write end of the pipe to the supervisor.
     """
     job = Job.of(task)
     _move_to(Path(job.directory))
@@ -63,11 +66,11 @@ def handle(task: dict[str, Any], answer: int) -> None:
     except OSError as error:
         if not is_full(error):
             raise
-        # Trying again at once would meet the same disk.
+        # An immediate retry would find the same full disk.
         detail = "no space was left for the results; have some made, then fit again"
         messages.send({"failed": {"code": "storage_full", "detail": detail}})
     except MemoryError:
-        # Beside fewer others there may be enough, so another try is of use.
+        # With fewer fits in parallel the memory may suffice, so a retry is useful.
         messages.send({"crashed": "no memory left"})
         raise
     else:
@@ -75,15 +78,15 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
 
 def compute(job: Job, progress: Callable[[str, float], None]) -> None:
-    """Compute a job, and leave its outputs on the disk.
+    """Compute a job and write its outputs to disk.
 
     Args:
-        job: What to compute, and where its outputs go.
-        progress: Told the stage and the fraction of the whole that is done.
+        job: Job with its output directory.
+        progress: Callback with the stage and the completed fraction of the fit.
 
     Raises:
-        InputError: The runs or the options are at fault.
-        ComputationError: They were sound, and the calculation still did not succeed.
+        InputError: The runs or the options are invalid.
+        ComputationError: The computation failed on valid input.
     """
     progress("reading", 0.0)
     identify = _function(job.pipeline)
@@ -106,11 +109,11 @@ def compute(job: Job, progress: Callable[[str, float], None]) -> None:
 
 
 def checkpoint_of(job: Job) -> Checkpoint:
-    """Where an attempt keeps what it has so far, and finds what those before it had.
+    """Checkpoint files of an attempt: its own and those of earlier attempts, newest first.
 
-    Each attempt has a file of its own, so that one that was given up and still runs cannot
-    overwrite what its successor keeps.  They lie beside the directories of the attempts, which are
-    removed with them, and go with the fit's end.
+    Each attempt writes a file of its own, so an abandoned attempt that still runs cannot overwrite
+    the checkpoint of its successor.  The files lie outside the attempt directories, which are
+    deleted with their attempts, and are deleted when the fit ends.
 
     Args:
         job: The attempt.
@@ -123,7 +126,7 @@ def checkpoint_of(job: Job) -> Checkpoint:
 
 
 class _Messages:
-    """The pipe to the supervisor; progress is thinned out."""
+    """Messages to the supervisor; progress is rate-limited."""
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
@@ -142,7 +145,7 @@ class _Messages:
 
 
 def _move_to(directory: Path) -> None:
-    """Have what is printed, and temporary files, go to the directory of the attempt."""
+    """Lower the priority; redirect output and temporary files to the attempt directory."""
     os.nice(_NICENESS)
     flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
     log = os.open(directory / LOG, flags, 0o600)
@@ -159,7 +162,7 @@ def _function(name: str) -> Callable[..., Any]:
 
 
 class _StoredRunLost(InputError):
-    """The stored bytes of a run are missing or are not those that were uploaded."""
+    """The stored file of a run is missing or differs from the upload."""
 
 
 def _read(run: RunFile) -> Run:
@@ -169,9 +172,9 @@ def _read(run: RunFile) -> Run:
 
 
 def _check_stored(path: Path, name: str, sha256: str) -> None:
-    """Compare the stored bytes of a run with the hash of its upload.
+    """Compare the SHA-256 of a stored run with that of its upload.
 
-    A table that was cut reads as a shorter run, and would give a result without a warning.
+    A truncated table reads as a shorter run and would give a result without a warning.
     """
     try:
         with open_regular(path) as file:
