@@ -1,1 +1,1 @@
-"""Health: whether the service lives, whether it is ready, and its metrics."""
+"""Health of the service: liveness, readiness and metrics."""

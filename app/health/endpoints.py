@@ -1,4 +1,4 @@
-"""Calls about health, which need no key."""
+"""HTTP endpoints of health and metrics; they require no key."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ router = APIRouter(tags=["health"])
 
 
 class Health(BaseModel):
-    """That the service lives."""
+    """Liveness of the service."""
 
     status: Literal["ok"] = "ok"
 
 
 class Readiness(BaseModel):
-    """Whether the service can do its work, and what of it."""
+    """Readiness of the service, with the outcome of each check."""
 
     status: Literal["ready", "not ready"]
     checks: dict[str, bool]
@@ -30,7 +30,7 @@ class Readiness(BaseModel):
 
 @router.get("/healthz", summary="Does it live?")
 async def healthz() -> Health:
-    """Answers as long as the service answers anything."""
+    """Confirm that the service answers requests."""
     return Health()
 
 
@@ -40,7 +40,7 @@ async def healthz() -> Health:
     responses={503: {"model": Readiness, "description": "Something that it needs is not there."}},
 )
 def readyz(services: ServicesDep, response: Response) -> Readiness:
-    """Whether database, storage and supervisor are there; 503 where one is not."""
+    """Check the database, the storage and the supervisor; the status is 503 if a check fails."""
     checks = services.health.checks()
     is_ready = all(checks.values())
     response.status_code = 200 if is_ready else 503
@@ -54,5 +54,5 @@ def readyz(services: ServicesDep, response: Response) -> Readiness:
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
 def metrics(services: ServicesDep) -> Response:
-    """Requests, uploads, the queue and the ends of fits, in Prometheus' text format."""
+    """Metrics of requests, uploads, the queue and ended fits, in the text format of Prometheus."""
     return Response(services.health.metrics(), media_type=MEDIA_TYPE)

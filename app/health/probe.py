@@ -1,9 +1,9 @@
-"""Health check of the container: whether the service on this machine is ready.
+"""Readiness probe for the container, run on the machine of the service.
 
-python -m app.health.probe         exit status 0 if it is, else 1 and one line that says why
+python -m app.health.probe         exit status 0 if ready, else 1 and one line with the reason
 
-It runs every few seconds for as long as the container lives, so it loads next to nothing and reads
-MOTORID_PORT and MOTORID_HOST itself.
+The probe runs every few seconds for as long as the container lives.  It therefore imports little
+and reads MOTORID_PORT and MOTORID_HOST itself.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from typing import Final
 __all__ = ["PATH", "address", "unready"]
 
 PATH: Final = "/readyz"
-"""What is asked."""
+"""URL path of the readiness check."""
 
 _TIMEOUT_S = 4.0
-_ANYWHERE = ("0.0.0.0", "::", "[::]")  # noqa: S104  addresses of a server, not to listen on
+_ANYWHERE = ("0.0.0.0", "::", "[::]")  # noqa: S104  compared with MOTORID_HOST, never bound
 
 
 def address(variables: Mapping[str, str]) -> tuple[str, str]:
-    """Host and port at which the service can be asked from the same machine.
+    """Host and port of the service as seen from the same machine.
 
     Args:
-        variables: The environment of the service.
+        variables: Environment of the service.
     """
     host = variables.get("MOTORID_HOST") or "127.0.0.1"
     return "127.0.0.1" if host in _ANYWHERE else host, variables.get("MOTORID_PORT") or "8000"
 
 
 def unready(variables: Mapping[str, str]) -> str | None:
-    """Why the service cannot do its work; None if it can.
+    """Reason why the service is not ready; None if it is.
 
     Args:
-        variables: The environment of the service.
+        variables: Environment of the service.
     """
     host, port = address(variables)
     try:
         with closing(HTTPConnection(host.strip("[]"), int(port), timeout=_TIMEOUT_S)) as service:
-            # A loopback name is allowed whatever MOTORID_ALLOWED_HOSTS says.
+            # The service accepts `localhost` whatever MOTORID_ALLOWED_HOSTS says.
             service.request("GET", PATH, headers={"Host": "localhost"})
             answer = service.getresponse()
             content = answer.read(10_000).decode(errors="replace")

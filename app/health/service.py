@@ -1,4 +1,4 @@
-"""Whether the service can do its work."""
+"""Readiness checks and metrics of the service."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STATES = ("queued", "running", "succeeded", "failed", "cancelled")
 
 
 class HealthService:
-    """Looks at what the service needs."""
+    """Checks the database, the storage and the supervisor, and collects metrics."""
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, metrics: Metrics
@@ -30,7 +30,7 @@ class HealthService:
         self._metrics = metrics
 
     def checks(self) -> dict[str, bool]:
-        """What is needed, and whether it is there."""
+        """Outcome of each readiness check, by name."""
         return {
             "database": self._answers(),
             "storage": self._storage.is_writable(),
@@ -38,7 +38,7 @@ class HealthService:
         }
 
     def metrics(self) -> bytes:
-        """The metrics in Prometheus' text format; those of the queue as they are now."""
+        """Metrics in the text format of Prometheus; the gauges are updated first."""
         with self._database.reading() as session:
             counts = fits.counts(session)
             oldest = fits.oldest_queued(session)
