@@ -1,1 +1,1 @@
-"""Processes for risky and long work, forked from one that has loaded everything already."""
+"""Fork server: runs risky or long tasks in children forked from a preloaded process."""

@@ -1,4 +1,4 @@
-"""Messages of a child of a fork server: one line of JSON each, on the pipe to the server."""
+"""Messages of a child of the fork server: one JSON object per line on the pipe."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ __all__ = ["tell"]
 
 
 def tell(answer: int, message: dict[str, Any]) -> None:
-    """Write a message; where nobody reads the pipe any more, this process ends without a word.
+    """Write a message; if the pipe has no reader any more, exit without an error.
 
     Args:
-        answer: The pipe.
-        message: What JSON can hold.
+        answer: Write end of the pipe.
+        message: Object that JSON can represent.
     """
     line = json.dumps(message).encode() + b"\n"
     try:
         while line:
             line = line[os.write(answer, line) :]
     except BrokenPipeError:
-        # The server was ended, or has given the task up: the fork server ends this child too.
+        # The client has ended or abandoned the task; the fork server would kill this child anyway.
         os._exit(1)

@@ -1,13 +1,13 @@
-"""Client of a fork server: has tasks done in children of a process that is loaded already.
+"""Client of the fork server: runs tasks in children forked from a preloaded process.
 
     nursery = Nursery("app.runs.parser", temporary=directory)
     task = nursery.fork({"path": ...})
-    for message in task.messages(): ...          what the child told, then {"exit": 0}
+    for message in task.messages(): ...          messages of the child, then {"exit": 0}
     task.kill()
 
-See `app.nursery.process` for the other side.  A task is handed over as a file without a name, so
-that it may have any size.  The process is started when it is needed, and again when it was killed;
-what ran in it then is lost, which its tasks can tell from an end of their own.
+See `app.nursery.process` for the other side.  A task is passed as an unnamed temporary file, so it
+may have any size.  The fork server is started on demand, and again after it was killed.  Tasks that
+were running in it are then lost; a lost task ends without an `exit` message.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ _KILL_S = 10.0
 
 
 class Nursery:
-    """A fork server: a process that forks children for tasks.
+    """Client of one fork server, which forks a child for each task.
 
     Args:
-        module: Module whose function `handle` does a task.
-        others: Modules that tasks will need, loaded in advance.
+        module: Module whose function `handle` runs a task.
+        others: Modules that tasks need, imported in advance.
         temporary: Directory for temporary files.
     """
 
@@ -54,29 +54,29 @@ class Nursery:
 
     @property
     def pid(self) -> int | None:
-        """The process, or None where none was started."""
+        """Process ID of the fork server, or None if it was not started."""
         return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """Start the process, so that the first task need not wait for it."""
+        """Start the fork server in advance, so that the first task need not wait for it."""
         with self._lock:
             self._running()
 
     def stop(self) -> None:
-        """End the process and all its children."""
+        """Stop the fork server and all its children."""
         with self._lock:
             self._close()
 
     def fork(self, task: dict[str, Any]) -> Task:
-        """Have a task done.
+        """Start a task in a child process.
 
         Raises:
-            OSError: The process cannot be started, or does not take the task.
+            OSError: The fork server cannot be started, or does not accept the task.
         """
         token = secrets.token_hex(8).encode()
         with tempfile.TemporaryFile(dir=self._temporary) as file:
             file.write(json.dumps(task).encode())
-            # Flushes too; the child reads from where this descriptor stands.
+            # The seek also flushes; the child reads from the position of this descriptor.
             file.seek(0)
             incoming, outgoing = os.pipe()
             try:
@@ -89,14 +89,14 @@ class Nursery:
         return Task(self, token, incoming)
 
     def kill(self, token: bytes) -> None:
-        """End a task at once, with everything it started."""
+        """Kill a task with all its child processes."""
         with self._lock:
             if self._socket is None:
                 return
             try:
                 self._socket.send(KILL + token)
             except (BrokenPipeError, ConnectionResetError, TimeoutError):
-                # The process is gone or hangs; its children end with it.
+                # The fork server is gone or hangs; its children end with it.
                 self._close()
 
     def _send(self, message: bytes, handles: list[int]) -> None:
@@ -104,7 +104,7 @@ class Nursery:
             try:
                 socket.send_fds(self._running(), [message], handles)
             except (BrokenPipeError, ConnectionResetError, TimeoutError):
-                # The process was ended from outside, or hangs; a new one takes the request.
+                # The fork server was killed or hangs; a new one takes the request.
                 self._close()
                 socket.send_fds(self._running(), [message], handles)
 
@@ -112,9 +112,9 @@ class Nursery:
         if self._socket is not None and self._process is not None and self._process.poll() is None:
             return self._socket
         self._close()
-        # Message boundaries are kept, so that a request and its descriptors stay together.
+        # This socket type keeps message boundaries, so a request and its descriptors stay together.
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        # A process that hangs would otherwise have whoever sends wait for ever.
+        # Without a timeout, a fork server that hangs would block the sender forever.
         ours.settimeout(_KILL_S)
         self._socket = ours
         with theirs:
@@ -133,7 +133,7 @@ class Nursery:
 
     def _close(self) -> None:
         if self._socket is not None:
-            # The process ends when it sees this, and its children before it.
+            # When the socket closes, the fork server kills its children and exits.
             self._socket.close()
         if self._process is not None:
             self._process.terminate()
@@ -146,12 +146,12 @@ class Nursery:
 
 
 class Task:
-    """A task that was given to a fork server.
+    """A task that was given to the fork server.
 
     Args:
         nursery: Client of the fork server.
-        token: Its name there.
-        incoming: Where its messages come; closed when the task is.
+        token: ID of the task at the fork server.
+        incoming: Read end of the message pipe; closed at the end of the task.
     """
 
     def __init__(self, nursery: Nursery, token: bytes, incoming: int) -> None:
@@ -162,23 +162,23 @@ class Task:
         self._is_open = True
         self.has_ended = False
         os.set_blocking(incoming, False)
-        # Unlike `select`, this takes descriptors of any number: a server may have thousands.
+        # Unlike `select`, `poll` accepts descriptors of any number; a server may have thousands.
         self._poll = select.poll()
         self._poll.register(incoming, select.POLLIN)
 
     def messages(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Messages since the last call; `has_ended` is true once nothing more will come.
+        """Messages since the last call; `has_ended` is true once no more will come.
 
-        The last message of a task that ended is ``{"exit": code}``.  Where it is missing, the fork
-        server itself was ended, or could not fork and said so by ``{"refused": reason}``.
+        The last message of a task that ended is ``{"exit": code}``.  If it is missing, the fork
+        server itself has ended, or it could not fork and has sent ``{"refused": reason}``.
 
         Args:
-            wait_s: Time to wait for something to come [s].
+            wait_s: Maximum time to wait for a message [s].
         """
         if self._is_open and wait_s > 0.0:
             self._poll.poll(wait_s * 1e3)
         blocks = [self._rest]
-        # A task that writes without an end keeps nobody here.
+        # The number of blocks is limited, so that a task that never stops writing blocks no caller.
         while self._is_open and len(blocks) <= _MOST_BLOCKS:
             try:
                 block = os.read(self._incoming, _BLOCK_BYTES)
@@ -193,7 +193,7 @@ class Task:
         return [message for message in map(_message, lines) if message is not None]
 
     def kill(self) -> None:
-        """End the task with everything it started; returns when it has ended."""
+        """Kill the task with all its child processes; return when it has ended."""
         deadline = time.monotonic() + _KILL_S
         if self._is_open:
             self._nursery.kill(self._token)
@@ -209,7 +209,7 @@ class Task:
 
 
 def _message(line: bytes) -> dict[str, Any] | None:
-    """A line as a message, or None: a child that is killed may leave half a line behind."""
+    """Parse a line; return None if it is invalid, since a killed child may leave half a line."""
     try:
         message = json.loads(line)
     except (ValueError, RecursionError):

@@ -1,21 +1,23 @@
-"""A fork server: `python -m app.nursery.process SOCKET MODULE [MODULE...]`.
+"""Fork server: `python -m app.nursery.process SOCKET MODULE [MODULE...]`.
 
-Starting an interpreter and loading the numerical libraries costs seconds of a core, so it is done
-once, here, and each task gets a child by fork.  The first MODULE has the function
+Starting an interpreter and importing the numerical libraries costs seconds of CPU time.  The fork
+server does this once, and each task gets a child by fork.  The first MODULE has the function
 
-    handle(task, answer)     does a task in the child, writes lines of JSON to the pipe `answer`
+    handle(task, answer)     run a task in the child; write JSON lines to the pipe `answer`
 
-and the others are only loaded.  The fork server has one thread, which is what makes forking sound.
+and the others are only imported in advance.  The fork server has a single thread, which
+makes forking safe.
 
-The server holds the other end of SOCKET.  A message is one letter and the token of a task:
+The client holds the other end of SOCKET.  A message is one letter and the token of a task:
 
-    F token     fork a child; with it come two descriptors, the file of the task and the pipe
-    K token     kill the child of that task, with everything that it started
+    F token     fork a child; comes with two descriptors, the task file and the message pipe
+    K token     kill the child of that task with all its child processes
 
-The task itself is a file of any size, which the child alone reads: whatever stands in it, the fork
-server and the other children go on.  No message makes the fork server fail, and it never waits for
-a reader of a pipe.  When a child has ended, all that it started is ended too, and how it ended is
-written to its pipe.  When the server is gone the socket ends, and everything here with it.
+The task is a file of any size that only the child reads, so its content cannot affect the fork
+server or other children.  No message makes the fork server fail, and it never waits for the reader
+of a pipe.  When a child has ended, the fork server kills the rest of its process group and writes
+its exit code to its pipe.  When the client ends, the socket closes, and the fork server ends with
+all its children.
 """
 
 from __future__ import annotations
@@ -37,10 +39,10 @@ from app.confine import die_with_parent, prefer_as_victim
 __all__ = ["FORK", "KILL", "main"]
 
 FORK: Final = b"F"
-"""First letter of a message that asks for a child."""
+"""First letter of a message that requests a child."""
 
 KILL: Final = b"K"
-"""First letter of a message that asks for the end of a child."""
+"""First letter of a message that kills a child."""
 
 _LONGEST_MESSAGE = 100
 _HANDLES = 2
@@ -58,8 +60,8 @@ class _ForkServer:
     """Forks children and reaps them.
 
     Args:
-        requests: The socket to the server.
-        handle: What a child does.
+        requests: Socket to the client.
+        handle: Function that a child runs.
     """
 
     def __init__(self, requests: socket.socket, handle: Handler) -> None:
@@ -69,11 +71,11 @@ class _ForkServer:
         self._ends: dict[int, bytes] = {}
 
     def serve(self) -> None:
-        """Answer requests until the server is gone."""
+        """Process requests until the client has ended."""
         woken, wake = os.pipe()
         os.set_blocking(wake, False)
         signal.set_wakeup_fd(wake)
-        # With a handler of our own the signal wakes `poll`; its work is done in `_reap`.
+        # The empty handler lets SIGCHLD wake `poll`; `_reap` does the work.
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
         while True:
             ready = self._ready(woken)
@@ -88,7 +90,7 @@ class _ForkServer:
             _kill_family(child)
 
     def _ready(self, woken: int) -> set[int]:
-        """Wait for a request, for the end of a child, or for room in a pipe that lacks its end."""
+        """Wait for a request, the end of a child, or space in a pipe for a pending exit message."""
         poll = select.poll()
         poll.register(self._requests, select.POLLIN)
         poll.register(woken, select.POLLIN)
@@ -97,7 +99,7 @@ class _ForkServer:
         return {handle for handle, _ in poll.poll()}
 
     def _take(self) -> bool:
-        """Do what the next message asks; False where the server is gone."""
+        """Process the next message; return False if the client has ended."""
         try:
             message, handles, _, _ = socket.recv_fds(self._requests, _LONGEST_MESSAGE, _HANDLES)
         except ConnectionResetError:
@@ -106,7 +108,7 @@ class _ForkServer:
         if verb == FORK and len(handles) == _HANDLES:
             self._fork(token, *handles)
             return True
-        # Where descriptors were lost, for want of room here, the task ends as its pipe does.
+        # If descriptors were lost (too many open files here), the task ends when its pipe closes.
         for handle in handles:
             os.close(handle)
         if verb == KILL:
@@ -130,12 +132,12 @@ class _ForkServer:
         try:
             os.setpgid(child, child)
         except (PermissionError, ProcessLookupError):
-            # The child has done it itself, or has ended.
+            # The child has set its group itself, or has ended.
             pass
         self._children[child] = _Child(token, answer)
 
     def _live(self, parent: int, task: int, answer: int) -> None:
-        """The life of a child, which leaves by `_exit` alone: the parent's loop is not its own."""
+        """Run the task in the child; leave only by `_exit`, so that the child stays out of the loop."""
         status = 1
         try:
             die_with_parent(parent)
@@ -159,29 +161,29 @@ class _ForkServer:
                 sys.stdout.flush()
                 sys.stderr.flush()
             finally:
-                # Also where nobody reads what is printed.
+                # Exit even if the output cannot be flushed.
                 os._exit(status)
 
     def _reap(self) -> None:
-        """Have each child that ended say how it ended, after ending what it started."""
+        """For each ended child, kill the rest of its process group and queue its exit message."""
         options = os.WEXITED | os.WNOHANG | os.WNOWAIT
         while self._children and (ended := os.waitid(os.P_ALL, 0, options)) is not None:
-            # Its number is given to no other process before it is waited for.
+            # The kernel does not reuse the process ID before `waitpid`.
             _kill_family(ended.si_pid)
             _, status = os.waitpid(ended.si_pid, 0)
-            # A library that was loaded may have left a process, which is none of the children.
+            # An imported library may have started a process that is not one of the children.
             if (child := self._children.pop(ended.si_pid, None)) is not None:
                 end = json.dumps({"exit": os.waitstatus_to_exitcode(status)})
                 self._ends[child.answer] = f"\n{end}\n".encode()
 
 
 def main(handle: int, module: str, *others: str) -> None:
-    """Serve requests until the server is gone.
+    """Process requests until the client has ended.
 
     Args:
-        handle: File descriptor of the socket to the server.
-        module: Module with the function that does a task.
-        *others: Modules that tasks will need.
+        handle: File descriptor of the socket to the client.
+        module: Module with the function that runs a task.
+        *others: Modules that tasks need, imported in advance.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work: Handler = importlib.import_module(module).handle
@@ -189,24 +191,25 @@ def main(handle: int, module: str, *others: str) -> None:
         try:
             importlib.import_module(other)
         except ImportError:
-            # Each task that needs it will say so where it can be read.
+            # Each task that needs the module reports the error itself.
             continue
-    # Until here the server may end this process at any moment; from here on it has children, and
-    # ends when the socket does.
+    # Before this line the client may terminate this process by a signal.  From here on the process
+    # may have children, and ends only when the socket closes.
     for ignored in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
-    # What is loaded stays shared with the children as long as no collector touches it.
+    # Memory pages of the imported modules stay shared with the children only if the garbage
+    # collector leaves them alone.
     gc.freeze()
     with socket.socket(fileno=handle) as requests:
         _ForkServer(requests, work).serve()
 
 
 def _finish(answer: int, end: bytes) -> None:
-    """Write the last line to a pipe that has room for it, and close it."""
+    """Write the exit message to a pipe that has space for it, and close the pipe."""
     try:
         os.write(answer, end)
     except OSError:
-        # Nobody waits for it any more, or it was no pipe; the other children go on.
+        # The reader is gone, or the descriptor was no pipe; the other children are not affected.
         pass
     os.close(answer)
 
@@ -216,7 +219,7 @@ def _kill_family(child: int) -> None:
         try:
             end(child, signal.SIGKILL)
         except ProcessLookupError:
-            # It has no group yet, or has ended already.
+            # The child has no process group yet, or has already ended.
             continue
 
 
