@@ -1,1 +1,1 @@
-"""Retention: what is old and needed by nothing is removed, with the files that belong to it."""
+"""Retention: deletes expired data that nothing refers to, with the files that belong to it."""

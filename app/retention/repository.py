@@ -1,10 +1,11 @@
-"""What of the tables is old, and its removal; each function in one transaction of the caller.
+"""Database queries of retention; the caller owns the transaction.
 
-What is old is looked for by reading, which keeps nobody from writing, and removed in portions.
+Expired rows are searched for in read transactions, which block no writer, and are
+deleted in portions.
 
-A fit is old when it ended before a moment; in a batch, when the whole batch did, so that a batch
-goes at once.  A run is old when it came, and came last again, before that moment and no fit names
-it.
+A fit has expired if it ended before a cutoff time.  A fit of a batch has expired only if the whole
+batch has, so that a batch is deleted as a whole.  A run has expired if its latest upload was before
+the cutoff and no fit names it.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ __all__ = ["old_fits", "old_runs", "remove_fits", "remove_old_batches", "remove_
 
 
 def old_fits(session: Session, before: float) -> Sequence[str]:
-    """Ids of the fits that ended before a moment, the first that ended first.
+    """IDs of the fits that have expired at a cutoff time, in order of their ends.
 
-    An ended fit is not begun again, and no batch gets fits later, so that they are old for good.
+    An ended fit never starts again and a batch never gains fits, so an expired fit stays expired.
     """
-    # Found once for all of them: asked for each fit, the others of its batch are read a thousand
-    # times over.
+    # Evaluate this subquery once.  A subquery per fit would read the other fits of its batch up to
+    # a thousand times.
     young = select(FitRow.batch_id).where(
         FitRow.batch_id.is_not(None), or_(FitRow.ended_at.is_(None), FitRow.ended_at >= before)
     )
@@ -43,12 +44,12 @@ def old_fits(session: Session, before: float) -> Sequence[str]:
 
 
 def remove_fits(session: Session, fit_ids: Sequence[str]) -> None:
-    """Forget some fits."""
+    """Delete fits."""
     session.execute(delete(FitRow).where(FitRow.id.in_(fit_ids)))
 
 
 def remove_old_batches(session: Session, before: float) -> int:
-    """Forget batches that were made before a moment and have no fit left; says how many."""
+    """Delete batches created before a cutoff that have no fit left; return their number."""
     has_fit = exists().where(FitRow.batch_id == BatchRow.id)
     removed = session.scalars(
         delete(BatchRow)
@@ -60,25 +61,25 @@ def remove_old_batches(session: Session, before: float) -> int:
 
 
 def old_runs(session: Session, before: float) -> Sequence[str]:
-    """Ids of the runs that came before a moment and that no fit names, the oldest first."""
+    """IDs of the runs that have expired at a cutoff time, in order of their first upload."""
     query = select(RunRow.id).where(*_is_old(before)).order_by(RunRow.created_at)
     return session.scalars(query).all()
 
 
 def remove_old_runs(session: Session, run_ids: Sequence[str], before: float) -> Sequence[str]:
-    """Forget those of some runs that still came before a moment and that still no fit names.
+    """Delete those of the given runs that are still expired.
 
     Args:
-        session: A session that writes.
-        run_ids: The runs.
-        before: The moment [s since 1970].
+        session: Session that writes.
+        run_ids: IDs of the runs.
+        before: Cutoff time [s since 1970].
 
     Returns:
-        Ids of those that were removed.
+        IDs of the deleted runs.
     """
     query = select(RunRow.id).where(RunRow.id.in_(run_ids)).with_for_update(skip_locked=True)
     ids = session.scalars(query).all()
-    # Asked again, now that the runs are held: a fit may have taken one of them meanwhile.
+    # Check again now that the rows are locked: a new fit may have named one of the runs.
     removed = session.scalars(
         delete(RunRow)
         .where(RunRow.id.in_(ids), *_is_old(before))

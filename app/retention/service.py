@@ -1,7 +1,7 @@
-"""Removes what is old, and files that no row names.
+"""Retention sweep: deletes expired rows, and files without a row.
 
-The rows go first and their files after them: where the service ends between the two, files without
-a row are left, and a later sweep finds those.
+Rows are deleted before their files.  If the service ends between the two, a later sweep finds the
+files without a row.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from app.storage import Storage
 
 __all__ = ["Removed", "Retention"]
 
-# With a fit go the rows of its runs, of which it may have 400.
+# Deleting a fit also deletes the rows of its runs, of which it may have 400.
 _FITS_AT_ONCE = 25
 _RUNS_AT_ONCE = 200
 _DAY_S = 86_400.0
@@ -29,13 +29,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Removed:
-    """How much was removed.
+    """Number of deleted items.
 
     Args:
-        fits: Fits that ended.
+        fits: Ended fits.
         runs: Runs that no fit named.
-        batches: Batches without a fit.
-        files: Files and directories that no row named.
+        batches: Batches without fits.
+        files: Files and directories without a row.
     """
 
     fits: int = 0
@@ -45,13 +45,13 @@ class Removed:
 
 
 class Retention:
-    """Keeps a database and its data directory from growing for ever.
+    """Limits the growth of the database and the data directory.
 
     Args:
-        database: The tables.
-        storage: The data directory.
-        metrics: Where removals are counted.
-        days: Age from which fits and runs are removed [days]; 0 keeps them.
+        database: Database of the service.
+        storage: Data directory.
+        metrics: Counters of deletions.
+        days: Age at which fits and runs expire [days]; 0 keeps them.
     """
 
     def __init__(self, database: Database, storage: Storage, metrics: Metrics, days: float) -> None:
@@ -61,10 +61,10 @@ class Retention:
         self._days = days
 
     def sweep(self, now: float | None = None) -> Removed:
-        """Remove what may go, and say how much that was.
+        """Delete expired items and return their number.
 
         Args:
-            now: The time that is believed [s since 1970]; that of the clock where not given.
+            now: Current time [s since 1970]; None for the time of the clock.
         """
         now = time.time() if now is None else now
         found = Removed(files=self._sweep_files(now))
