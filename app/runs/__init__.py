@@ -1,1 +1,1 @@
-"""Runs: uploads taken in, read in a process with limits, kept and listed."""
+"""Runs: upload, parsing in a process with resource limits, storage and listing."""

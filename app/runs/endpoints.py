@@ -1,4 +1,4 @@
-"""Calls about runs."""
+"""HTTP endpoints of runs."""
 
 from __future__ import annotations
 
@@ -38,21 +38,23 @@ _SENT_AGAIN_S = 2.0
 async def upload_run(
     request: Request, response: Response, services: ServicesDep, caller: CallerDep
 ) -> RunOut:
-    """Send a run file in the form field `file`.
+    """Upload a run file in the form field `file`.
 
-    The same bytes with the same mapping are the same run: sending them again answers 200 and the
-    same id. What cannot be read answers 422 and says in which row and column.
+    The same bytes with the same mapping are the same run: a repeated upload returns status
+    200 and the same ID. A file that cannot be parsed returns status 422 with the row and
+    column of the error.
     """
     services.reading.check()
     began = anyio.current_time()
     upload = await _receive(request, services)
     try:
-        # Others have come meanwhile; what took long to send is read and not sent again.
+        # The queue may have filled meanwhile.  An upload that took longer is parsed in any case,
+        # since repeating it would cost the caller more.
         if anyio.current_time() - began < _SENT_AGAIN_S:
             services.reading.check()
         row, is_new = await services.reading.run(services.runs.store, caller, upload)
     finally:
-        # What did not become a run leaves nothing, also when the caller went away meanwhile.
+        # Delete a file that did not become a run, even if the client has disconnected.
         upload.path.unlink(missing_ok=True)
     response.status_code = 201 if is_new else 200
     response.headers["Location"] = f"/api/v1/runs/{row.id}"
@@ -71,13 +73,13 @@ def list_runs(
         str | None, Query(max_length=200, description="Only runs of this motor.")
     ] = None,
 ) -> RunList:
-    """Runs, newest first."""
+    """List runs, newest first."""
     return RunList.of(*services.runs.page(caller, after=after, limit=limit, motor=motor))
 
 
 @router.get("/{run_id}", summary="Show a run", responses=responses(404))
 def show_run(run_id: str, services: ServicesDep, caller: CallerDep) -> RunOut:
-    """One run."""
+    """Show a run."""
     return RunOut.of(services.runs.get(caller, run_id))
 
 
@@ -85,12 +87,12 @@ def show_run(run_id: str, services: ServicesDep, caller: CallerDep) -> RunOut:
     "/{run_id}", status_code=204, summary="Delete a run", responses=responses(403, 404, 409)
 )
 def delete_run(run_id: str, services: ServicesDep, caller: CallerDep) -> None:
-    """Remove a run and its bytes; refused while a fit that has not ended needs it."""
+    """Delete a run and its file; refused while an unfinished fit needs the run."""
     services.runs.delete(caller, run_id)
 
 
 async def _receive(request: Request, services: ServicesDep) -> Upload:
-    """Take the form in; the thread that works the disk is held only while there is work."""
+    """Receive the form; a thread is occupied only during disk access."""
     settings = services.settings
     boundary = boundary_of(request.headers.get("content-type", ""))
     form = await to_thread.run_sync(
@@ -104,15 +106,15 @@ async def _receive(request: Request, services: ServicesDep) -> Upload:
 
 
 async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGenerator[bytes]:
-    """The body in blocks of some size, however small the pieces are in which it comes.
+    """Body of the request in blocks of at least 256 KiB, except the last.
 
     Args:
         request: The upload.
-        idle_s: Longest time without a byte [s].
-        whole_s: Time until all of it has come [s].
+        idle_s: Maximum time without a byte [s].
+        whole_s: Maximum time for the whole body [s].
 
     Raises:
-        BodyTooSlow: It takes longer.
+        BodyTooSlow: One of the two times is exceeded.
     """
     deadline = anyio.current_time() + whole_s
     held = bytearray()

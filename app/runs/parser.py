@@ -1,7 +1,7 @@
-"""One upload, read in a child of a fork server within limits that the child puts on itself.
+"""Parser of one upload, run in a child of the fork server that limits its own resources.
 
-What a stranger sent can crash an interpreter or ask for all memory, so it is never read in the
-server; see `app.runs.reading` for the other side.
+An untrusted file can crash the interpreter or exhaust the memory, so the server itself never reads
+it.  See `app.runs.reading` for the server's side.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ __all__ = ["handle"]
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
-    """Read a run and say what is in it.
+    """Parse a run file and report its content or the error.
 
     Args:
         task: `path`, `name`, `mapping`, `max_rows` and `limits`.
-        answer: Pipe to the server.
+        answer: Write end of the pipe to the server.
     """
     confine(Limits(**task["limits"]))
     try:

@@ -1,11 +1,11 @@
-"""Queue of the uploads that wait to be read: of bounded length, so that a wait is a short one.
+"""Bounded queue of uploads that wait to be parsed, which keeps waiting times short.
 
     queue = ReadingQueue(readers=2, most_waiting=16)
-    queue.check()                              TooManyUploads where as many wait as may
+    queue.check()                              TooManyUploads if the queue is full
     await queue.run(service.store, caller, upload)
 
-A caller beyond its length is told at once when to come back, in place of waiting with its file on
-the disk for a time that nobody knows.
+If the queue is full, a caller gets a retry time at once, instead of waiting for an unknown time
+with its file on disk.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ _LONGEST_RETRY_S = 60.0
 
 
 class ReadingQueue:
-    """Lets some uploads be read at once and others wait; used by one event loop.
+    """Limits the number of uploads parsed in parallel and waiting; used by one event loop.
 
     Args:
-        readers: Uploads that are read at once.
-        most_waiting: Uploads that may wait beside them.
+        readers: Number of uploads parsed in parallel.
+        most_waiting: Maximum number of further uploads that wait.
     """
 
     def __init__(self, readers: int, most_waiting: int) -> None:
         self._limiter = CapacityLimiter(readers)
         self._readers = readers
         self._most_waiting = most_waiting
-        # Mean time of one reading, in which the newest count most [s].
+        # Exponentially weighted mean of the parsing time [s].
         self._mean_s = 0.1
 
     def check(self) -> None:
-        """Refuse another upload where as many wait as may.
+        """Refuse another upload if the queue is full.
 
         Raises:
             TooManyUploads: The queue is full.
@@ -60,7 +60,7 @@ class ReadingQueue:
         )
 
     async def run(self, function: Callable[[*Arguments], Result], *arguments: *Arguments) -> Result:
-        """Call a function in a thread when the turn of this upload comes."""
+        """Call a function in a thread as soon as a reader is free."""
 
         def timed() -> Result:
             began = time.monotonic()

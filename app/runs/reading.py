@@ -1,4 +1,4 @@
-"""The server's side of reading an upload: hands the file to a process with limits, and waits.
+"""Server side of parsing an upload: passes the file to a process with limits, and waits.
 
     reader = RunReader(nursery, limits, max_rows=10_000_000)
     summary = reader.read(path, "run1.csv", mapping)     or RunRefused: file, row, column
@@ -25,12 +25,12 @@ _START_S = 60.0
 
 
 class RunReader:
-    """Has runs read.
+    """Parses runs in child processes.
 
     Args:
-        nursery: Where they are read, with `app.runs.parser` as its module.
-        limits: What one reading may use.
-        max_rows: Most samples of a run.
+        nursery: Fork server whose module is `app.runs.parser`.
+        limits: Resource limits of one parser process.
+        max_rows: Maximum number of samples of a run.
     """
 
     def __init__(self, nursery: Nursery, limits: Limits, max_rows: int) -> None:
@@ -39,19 +39,19 @@ class RunReader:
         self._max_rows = max_rows
 
     def read(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Read a run and say what is in it.
+        """Parse a run file and return a summary of its content.
 
         Args:
-            path: Where its bytes are.
-            name: What messages call it.
-            mapping: Which column is which channel, or None.
+            path: Path of the file.
+            name: Name of the file in messages.
+            mapping: Assignment of columns to channels, or None.
 
         Returns:
-            Rows, rate, duration, channels with their ranges, and warnings.
+            Number of rows, sample rate, duration, channels with their ranges, and warnings.
 
         Raises:
-            RunRefused: The file is no run, or reading it took more than the limits allow.
-            Unavailable: It cannot be read now.
+            RunRefused: The file is not a valid run, or parsing it exceeds the limits.
+            Unavailable: The file cannot be parsed now.
         """
         found = self._ask(
             {
@@ -69,7 +69,7 @@ class RunReader:
         raise self._refusal(name, found.get("error", {}).get("reason") or found.get("exit"))
 
     def _ask(self, task: dict[str, Any]) -> dict[str, Any]:
-        """Everything that the reading told, and how it ended."""
+        """Run the parser; return its merged messages, including the exit code."""
         deadline = time.monotonic() + _START_S + self._limits.wall_s
         try:
             reading = self._nursery.fork(task)
@@ -83,7 +83,7 @@ class RunReader:
         return found
 
     def _refusal(self, name: str, end: object) -> RunRefused | Unavailable:
-        """What it means that a reading ended without an answer."""
+        """Build the error for a parser that ended without a result."""
         limits = self._limits
         if end is None:
             return Unavailable("the file could not be read now; send it again")

@@ -1,4 +1,4 @@
-"""Runs in the database, each query within one workspace."""
+"""Database queries of runs; lookups are restricted to one workspace."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ __all__ = [
 
 
 def add(session: Session, row: RunRow) -> None:
-    """Keep a run."""
+    """Insert a run."""
     session.add(row)
 
 
 def get(session: Session, workspace: str, run_id: str, *, lock: bool = False) -> RunRow | None:
-    """A run, or None.
+    """Run by ID within a workspace, or None.
 
     Args:
-        session: Session of the database.
+        session: Database session.
         workspace: Workspace of the caller.
-        run_id: Id of the run.
-        lock: Whether nobody else may begin to use the run until the session ends.
+        run_id: ID of the run.
+        lock: Whether to lock the row until the session ends, so that no new fit can name the run.
     """
     query = select(RunRow).where(RunRow.workspace == workspace, RunRow.id == run_id)
     return session.scalars(query.with_for_update() if lock else query).one_or_none()
 
 
 def hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, str]:
-    """SHA-256 of those of some runs that there are, by id.
+    """SHA-256 of those runs that exist, by ID.
 
-    None of these runs is removed until the session ends.
+    The rows stay locked against deletion until the session ends.
     """
-    # SQLite takes an index by the workspace for narrower than 500 ids, and reads all its runs for
-    # each query; of an expression it has no index.
+    # SQLite rates an index on the workspace as more selective than 500 IDs and would read all runs
+    # of the workspace in each query.  No index applies to an expression.
     is_theirs = RunRow.workspace.concat("") == workspace
     found: dict[str, str] = {}
     for some in portions(run_ids):
@@ -59,7 +59,7 @@ def hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str
 
 
 def by_content(session: Session, workspace: str, sha256: str, mapping_sha256: str) -> RunRow | None:
-    """The run with these bytes read in this way, or None."""
+    """Run with these bytes and this mapping, or None."""
     query = select(RunRow).where(
         RunRow.workspace == workspace,
         RunRow.sha256 == sha256,
@@ -76,14 +76,14 @@ def page(
     limit: int,
     motor: str | None = None,
 ) -> Sequence[RunRow]:
-    """Runs, newest first.
+    """Page of runs, newest first.
 
     Args:
-        session: Session of the database.
+        session: Database session.
         workspace: Workspace of the caller.
-        after: Time of creation and id of the last run of the page before.
-        limit: Most runs of a page.
-        motor: Only runs of this motor.
+        after: Creation time and ID of the last run of the previous page.
+        limit: Maximum number of runs.
+        motor: Select only runs of this motor.
     """
     query = select(RunRow).where(RunRow.workspace == workspace)
     if motor is not None:
@@ -96,7 +96,7 @@ def page(
 
 
 def waiting_fit(session: Session, run_id: str) -> str | None:
-    """Id of a fit that has not ended and needs the run, or None."""
+    """ID of an unfinished fit that needs the run, or None."""
     query = (
         select(FitRow.id)
         .join(FitRunRow, FitRunRow.fit_id == FitRow.id)
@@ -107,22 +107,22 @@ def waiting_fit(session: Session, run_id: str) -> str | None:
 
 
 def note_sent(session: Session, run_id: str, now: float) -> None:
-    """Write down that the bytes of a run came again."""
+    """Record the time of a repeated upload."""
     session.execute(update(RunRow).where(RunRow.id == run_id).values(sent_at=now))
 
 
 def totals(session: Session) -> tuple[int, int]:
-    """Number of all runs of all workspaces, and of the bytes of their files."""
+    """Number of all runs of all workspaces, and total size of their files [bytes]."""
     query = select(func.count(), func.coalesce(func.sum(RunRow.bytes), 0)).select_from(RunRow)
     number, stored = session.execute(query).one()
     return int(number), int(stored)
 
 
 def remove(session: Session, run_id: str) -> None:
-    """Forget a run."""
+    """Delete a run."""
     session.execute(delete(RunRow).where(RunRow.id == run_id))
 
 
 def all_ids(session: Session) -> set[str]:
-    """Ids of all runs of all workspaces."""
+    """IDs of all runs of all workspaces."""
     return set(session.scalars(select(RunRow.id)))

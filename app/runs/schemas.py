@@ -1,4 +1,4 @@
-"""Runs as callers see them."""
+"""Request and response schemas of runs."""
 
 from __future__ import annotations
 
@@ -68,18 +68,18 @@ UPLOAD_BODY: dict[str, Any] = {
         },
     }
 }
-"""What OpenAPI says about the body of an upload, which no model describes since it is streamed."""
+"""OpenAPI schema of the body of an upload; no model describes the body, since it is streamed."""
 
 
 class ChannelRange(BaseModel):
-    """Least and greatest value of a channel, in SI units."""
+    """Minimum and maximum of a channel, in SI units."""
 
     min: float
     max: float
 
 
 class RunWarningOut(BaseModel):
-    """Something about the run that a reader of a result should know."""
+    """Warning about a run that matters for the interpretation of a result."""
 
     code: str
     message: str
@@ -88,7 +88,7 @@ class RunWarningOut(BaseModel):
 
 
 class RunOut(BaseModel):
-    """A run that is stored."""
+    """A stored run."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
@@ -107,7 +107,7 @@ class RunOut(BaseModel):
 
     @classmethod
     def of(cls, row: RunRow) -> RunOut:
-        """A run as it is stored."""
+        """Build the schema from a stored run."""
         names = ("id", "sha256", "file", "motor", "bytes", "rows", "sample_rate_hz", "duration_s")
         return cls.model_validate(
             {name: getattr(row, name) for name in names}
@@ -128,11 +128,11 @@ class RunList(BaseModel):
 
     @classmethod
     def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:
-        """A page as it is stored."""
+        """Build the schema from stored runs and the cursor of the next page."""
         return cls(items=[RunOut.of(row) for row in rows], next=following)
 
 
 def moment(seconds: float) -> str:
-    """A time since 1970 as ISO 8601 in UTC."""
+    """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z")

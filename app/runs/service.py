@@ -1,4 +1,4 @@
-"""What can be done with runs."""
+"""Run service: store, list and delete runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 
 class RunService:
-    """Runs of all workspaces; each call is made for one caller."""
+    """Operations on runs; each is restricted to the workspace of its caller."""
 
     def __init__(
         self,
@@ -50,21 +50,20 @@ class RunService:
         self._metrics = metrics
 
     def store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
-        """Read an upload and keep it.
+        """Parse an upload and store it as a run.
 
         Args:
-            caller: For whom.
-            upload: What came in; its file is moved where it becomes a run.
+            caller: Caller of the request.
+            upload: Received form; its file is moved if it becomes a run.
 
         Returns:
-            The run, and whether it is a new one: the same bytes read with the same mapping are the
-            same run.
+            The run, and whether it is new: the same bytes with the same mapping are the same run.
 
         Raises:
-            RunRefused: The file is no run.
-            FieldRefused: The motor or the mapping is not accepted.
-            QuotaExceeded: The workspace has no place for it.
-            StorageFull: No space is left.
+            RunRefused: The file is not a valid run.
+            FieldRefused: The name of the motor or the mapping is invalid.
+            QuotaExceeded: The quota of the workspace does not allow another run of this size.
+            StorageFull: No disk space is left.
         """
         outcome = "refused"
         try:
@@ -85,7 +84,7 @@ class RunService:
         with self._database.reading() as session:
             known = repository.by_content(session, *content)
             if known is None:
-                # Before the work; what counts is asked again where the row is written.
+                # Check early to avoid useless work; the check in the write transaction decides.
                 self._quotas.check_run(session, caller.workspace, upload.size)
         if known is not None:
             self._restore(known, upload)
@@ -110,7 +109,8 @@ class RunService:
             created_at=time.time(),
             sent_at=None,
         )
-        # The file first: a file without a row is swept, a row without a file would be a loss.
+        # Store the file first: a sweep deletes a file without a row, but a row without a
+        # file is a loss.
         with refused_when_full("run"):
             self._storage.keep_run(upload.path, row.id)
         try:
@@ -121,12 +121,12 @@ class RunService:
             self._storage.remove_run(row.id)
             raise
         except OperationalError as error:
-            # After any other error the row may be there, and the file is left to the sweep.
+            # After any other error the row may exist, so the file is left to the sweep.
             if is_full(error):
                 self._storage.remove_run(row.id)
             raise
         except IntegrityError:
-            # Someone sent the same at the same time and was first.
+            # A concurrent upload of the same content was committed first.
             self._storage.remove_run(row.id)
             with self._database.reading() as session:
                 known = repository.by_content(session, *content)
@@ -137,7 +137,7 @@ class RunService:
         return row, True
 
     def _restore(self, row: RunRow, upload: Upload) -> None:
-        """Write the bytes of a run again where the disk has lost or damaged them."""
+        """Rewrite the file of a run if it is missing or damaged."""
         if self._storage.has_run(row.id, row.bytes, row.sha256):
             return
         with refused_when_full("run"):
@@ -145,7 +145,7 @@ class RunService:
         _log.warning("stored run was missing or damaged, and is restored", extra={"run": row.id})
 
     def _note_sent(self, row: RunRow) -> None:
-        """Write down that the bytes of a run came again, so that it is not removed as old."""
+        """Record a repeated upload of a run, so that the run does not expire."""
         now = time.time()
         if now - (row.sent_at or row.created_at) > _NOTED_AGAIN_S:
             with self._database.writing() as session:
@@ -154,10 +154,10 @@ class RunService:
     def page(
         self, caller: Caller, *, after: str | None, limit: int, motor: str | None
     ) -> tuple[Sequence[RunRow], str | None]:
-        """Runs, newest first, and where the next page begins, if there is one.
+        """Page of runs, newest first, and the cursor of the next page, if any.
 
         Raises:
-            FieldRefused: `after` is no position that was given before.
+            FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
             rows = repository.page(
@@ -170,10 +170,10 @@ class RunService:
         return rows[:limit], cursor_of(rows, limit)
 
     def get(self, caller: Caller, run_id: str) -> RunRow:
-        """One run.
+        """Run by ID.
 
         Raises:
-            NotFound: There is no such run in the caller's workspace.
+            NotFound: The caller's workspace has no such run.
         """
         with self._database.reading() as session:
             row = (
@@ -184,11 +184,11 @@ class RunService:
         return row
 
     def delete(self, caller: Caller, run_id: str) -> None:
-        """Remove a run and its bytes.
+        """Delete a run and its file.
 
         Raises:
-            NotFound: There is no such run in the caller's workspace.
-            RunInUse: A fit that has not ended needs it.
+            NotFound: The caller's workspace has no such run.
+            RunInUse: An unfinished fit needs the run.
         """
         if not is_id("run", run_id):
             raise _missing()
@@ -208,7 +208,7 @@ def _missing() -> NotFound:
 
 
 def _mapping(text: str | None) -> dict[str, Any] | None:
-    """A mapping out of its JSON text; what is in it is checked where the file is read."""
+    """Parse a mapping from JSON; its content is validated when the file is read."""
     if text is None or not text.strip():
         return None
     try:

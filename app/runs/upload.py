@@ -1,12 +1,12 @@
-"""An upload on its way to the disk: a multipart form, one part of which is the file.
+"""Streaming parser for uploads as multipart/form-data.
 
     form = UploadForm(boundary, target, limit=512_000_000)
-    form.feed(chunk)                 as chunks come
-    upload = form.finish()           hash, size, the other fields
+    form.feed(chunk)                 for each chunk of the body
+    upload = form.finish()           hash, size and the other fields
 
-The parts are taken apart while they come in and the file goes straight to its place in the data
-directory, hashed on the way, so that an upload of any size needs a few hundred kilobytes of memory.
-Whatever a caller names the file is a label and never a path.
+The form is parsed while it arrives, and the file is hashed and written directly to the data
+directory.  An upload of any size therefore needs only a few hundred kilobytes of memory.  The file
+name given by the caller is a label and never a path.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 __all__ = ["FIELDS", "Upload", "UploadForm", "boundary_of", "label"]
 
 FIELDS: Final = {"motor": 1_000, "mapping": 10_000}
-"""Fields besides `file`, and how many bytes each may have.
+"""Form fields in addition to `file`, with the maximum size of each [bytes].
 
-A mapping has an entry for each of six channels; a fit takes 400 runs with one each.
+A mapping has one entry for each of six channels; a fit takes 400 runs with one mapping each.
 """
 
 _LONGEST_LABEL = 200
@@ -41,13 +41,13 @@ _MOST_PARTS = 10
 
 @dataclass(frozen=True)
 class Upload:
-    """A form that came in whole.
+    """A form that was received completely.
 
     Args:
-        path: Where the bytes of the file are.
-        name: Name of the file as the caller gave it, without directories.
-        sha256: Hash of the bytes, in hexadecimal.
-        size: Number of bytes.
+        path: Path of the received file.
+        name: File name given by the caller, without directories.
+        sha256: SHA-256 of the file, in hexadecimal.
+        size: Size of the file [bytes].
         fields: The other fields of the form.
     """
 
@@ -59,11 +59,11 @@ class Upload:
 
 
 def boundary_of(content_type: str) -> bytes:
-    """What separates the parts of a form.
+    """Boundary between the parts of a multipart form.
 
     Raises:
-        WrongMediaType: The body is no multipart form.
-        BadRequest: The form does not say its boundary.
+        WrongMediaType: The body is not a multipart form.
+        BadRequest: The Content-Type has no boundary.
     """
     kind, options = parse_options_header(content_type)
     if kind != b"multipart/form-data":
@@ -75,25 +75,25 @@ def boundary_of(content_type: str) -> bytes:
 
 
 def label(name: str) -> str:
-    """The last part of a file name, printable and of bounded length."""
+    """Last component of a file name, printable and of limited length."""
     last = name.replace("\\", "/").rstrip("/").rpartition("/")[2]
     shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in last).strip()
     return shown[-_LONGEST_LABEL:] or "run"
 
 
 class UploadForm:
-    """Takes a form apart while it comes in.
+    """Parses a form while it arrives.
 
-    A context: leaving it by an error removes what was written.
+    As a context manager, it deletes the written file if an exception occurs.
 
     Args:
-        boundary: What separates the parts.
-        target: Where the file goes; nothing is there yet.
-        limit: Most bytes of the file.
+        boundary: Boundary between the parts.
+        target: Path of the file; nothing exists there yet.
+        limit: Maximum size of the file [bytes].
 
     Raises:
-        BadRequest: The boundary is not valid.
-        StorageFull: No space is left.
+        BadRequest: The boundary is invalid.
+        StorageFull: No disk space is left.
     """
 
     def __init__(self, boundary: bytes, target: Path, limit: int) -> None:
@@ -127,7 +127,7 @@ class UploadForm:
             self._file = os.fdopen(os.open(target, flags, 0o600), "wb")
 
     def __enter__(self) -> Self:
-        """The form itself."""
+        """Return the form itself."""
         return self
 
     def __exit__(
@@ -136,23 +136,23 @@ class UploadForm:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file; remove it on an error."""
+        """Close the file; delete it after an exception."""
         if kind is not None:
             self._target.unlink(missing_ok=True)
         try:
             self._file.close()
         except OSError:
-            # Nothing is lost: an upload that is kept was written out in `finish`.
+            # No data are lost: `finish` has already flushed an upload that is kept.
             self._target.unlink(missing_ok=True)
 
     def feed(self, chunk: bytes) -> None:
-        """Take the next bytes of the body.
+        """Parse the next bytes of the body.
 
         Raises:
-            BadRequest: The body is no form.
-            BodyTooLarge: The file is larger than the limit.
-            FieldRefused: A field is, or is none of `FIELDS`.
-            StorageFull: No space is left.
+            BadRequest: The body is not a valid form.
+            BodyTooLarge: The file exceeds the maximum size.
+            FieldRefused: A field is too large, given twice, or not one of `FIELDS`.
+            StorageFull: No disk space is left.
         """
         try:
             self._parser.write(chunk)
@@ -160,12 +160,12 @@ class UploadForm:
             raise BadRequest("the form is broken; let the client make it") from error
 
     def finish(self) -> Upload:
-        """What came in, once the body has ended; the file is on the disk.
+        """Return the form at the end of the body, after flushing the file to disk.
 
         Raises:
-            BadRequest: The form is not complete.
-            FieldRefused: There is no file in it, or a field is no text.
-            StorageFull: No space is left.
+            BadRequest: The form is incomplete.
+            FieldRefused: The form has no file, or a field is not UTF-8 text.
+            StorageFull: No disk space is left.
         """
         if not self._ended:
             raise BadRequest("the form ends in the middle; send it again")
