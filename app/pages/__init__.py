@@ -1,1 +1,1 @@
-"""Pages: what a browser sees, the documentation of the interface included."""
+"""Web pages of the service, including the documentation of its HTTP interface."""

@@ -1,4 +1,4 @@
-"""The pages, rendered here from the same services as the calls."""
+"""Web pages, rendered on the server from the same services as the HTTP interface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from app.runs.schemas import RunOut
 __all__ = ["STATIC_FILES", "router"]
 
 STATIC_FILES = Path(__file__).parent / "static"
-"""Styles and scripts of the pages."""
+"""Style sheets and scripts of the pages."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -43,7 +43,7 @@ def _page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
 
 @router.get("/")
 def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
-    """Runs and fits, and what can be done with them."""
+    """Start page with runs, fits and batches."""
     runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=None)
     fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
@@ -61,7 +61,7 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
 
 @router.get("/fits/{fit_id}")
 def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
-    """One fit: its progress, then its result."""
+    """Page of one fit: its progress, then its result."""
     fit = FitOut.of(services.fits.get(caller, fit_id))
     files = {}
     for run_id in (*fit.training, *fit.validation):
@@ -79,13 +79,13 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
 
 @router.get("/docs")
 def docs(caller: CallerDep) -> HTMLResponse:
-    """The interface, to read and to try."""
+    """Interactive documentation of the HTTP interface."""
     return _page("docs", description=f"{API_PREFIX}/openapi.json")
 
 
 @router.get(LOGIN_PATH)
 def login(services: ServicesDep) -> Response:
-    """The page that asks for a key."""
+    """Login page, which asks for a key."""
     if services.settings.no_auth:
         return RedirectResponse("/", status_code=303)
     return _page("login", problem=None)
@@ -95,7 +95,7 @@ def login(services: ServicesDep) -> Response:
 def sign_in(
     request: Request, services: ServicesDep, key: Annotated[str, Form(max_length=200)]
 ) -> Response:
-    """Take a key and give a cookie for it."""
+    """Check a key and set a session cookie."""
     lifetime_s = services.settings.session_s
     try:
         token = services.access.open_session(key.strip(), lifetime_s)

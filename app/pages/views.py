@@ -1,4 +1,4 @@
-"""What the pages show: the same as the calls answer, with numbers and times as one reads them."""
+"""View models of the web pages: API responses with numbers and times formatted for people."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NONE = "–"
 
 
 def run_view(run: RunOut) -> dict[str, Any]:
-    """A run for the table."""
+    """View of a run for the table."""
     return {
         "id": run.id,
         "file": run.file,
@@ -39,11 +39,11 @@ def run_view(run: RunOut) -> dict[str, Any]:
 
 
 def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
-    """A fit for the table and for its page.
+    """View of a fit for the table and for its own page.
 
     Args:
         fit: The fit.
-        files: Names of files by the ids of runs, as far as they are known.
+        files: File names by run ID, as far as known.
     """
     took = ""
     if fit.started_at and fit.ended_at:
@@ -61,7 +61,7 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
 
 
 def batch_view(batch: BatchSummary) -> dict[str, Any]:
-    """A batch for the table."""
+    """View of a batch for the table."""
     counts = [f"{number} {status}" for status, number in batch.counts.items() if number]
     return {
         **batch.model_dump(),
@@ -73,8 +73,8 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
 
 
 def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
-    """The main things of a result, for the page of a fit; the report tells the rest."""
-    # Here: it brings numpy, for which every start would have to wait.
+    """View of the main content of a result for the page of a fit; the report has the rest."""
+    # Lazy import: numpy would slow down every start.
     from identification.report.result import known_only_from
 
     return {
@@ -104,7 +104,7 @@ def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _placed(warning: RunWarningOut) -> str:
-    """A warning beside the file's name, with the column that it is about."""
+    """Text of a warning with the column that it concerns."""
     return f"column {warning.column}: {warning.message}" if warning.column else warning.message
 
 
@@ -121,14 +121,14 @@ def _number(value: float | None, digits: int = 4) -> str:
 
 
 def _digits(value: float | None, sd: float | None) -> int:
-    """Significant digits with which a value shows two digits of its standard deviation."""
+    """Number of significant digits that shows two digits of the standard deviation."""
     if not value or not sd:
         return 4
     return min(max(math.ceil(math.log10(abs(value) / sd)) + 2, 2), 9)
 
 
 def _text(warning: object) -> str:
-    """A warning, be it a sentence or an entry with one."""
+    """Text of a warning that is a string or an entry with a message."""
     if isinstance(warning, Mapping):
         return str(warning.get("message", warning))
     return str(warning)
@@ -155,5 +155,5 @@ def _time(text: str) -> datetime:
 
 
 def _when(text: str) -> str:
-    """A time as one reads it, in UTC."""
+    """Time in UTC, formatted for people."""
     return f"{_time(text):%Y-%m-%d %H:%M}"
