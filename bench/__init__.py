@@ -1,11 +1,11 @@
-"""A bench in software: motors with hidden effects, measured as a real bench would log them.
+"""Test bench simulator: motors with hidden effects, recorded as a real bench would log them.
 
     >>> from bench import make_campaign
     >>> campaign = make_campaign("servo_150w", effects=["coulomb_friction"], seed=3, rows=500)
     >>> list(campaign.training[0].frame.columns)[:3]
     ['time_s', 'voltage_V', 'current_A']
 
-It shares no code with the identification that it is there to test.
+The bench shares no code with the identification that it tests.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Campaigns: one motor, its hidden effects, and the runs that a bench logged of it.
+"""Measurement campaigns: one motor, its hidden effects, and the runs recorded from it.
 
     >>> campaign = make_campaign("servo_150w", [("brush_drop", 0.03)], seed=1, rows=400)
     >>> campaign.truth["effects"][0]["law"]
@@ -6,8 +6,8 @@
     >>> len(campaign.training), len(campaign.validation)
     (5, 2)
 
-Excitation, temperatures and noise depend on the seed alone, so the same seed with and without an
-effect gives the same measurement of two motors.
+For one motor and one set of options, excitation, temperatures and noise depend on the seed only.
+Campaigns with and without an effect therefore differ by the effect alone.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ __all__ = ["BenchRun", "Campaign", "EffectRequest", "make_campaign"]
 
 @dataclass(frozen=True)
 class EffectRequest:
-    """An effect to put into a motor.
+    """An effect to add to a motor.
 
     Args:
         name: Key of `bench.effects.EFFECTS`.
-        size: As the effect's `size_means` says; None for the middle of its typical range.
-        law: One of its laws; None for the textbook's.
-        role: Which runs have it: all, or those of one role.
+        size: Size as defined by `size_means` of the effect; None for the geometric mean of its
+            typical range.
+        law: One of its laws; None for the textbook law.
+        role: Runs with the effect: all, or those of one role.
     """
 
     name: str
@@ -52,13 +53,13 @@ class EffectRequest:
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a bench did to one motor.
+    """Recorded runs of one motor with the true values.
 
     Args:
-        motor: Its declared parameters are the true ones.
-        runs: In the order of recording, training first.
-        truth: Parameters, effects and noise as plain data for JSON.
-        decimals: Column to the decimals that write it without loss.
+        motor: The motor; its nominal parameters are the true ones.
+        runs: Runs in the order of recording, training first.
+        truth: True parameters, effects and noise as plain data for JSON.
+        decimals: Number of decimals that represents each column without loss, by column.
     """
 
     motor: Motor
@@ -68,16 +69,16 @@ class Campaign:
 
     @property
     def training(self) -> tuple[BenchRun, ...]:
-        """Runs to identify from."""
+        """Training runs."""
         return tuple(run for run in self.runs if run.role == "training")
 
     @property
     def validation(self) -> tuple[BenchRun, ...]:
-        """Runs kept apart."""
+        """Validation runs."""
         return tuple(run for run in self.runs if run.role == "validation")
 
     def write(self, directory: Path | str) -> list[Path]:
-        """Write one CSV a run and ``truth.json``; returns the paths, runs first."""
+        """Write one CSV file per run and ``truth.json``; return the paths, runs first."""
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         paths = []
@@ -89,7 +90,7 @@ class Campaign:
         return paths
 
     def csv(self, run: BenchRun) -> str:
-        """Text of a run's file."""
+        """Text of the file of a run."""
         columns = [
             [f"{value:.{self.decimals[name]}f}" for value in run.frame[name].to_list()]
             for name in run.frame.columns
@@ -108,10 +109,10 @@ def _as_request(effect: str | tuple[str, float] | EffectRequest) -> EffectReques
 
 
 def _resolve(request: EffectRequest) -> tuple[BenchEffect, float, str]:
-    """Effect, size and law of a request, defaults filled in.
+    """Effect, size and law of a request, with the defaults filled in.
 
     Raises:
-        KeyError: No such effect or law; the message lists what there is.
+        KeyError: The effect or the law is unknown; the message lists the known ones.
     """
     if request.name not in EFFECTS:
         raise KeyError(f"no effect '{request.name}'; there are {', '.join(EFFECTS)}")
@@ -139,11 +140,11 @@ def _plan_runs(motor: Motor, options: BenchOptions, seed: int) -> list[RunPlan]:
 
 
 def _apply_to_role(setup: Setup, law: Law, size: float, role: str) -> dict[str, float]:
-    """Put an effect into the runs of one role only.
+    """Add an effect to the runs of one role only.
 
     Raises:
-        ValueError: The effect is no matter of the plant or of a zero error, so that all runs have
-            it or none.
+        ValueError: The effect changes neither the plant nor a sensor offset, so it cannot be
+            limited to some runs.
     """
     other = dataclasses.replace(
         setup, plant=setup.plant.copy(), offsets={}, delays={}, difference_time=0.0
@@ -166,7 +167,7 @@ def _apply_to_role(setup: Setup, law: Law, size: float, role: str) -> dict[str, 
 
 
 def _apply(setup: Setup, requests: Sequence[EffectRequest]) -> list[dict[str, Any]]:
-    """Put effects into the plant and say what was put in."""
+    """Add effects to the setup; return their true values."""
     told = []
     for request in requests:
         effect, size, law = _resolve(request)
@@ -191,7 +192,7 @@ def _apply(setup: Setup, requests: Sequence[EffectRequest]) -> list[dict[str, An
 
 
 def _noise_truth(setup: Setup, options: BenchOptions) -> dict[str, Any]:
-    """Standard deviations of the logged channels, resolution included."""
+    """Standard deviation of each logged channel, including quantisation."""
     noise, steps = options.noise, channel_steps(setup, options.noise)
     levels = {
         "voltage_V": noise.voltage * setup.motor.rated_voltage,
@@ -210,18 +211,19 @@ def make_campaign(
     options: BenchOptions | None = None,
     **changes: Any,
 ) -> Campaign:
-    """Put a motor on the bench, measure it, and tell the truth about it.
+    """Simulate and record a campaign on a motor with hidden effects.
 
     Args:
         motor: A motor, the name of one in the table, or the seed of a random one.
-        effects: Names, names with sizes, or requests; they act together.
-        seed: Equal arguments with equal seeds give equal campaigns, bit by bit.
-        options: How the campaign is run.
-        **changes: Fields of `BenchOptions` that differ from `options`, for example ``rows=2000``.
+        effects: Names, names with sizes, or requests; the effects act together.
+        seed: Seed of the campaign; equal arguments and seeds give bit-identical campaigns.
+        options: Options of the campaign.
+        **changes: Fields of `BenchOptions` that replace those of `options`, for example
+            ``rows=2000``.
 
     Raises:
-        KeyError: No such motor, effect or law.
-        SimulationFailed: The effects together make a plant that diverges.
+        KeyError: The motor, the effect or the law is unknown.
+        SimulationFailed: The plant with these effects diverges.
     """
     chosen = dataclasses.replace(options or BenchOptions(), **changes)
     if isinstance(motor, str):

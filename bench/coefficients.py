@@ -1,4 +1,4 @@
-"""What Ra, Kt and L become with temperature, current and history, compiled."""
+"""Resistance, torque constant and saturation factor of the hidden plant (compiled)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["fall", "magnet_temperature", "resistance", "torque_constant"]
 
 @njit(error_model="numpy")
 def _winding_temperature(y: NDArray[np.float64], p: Any, logged: float) -> float:
-    """Temperature of the winding: the logged one, lagged, plus its own heating [degC]."""
+    """Winding temperature: the logged temperature after its lag, plus self-heating [degC]."""
     base = logged
     if p.winding_lag > 0.0:
         base = y[4] if p.winding_lag_order > 1.5 else y[3]
@@ -24,7 +24,7 @@ def _winding_temperature(y: NDArray[np.float64], p: Any, logged: float) -> float
 
 @njit(error_model="numpy")
 def magnet_temperature(y: NDArray[np.float64], p: Any, logged: float) -> float:
-    """Temperature of the magnet: the logged one, lagged where a lag is set [degC]."""
+    """Magnet temperature: the logged temperature after its lag, if there is one [degC]."""
     if p.magnet_lag > 0.0:
         return y[8] if p.magnet_lag_order > 1.5 else y[7]
     return logged
@@ -32,7 +32,7 @@ def magnet_temperature(y: NDArray[np.float64], p: Any, logged: float) -> float:
 
 @njit(error_model="numpy")
 def fall(x: float, k: float, power: float, exponential: float) -> float:
-    """Falling factor of saturation at x, 1 at x = 0."""
+    """Saturation factor 1/(1 + k x^power) or exp(-k x^power) [-]."""
     if k == 0.0:
         return 1.0
     if exponential > 0.5:
@@ -42,14 +42,14 @@ def fall(x: float, k: float, power: float, exponential: float) -> float:
 
 @njit(error_model="numpy")
 def resistance(y: NDArray[np.float64], p: Any, logged: float) -> float:
-    """Armature resistance [ohm]."""
+    """Armature resistance at the winding temperature [ohm]."""
     rise = _winding_temperature(y, p, logged) - 25.0
     return p.Ra25 * (1.0 + rise * (p.alpha_Ra + rise * (p.curvature + rise * p.curvature_cubic)))
 
 
 @njit(error_model="numpy")
 def torque_constant(y: NDArray[np.float64], p: Any, logged: float, peak: float) -> float:
-    """Torque and back-EMF constant [N m/A], with saturation and what the magnet lost for good."""
+    """Torque and back-EMF constant with temperature, saturation and demagnetisation [N m/A]."""
     rise = magnet_temperature(y, p, logged) - 25.0
     constant = p.Kt25 * (1.0 + p.alpha_Kt * rise)
     if p.demagnetization > 0.0 and peak > p.demagnetization_from:

@@ -1,4 +1,4 @@
-"""The page that explains the campaigns in ``data/``, written from their truth."""
+"""Page that documents the campaigns in ``data/``, generated from their true values."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _number(value: float) -> str:
 
 
 def _section(name: str, campaign: Campaign) -> str:
-    """Table and sentences of one campaign."""
+    """Tables and sentences of one campaign."""
     truth, motor = campaign.truth, campaign.motor
     units = {"Ra25": "ohm", "alpha_Ra": "1/K", "Kt25": "N m/A", "alpha_Kt": "1/K",
              "J": "kg m^2", "b": "N m s/rad", "L": "H"}  # fmt: skip
@@ -88,10 +88,10 @@ def _section(name: str, campaign: Campaign) -> str:
 
 
 def data_page(campaigns: Mapping[str, Campaign], sums: str) -> str:
-    """Markdown of ``data/README.md``.
+    """Markdown text of ``data/README.md``.
 
     Args:
-        campaigns: Folder name to campaign.
+        campaigns: Campaigns by name of their folder.
         sums: Text of ``SHA256SUMS``.
     """
     sections = "\n".join(_section(name, campaign) for name, campaign in campaigns.items())

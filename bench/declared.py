@@ -1,9 +1,10 @@
-"""The declared model alone, stepped exactly, and its best fit to a campaign.
+"""Nominal-model fit to a campaign: exact discretisation and Levenberg-Marquardt.
 
-The bench needs to know how visible an effect is: not its nominal size but what is left of it after
-the seven declared parameters have been fitted and have soaked up what they can.  Between samples
-the model is linear with constant coefficients, so a step is the exponential of a two by two matrix
-in closed form; and it is linear in the initial state, which is therefore solved for, not iterated.
+The bench needs the detectability of an effect, which is not its nominal size but its residual after
+the seven nominal parameters have been fitted and have absorbed part of it.  Between samples the
+model is linear with constant coefficients, so one step is the exponential of a 2x2 matrix in closed
+form.  The response is linear in the initial state, which linear least squares therefore determines
+without iteration.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _LOGARITHMIC = 5
 
 @njit(cache=True, error_model="numpy")
 def _exponential(a: float, b: float, c: float, d: float, h: float, out: Any) -> None:
-    """Exponential of h [[a, b], [c, d]] into `out` (2, 2)."""
+    """Matrix exponential of h [[a, b], [c, d]], written to `out` (2, 2)."""
     mean = 0.5 * (a + d)
     square = (mean * mean - (a * d - b * c)) * h * h
     if square > 1e-12:
@@ -47,17 +48,18 @@ def _exponential(a: float, b: float, c: float, d: float, h: float, out: Any) -> 
 
 @njit(cache=True, error_model="numpy")
 def basis(time: Array, voltage: Array, temperature: Array, values: Array, is_linear: bool) -> Array:
-    """Response of the declared model to the voltage from rest, and to either initial state.
+    """Forced and free responses of the nominal model.
 
     Args:
         time: (n_sample,) [s].
         voltage: (n_sample,) [V].
         temperature: (n_sample,) [degC].
         values: (7,) Ra25, Kt25, J, b, L, alpha_Ra, alpha_Kt.
-        is_linear: Whether the voltage runs linearly between samples.
+        is_linear: Whether the voltage is linear between samples (FOH) or held (ZOH).
 
     Returns:
-        (3, 2, n_sample): forced, from unit current, from unit speed; current [A], speed [rad/s].
+        (3, 2, n_sample): response to the voltage from zero state, to unit initial current, and to
+        unit initial speed; each with current [A] and speed [rad/s].
     """
     out = np.zeros((3, 2, time.size))
     out[1, 0, 0] = 1.0
@@ -70,7 +72,7 @@ def basis(time: Array, voltage: Array, temperature: Array, values: Array, is_lin
         a, b, c, d = -ra / values[4], -kt / values[4], kt / values[2], -values[3] / values[2]
         _exponential(a, b, c, d, h, step)
         det = a * d - b * c
-        # Held part: A^-1 (exp(Ah) - 1) B with B = (1/L, 0).
+        # Zero-order hold: A^-1 (exp(A h) - I) B with B = (1/L, 0).
         g0, g1 = (step[0, 0] - 1.0) / values[4], step[1, 0] / values[4]
         held0, held1 = (d * g0 - b * g1) / det, (a * g1 - c * g0) / det
         drive0, drive1 = held0 * voltage[n], held1 * voltage[n]
@@ -90,12 +92,12 @@ def basis(time: Array, voltage: Array, temperature: Array, values: Array, is_lin
 
 @dataclass(frozen=True)
 class DeclaredFit:
-    """What the declared model makes of a campaign.
+    """Result of fitting the nominal model to a campaign.
 
     Args:
         parameters: Fitted values by name.
-        shift: Relative error of each against the truth [-].
-        ratios: Role to channel to simulation RMSE over the noise standard deviation [-].
+        shift: Relative error of each value against the true one [-].
+        ratios: Simulation RMSE over the noise standard deviation, by role and channel [-].
     """
 
     parameters: dict[str, float]
@@ -110,14 +112,14 @@ class DeclaredFit:
 
 
 def _values(coordinates: Array) -> Array:
-    """Parameters from coordinates: logarithms of what is positive, the coefficients as they are."""
+    """Convert coordinates to parameters: only the first five coordinates are logarithms."""
     values = coordinates.copy()
     values[:_LOGARITHMIC] = np.exp(values[:_LOGARITHMIC])
     return values
 
 
 def _residual(run: BenchRun, coordinates: Array, sd: tuple[float, float], is_linear: bool) -> Array:
-    """(2, n_sample) residual of a run in standard deviations, best initial state taken out."""
+    """(2, n_sample) normalised residual of a run after least squares over its initial state [-]."""
     frame = run.frame
     response = basis(
         frame["time_s"].to_numpy(np.float64), frame["voltage_V"].to_numpy(np.float64),
@@ -134,14 +136,14 @@ def _residual(run: BenchRun, coordinates: Array, sd: tuple[float, float], is_lin
 
 
 def _stack(runs: tuple[BenchRun, ...], x: Array, sd: tuple[float, float], hold: bool) -> Array:
-    """(2, n) residuals of all runs one after the other."""
+    """(2, n) normalised residuals of all runs, concatenated [-]."""
     return np.concatenate([_residual(run, x, sd, hold) for run in runs], axis=1)
 
 
 def _gauss_newton(
     runs: tuple[BenchRun, ...], x: Array, sd: tuple[float, float], hold: bool, steps: int
 ) -> Array:
-    """Coordinates of the best fit, by damped Gauss-Newton from `x`."""
+    """Coordinates of the best fit, by Levenberg-Marquardt from `x` with numerical derivatives."""
     damping = 1e-4
     residual = _stack(runs, x, sd, hold).ravel()
     trial, fresh = x, residual
@@ -173,12 +175,12 @@ def _gauss_newton(
 def fit_declared(
     campaign: Campaign, noise: tuple[float, float] | None = None, steps: int = 12
 ) -> DeclaredFit:
-    """Fit the declared model to the training runs, beginning at the truth, and judge it on all.
+    """Fit the nominal model to the training runs from the true values; evaluate it on all runs.
 
     Args:
-        campaign: Its declared hold is used, true or not.
-        noise: Standard deviations of current [A] and speed [rad/s]; None for the campaign's own.
-        steps: Most iterations.
+        campaign: The campaign; the fit uses its declared hold, true or not.
+        noise: Standard deviations of current [A] and speed [rad/s]; None for those of the campaign.
+        steps: Maximum number of iterations.
     """
     truth = campaign.motor.parameters
     sd = noise or (campaign.truth["noise"]["current_A"], campaign.truth["noise"]["speed_rad_s"])

@@ -1,4 +1,4 @@
-"""The drive, compiled: what voltage it gives, and what acts on the plant until the next sample."""
+"""Current-limited voltage drive (compiled), and the inputs of the plant up to the next knot."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ __all__ = ["limited", "open_interval"]
 
 @njit(error_model="numpy")
 def limited(voltage: float, y: Any, p: Any, u: Any, limit: float) -> float:
-    """Voltage that the drive applies so that the current settles within its limit [V].
+    """Voltage command limited such that the steady current stays within the limit [V].
 
-    It foresees the current that a voltage would lead to at the present speed, and cannot give more
-    than its supply has: without that bound a drive that overrates the back-EMF would run away.
+    The drive predicts the current from the voltage at the present speed.  The applied voltage is
+    also limited to 1.2 times the rated voltage: without this supply limit, a drive that
+    overestimates the back-EMF would diverge.
     """
     if limit <= 0.0:
         return voltage
@@ -31,10 +32,10 @@ def open_interval(
     n: int, times: Any, y: Any, p: Any, u: Any, command: Any, temperature: Any,
     is_linear: bool, limit: float, applied: Any,
 ) -> None:  # fmt: skip
-    """Set the drive record for the interval that begins at knot `n`, and log its voltage.
+    """Set the drive record for the interval that starts at knot `n`, and log its voltage.
 
-    A held voltage is limited by the state at its own knot, a linear one by the state at the knot
-    before, since the drive has to know where it is going when it sets out.
+    A held voltage is limited by the state at its own knot.  A linear voltage is limited by the
+    state at the preceding knot, because the slope must be known at the start of the interval.
     """
     u.start = times[n]
     u.temperature = temperature[n]

@@ -1,9 +1,12 @@
-"""Dormand-Prince 5(4) with step control and friction events, compiled.
+"""Dormand-Prince 5(4) integration with step control and friction events (compiled).
 
-An explicit embedded pair on purpose: the identification steps by matrix exponentials, so nothing of
-its discretisation is repeated here.  Every voltage edge is a break point, hence the solution is
-smooth inside an interval except where dry friction reverses or lets go; these instants are
-bisected and the friction's mode is switched there.
+An explicit embedded pair is used on purpose: the identification steps by matrix exponentials, so
+the bench repeats nothing of its discretisation.  Every voltage edge is a knot, so the solution is
+smooth within an interval except where dry friction reverses or breaks away.  These events are
+located by bisection, and the mode of the friction is switched there.
+
+Source:
+    Dormand, Prince (1980), J. Comput. Appl. Math. 6, 19-26.
 """
 
 from __future__ import annotations
@@ -22,12 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = ["build_integrate"]
 
-_MAX_STEPS = 50_000  # in one interval; reached only by a plant that makes no sense
+_MAX_STEPS = 50_000  # per interval; only a degenerate plant reaches it
 
 
 @njit(error_model="numpy")
 def _stages(t: float, h: float, y: Any, k: Any, trial: Any, p: Any, u: Any, active: Any) -> None:
-    """Evaluate stages 2 to 7 of the pair; `trial` ends as the fifth-order solution."""
+    """Evaluate stages 2 to 7 of the pair; `trial` becomes the fifth-order solution."""
     for j in active:
         trial[j] = y[j] + h * 0.2 * k[0, j]
     derivative(t + 0.2 * h, trial, k[1], p, u)
@@ -69,7 +72,7 @@ def _stages(t: float, h: float, y: Any, k: Any, trial: Any, p: Any, u: Any, acti
 def _error(
     h: float, y: Any, trial: Any, k: Any, active: Any, scale: Any, tolerance: float
 ) -> float:
-    """Largest difference of the two orders over what is allowed, over the active states [-]."""
+    """Maximum ratio of the error estimate to its tolerance over the active states [-]."""
     worst = 0.0
     for j in active:
         gap = h * (
@@ -97,7 +100,7 @@ def _is_past_event(t: float, y: Any, p: Any, u: Any) -> bool:
 
 @njit(error_model="numpy")
 def _switch_mode(t: float, y: Any, p: Any, u: Any) -> None:
-    """Choose the mode at standstill: held, or sliding the way the other torques push."""
+    """Select the mode at standstill: sticking, or sliding in the direction of the other torques."""
     y[1] = 0.0
     torque = drive_torque(t, y, p, u)
     direction = np.sign(torque)
@@ -108,7 +111,7 @@ def _switch_mode(t: float, y: Any, p: Any, u: Any) -> None:
 
 @njit(error_model="numpy")
 def _first_mode(t: float, y: Any, p: Any, u: Any) -> None:
-    """Choose the mode in which an interval or a run begins."""
+    """Select the mode at the start of an interval or a run."""
     if y[1] == 0.0:
         _switch_mode(t, y, p, u)
     else:
@@ -119,7 +122,7 @@ def _first_mode(t: float, y: Any, p: Any, u: Any) -> None:
 def _bisect_event(
     t: float, h: float, y: Any, k: Any, trial: Any, p: Any, u: Any, active: Any
 ) -> float:
-    """Longest step, to rounding, that ends before or at the event inside ``(t, t + h)`` [s]."""
+    """Shortest step that ends past the event inside ``(t, t + h)``, to rounding error [s]."""
     low, high = 0.0, h
     for _ in range(60):
         if high - low <= 1e-13 * (abs(t) + h):
@@ -139,7 +142,10 @@ def _advance(
     t: float, end: float, h: float, y: Any, k: Any, trial: Any, p: Any, u: Any, active: Any,
     scale: Any, tolerance: float, has_dry: bool,
 ) -> float:  # fmt: skip
-    """Carry `y` from `t` to `end` and return the step size to begin the next interval with."""
+    """Integrate `y` from `t` to `end`; return the first step size of the next interval [s].
+
+    The result is NaN if the interval needs more than `_MAX_STEPS` steps.
+    """
     tiny = 1e-12 * (end - t)
     derivative(t, y, k[0], p, u)
     for _ in range(_MAX_STEPS):
@@ -177,7 +183,7 @@ def _carry(
     p: Any, u: Any, active: Any, grid: Any, knot: Any, command: Any, temperature: Any,
     is_linear: bool, limit: float, start: Any, scale: Any, tolerance: float, has_dry: bool,
 ) -> Any:  # fmt: skip
-    """Carry the plant over the grid; arguments as for the function of `build_integrate`."""
+    """Integrate the plant over the grid; arguments as for the function of `build_integrate`."""
     y, trial = start.copy(), start.copy()
     k = np.zeros((7, start.size))
     states = np.zeros((grid.size, start.size))
@@ -207,10 +213,10 @@ def _carry(
 
 
 def build_integrate(fingerprint: str) -> Callable[..., Any]:
-    """Make the compiled entry point, cached on disk under a fingerprint of the sources.
+    """Build the compiled entry point, cached on disk under a fingerprint of the sources.
 
-    Numba's cache looks at one file only; with the fingerprint in the closure, a change in any of
-    the files that the entry point is made of compiles it again.
+    Numba's cache checks one file only.  The fingerprint in the closure forces a new compilation
+    after a change in any of the source files.
 
     Args:
         fingerprint: Hash of the source files.
@@ -221,26 +227,26 @@ def build_integrate(fingerprint: str) -> Callable[..., Any]:
         p: Any, u: Any, active: Any, grid: Any, knot: Any, command: Any, temperature: Any,
         is_linear: bool, limit: float, start: Any, scale: Any, tolerance: float, has_dry: bool,
     ) -> Any:  # fmt: skip
-        """Carry the plant over the grid.
+        """Integrate the plant over the grid.
 
         Args:
             p: Plant record.
-            u: Drive record; `peak` is read at the start and left at its last value.
-            active: (n_active,) indices of the states that move.
-            grid: (n_grid,) instants at which the state is wanted, knots among them [s].
-            knot: (n_grid,) number of the knot at this instant, -1 between knots.
-            command: (n_knot,) voltage asked of the drive [V].
-            temperature: (n_knot,) true value of what is logged, linear between knots [degC].
-            is_linear: Whether the voltage runs linearly between knots instead of being held.
+            u: Drive record; `peak` is read at the start and updated.
+            active: (n_active,) indices of the states to integrate.
+            grid: (n_grid,) instants at which the state is returned, including the knots [s].
+            knot: (n_grid,) index of the knot at this instant, -1 between knots.
+            command: (n_knot,) voltage command to the drive [V].
+            temperature: (n_knot,) true temperature at the thermometer, linear between knots [degC].
+            is_linear: Whether the voltage is linear between knots (FOH) or held (ZOH).
             limit: Current limit of the drive, 0 for none [A].
             start: (n_state,) state at ``grid[0]``, which must be a knot.
             scale: (n_state,) magnitude of each state, for the absolute tolerance.
-            tolerance: Relative tolerance of a step.
-            has_dry: Whether set-valued friction is present.
+            tolerance: Relative tolerance per step.
+            has_dry: Whether the plant has set-valued friction.
 
         Returns:
-            States (n_grid, n_state), applied voltage at the knots (n_knot,) [V], and the hottest
-            magnet so far at the knots (n_knot,) [degC].
+            States (n_grid, n_state), applied voltage at the knots (n_knot,) [V], and highest magnet
+            temperature so far at the knots (n_knot,) [degC].
         """
         _ = fingerprint
         return _carry(

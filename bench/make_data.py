@@ -1,7 +1,7 @@
-"""Make the campaigns in ``data/``, or check that they are what this program makes.
+"""Write the campaigns in ``data/``, or check that they are what this program generates.
 
 python -m bench.make_data            write them
-python -m bench.make_data --check    make them again and compare every byte
+python -m bench.make_data --check    generate them again and compare every byte
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _SUMS = "SHA256SUMS"
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a published campaign is made.
+    """Arguments that generate a published campaign.
 
     Args:
         motor: Name in `bench.motors.MOTORS`.
-        seed: Of the campaign.
-        effects: What the declared model lacks.
+        seed: Seed of the campaign.
+        effects: Effects that the nominal model lacks.
         options: Fields of `bench.options.BenchOptions`.
     """
 
@@ -40,7 +40,7 @@ class Recipe:
     options: dict[str, Any] = field(default_factory=dict)
 
     def make(self) -> Campaign:
-        """The campaign, the same each time."""
+        """Generate the campaign, which is the same each time."""
         return make_campaign(self.motor, self.effects, self.seed, **self.options)
 
 
@@ -54,7 +54,7 @@ RECIPES: dict[str, Recipe] = {
 
 
 def _sums(folder: Path) -> str:
-    """One line a file, as ``sha256sum`` writes and checks them."""
+    """SHA-256 of each file, one line per file, in the format of ``sha256sum``."""
     files = sorted(
         path
         for name in RECIPES
@@ -68,7 +68,7 @@ def _sums(folder: Path) -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Write every campaign, the sums and the page that explains them into a folder."""
+    """Write every campaign, the checksums and the page that documents them to a folder."""
     campaigns = {name: recipe.make() for name, recipe in RECIPES.items()}
     for name, campaign in campaigns.items():
         campaign.write(folder / name)
@@ -78,10 +78,10 @@ def write_all(folder: Path) -> None:
 
 
 def check(folder: Path) -> list[str]:
-    """Make all campaigns again elsewhere and compare.
+    """Generate all campaigns again in a temporary folder and compare the files.
 
     Returns:
-        Names of the files that differ or are missing; empty where all is well.
+        Names of the files that differ or are missing.
     """
     with tempfile.TemporaryDirectory() as temporary:
         fresh = Path(temporary)
@@ -96,7 +96,7 @@ def check(folder: Path) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; the exit status is 1 where a check found a difference."""
+    """Entry point; the exit status is 1 if a check finds a difference."""
     parser = argparse.ArgumentParser(prog="python -m bench.make_data", description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--data", type=Path, default=_DATA, help="folder of the campaigns")

@@ -1,7 +1,8 @@
-"""Motors that stand on the bench: a table from instrument to traction, and a generator of more.
+"""Table of motors from instrument to traction size, and a generator of random motors.
 
-Every motor carries what its data sheet says (rated values) and the seven parameters of the declared
-model, so an effect can be sized by rated torque or voltage and a campaign by time constants.
+Each motor has the rated values of its data sheet and the seven parameters of the nominal model.
+The sizes of effects are relative to rated torque or voltage, and the time scales of campaigns to
+the time constants.
 
     >>> motor("servo_150w").rated_torque > 0.4
     True
@@ -23,12 +24,12 @@ _MAGNETS = {"ferrite": -0.0020, "NdFeB": -0.0011, "SmCo": -0.0004, "AlNiCo": -0.
 
 @dataclass(frozen=True)
 class Motor:
-    """A brushed DC motor with its rated values and the sample interval its bench uses.
+    """Brushed DC motor with its rated values and the sample interval of its bench.
 
     Args:
-        name: Word by which the table knows it.
-        rated_voltage: [V].
-        rated_current: [A].
+        name: Name in the table.
+        rated_voltage: Rated voltage [V].
+        rated_current: Rated current [A].
         rated_speed: Speed at rated voltage and current [rad/s].
         Ra25: Armature resistance at 25 degC [ohm].
         alpha_Ra: Its temperature coefficient [1/K].
@@ -37,7 +38,7 @@ class Motor:
         J: Inertia [kg m^2].
         b: Viscous friction [N m s/rad].
         L: Armature inductance [H].
-        sample_interval: [s].
+        sample_interval: Sample interval [s].
     """
 
     name: str
@@ -60,7 +61,7 @@ class Motor:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The seven parameters of the declared model, by their names in result files."""
+        """The seven parameters of the nominal model, by their names in result files."""
         names = ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L")
         return {name: getattr(self, name) for name in names}
 
@@ -68,8 +69,8 @@ class Motor:
     def time_constants(self) -> tuple[float, float]:
         """Fast and slow time constant of the linear motor at 25 degC [s].
 
-        They are the reciprocal real parts of its two eigenvalues, so that a motor that rings (a
-        long electrical time constant) still gets excitations of the right speed.
+        They are the negative reciprocals of the real parts of the two eigenvalues.  An underdamped
+        motor (long electrical time constant) therefore also gets excitations of a suitable speed.
         """
         matrix = np.array(
             [[-self.Ra25 / self.L, -self.Kt25 / self.L], [self.Kt25 / self.J, -self.b / self.J]]
@@ -107,10 +108,10 @@ MOTORS: dict[str, Motor] = {
 
 
 def motor(name: str) -> Motor:
-    """Look a motor up in the table.
+    """Return a motor of the table.
 
     Raises:
-        KeyError: The table has no motor of that name; the message lists those it has.
+        KeyError: The table has no motor of that name; the message lists the names.
     """
     if name not in MOTORS:
         raise KeyError(f"no motor '{name}' in the table; it has {', '.join(MOTORS)}")
@@ -118,7 +119,7 @@ def motor(name: str) -> Motor:
 
 
 def _round_125(value: float) -> float:
-    """Nearest of 1, 2, 5 times a power of ten: benches are set to such sample intervals."""
+    """Nearest of 1, 2, 5 times a power of ten, the usual sample intervals of a bench."""
     decade = 10.0 ** math.floor(math.log10(value))
     steps = np.array([1.0, 2.0, 5.0, 10.0])
     best = steps[np.argmin(np.abs(np.log(steps * decade / value)))]
@@ -126,12 +127,12 @@ def _round_125(value: float) -> float:
 
 
 def random_motor(seed: int) -> Motor:
-    """Draw a motor between 1 W and 10 kW whose parameters belong together.
+    """Random motor between 1 W and 10 kW with consistent parameters.
 
-    Power is drawn log-uniformly; voltage, current, speed, losses and inertia follow it with the
-    scatter that catalogues of real motors show.  The ratio of electrical time constant to sample
-    interval is drawn over 0.1 to 30, since it is the ratio that makes simulation and
-    identification hard.
+    Power is log-uniform.  Voltage, current, speed, losses and inertia follow from it, with the
+    scatter of real motors in catalogues.  The ratio of electrical time constant to sample interval
+    is log-uniform over 0.1 to 30, because this ratio determines how difficult simulation and
+    identification are.
 
     Args:
         seed: Equal seeds give equal motors.

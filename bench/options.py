@@ -1,4 +1,4 @@
-"""How a campaign is to be run: rows, excitations, temperatures, sensors."""
+"""Options of a campaign: rows, excitations, temperatures, sensors."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ VALIDATION_EXCITATIONS = ("multilevel", "ramps")
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Settings of a campaign.
+    """Options of a campaign.
 
     Args:
-        rows: Samples of each run.
+        rows: Number of samples per run.
         training: Number of training runs.
         validation: Number of validation runs.
-        noise: Of the sensors.
-        excitation: Names from `bench.excitation.EXCITATIONS` for the runs in turn, repeated as
-            needed; None for a mixture that a competent engineer would choose.
-        direction: both ways, forward only, or mixed (every third run forward only).
-        amplitude: Largest voltage, relative to rated [-].
-        current_limit: Of the drive, relative to rated current; 0 for none [-].
+        noise: Noise of the sensors.
+        excitation: Names from `bench.excitation.EXCITATIONS`, assigned to the runs in turn and
+            repeated as needed; None for a standard mixture.
+        direction: both, forward, or mixed (every third run forward only).
+        amplitude: Maximum voltage relative to rated [-].
+        current_limit: Current limit of the drive relative to rated current, 0 for none [-].
         temperature_span: Lowest and highest level of the training runs [degC].
-        temperature_motion: Movement within a run [K].
-        logs_temperature: Whether the thermometer is in the file.
-        position: Whether an angle is logged, and whether its zero is that of the shaft.
-        hold: True inter-sample behaviour of the voltage (the effect `input_hold` swaps it).
-        sample_interval: [s]; None for the motor's own.
-        jitter: Scatter of the sampling instants, logged truly, in sample intervals [-].
-        sensor_range: Where current and speed clip, relative to rated; 0 for nowhere [-].
-        lost_rows: Consecutive rows missing from the middle of every run.
-        moving_start: Whether runs begin in motion; at rest otherwise.
-        tolerance: Relative tolerance of the simulation's steps.
+        temperature_motion: Temperature variation within a run [K].
+        logs_temperature: Whether the file has a temperature column.
+        position: none, absolute, or incremental (zero at the start of the run).
+        hold: Declared inter-sample hold of the voltage; the true one differs only with the
+            effect `input_hold`.
+        sample_interval: Sample interval; None for that of the motor [s].
+        jitter: Scatter of the sampling instants in sample intervals; the logged times
+            include it [-].
+        sensor_range: Range of the current and speed sensors relative to rated, 0 for no limit [-].
+        lost_rows: Number of consecutive rows missing in the middle of every run.
+        moving_start: Whether runs start in motion instead of at standstill.
+        tolerance: Relative tolerance per integration step.
     """
 
     rows: int = 6000
@@ -61,7 +63,7 @@ class BenchOptions:
     tolerance: float = 1e-8
 
     def excitation_of(self, number: int) -> str:
-        """Name of the excitation of run `number`, counted over training and then validation."""
+        """Name of the excitation of run `number`, counted from 0 with training runs first."""
         if self.excitation is not None:
             return self.excitation[number % len(self.excitation)]
         if number < self.training:
@@ -69,5 +71,5 @@ class BenchOptions:
         return VALIDATION_EXCITATIONS[(number - self.training) % len(VALIDATION_EXCITATIONS)]
 
     def is_forward_only(self, number: int) -> bool:
-        """Whether run `number` turns one way only."""
+        """Whether run `number` turns in one direction only."""
         return self.direction == "forward" or (self.direction == "mixed" and number % 3 == 2)

@@ -1,8 +1,8 @@
-"""Right-hand side of the hidden plant, written down once more and on its own.
+"""Right-hand side of the hidden plant (compiled), independent of the identification.
 
-Nothing here is shared with the identification: a slip in one of the two shows as a misfit and does
-not cancel.  Units are SI, temperatures degC.  The equations, with dry torque F and its direction as
-the integrator holds them:
+No code is shared with the identification, so an error in one of the two appears as a misfit instead
+of cancelling.  Units are SI, temperatures degC.  The equations, with dry friction torque F and its
+direction, which the integrator holds:
 
     L(i) di/dt = v - Ra(T_winding) i - Kt(T_magnet, i) w - losses
     J dw/dt    = Kt i - b(T) w - direction * F - loads - shaft
@@ -28,7 +28,7 @@ _TWO_PI = 2.0 * np.pi
 
 @njit(error_model="numpy")
 def _brush_voltage(i: float, p: Any) -> float:
-    """Voltage lost at the brushes, sign of the current [V]."""
+    """Brush voltage drop, with the sign of the current [V]."""
     x = i / p.brush_knee
     if p.brush_law < 0.5:
         shape = np.tanh(x)
@@ -41,7 +41,7 @@ def _brush_voltage(i: float, p: Any) -> float:
 
 @njit(error_model="numpy")
 def _voltage_losses(t: float, y: NDArray[np.float64], p: Any, v: float) -> float:
-    """Voltage that does not reach the winding beyond Ra i and the back-EMF [V]."""
+    """Voltage losses in addition to Ra i and the back-EMF [V]."""
     i = y[0]
     lost = 0.0
     if p.brush != 0.0:
@@ -63,7 +63,7 @@ def _voltage_losses(t: float, y: NDArray[np.float64], p: Any, v: float) -> float
 
 @njit(error_model="numpy")
 def _slow_states(y: NDArray[np.float64], dy: NDArray[np.float64], p: Any, logged: float) -> None:
-    """Rates of the temperatures [K/s]."""
+    """Time derivatives of the temperatures [K/s]."""
     if p.winding_lag > 0.0:
         dy[3] = (logged - y[3]) / p.winding_lag
         dy[4] = (y[3] - y[4]) / p.winding_lag
@@ -80,7 +80,7 @@ def _slow_states(y: NDArray[np.float64], dy: NDArray[np.float64], p: Any, logged
 
 @njit(error_model="numpy")
 def _filter_states(y: NDArray[np.float64], dy: NDArray[np.float64], p: Any) -> None:
-    """Rates of the sensors' low-passes: one pole, or two of Butterworth."""
+    """Time derivatives of the sensor filters: first-order or second-order Butterworth low-pass."""
     if p.current_filter > 0.0:
         if p.current_filter_order > 1.5:
             dy[13] = (y[0] - y[12]) / p.current_filter**2 - np.sqrt(2.0) * y[13] / p.current_filter
@@ -97,14 +97,14 @@ def _filter_states(y: NDArray[np.float64], dy: NDArray[np.float64], p: Any) -> N
 
 @njit(error_model="numpy")
 def derivative(t: float, y: NDArray[np.float64], dy: NDArray[np.float64], p: Any, u: Any) -> None:
-    """Fill `dy` with the rate of every state.
+    """Write the time derivative of every state to `dy`.
 
     Args:
-        t: Time since the run began [s].
-        y: (n_state,) as in `bench.plant.STATES`.
-        dy: (n_state,) overwritten.
+        t: Time since the start of the run [s].
+        y: (n_state,) state, as in `bench.plant.STATES`.
+        dy: (n_state,) time derivatives, overwritten.
         p: Plant record.
-        u: Drive record: voltage and temperature now, mode of the dry friction.
+        u: Drive record: present voltage and temperature, mode of dry friction.
     """
     logged = u.temperature + u.temperature_slope * (t - u.start)
     v = u.voltage + u.voltage_slope * (t - u.start)

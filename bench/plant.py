@@ -1,8 +1,8 @@
-"""The hidden plant as one flat record that compiled code can read.
+"""Hidden plant as one flat NumPy record for compiled code.
 
-A record with names, and not a list with positions: effects write fields by name, the equations read
-them by name, and a field that is not there is an error at once.  All fields are zero for a clean
-motor unless `clean_plant` says otherwise, and a zero switches its effect off.
+Fields have names instead of indices: effects write them by name, the equations read them by name,
+and an unknown field raises an error at once.  All fields of a motor without effects are zero except
+those that `clean_plant` sets; a zero switches an effect off.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ STATES = (
     "speed_filter_1",
     "speed_filter_2",
 )
-"""Components of the state vector, in order; those that nothing needs are left out of the steps."""
+"""State vector, in order; the integrator omits the states that a plant does not need."""
 
 _DECLARED = ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L")
 _RATED = ("rated_current", "rated_speed", "rated_voltage", "rated_torque")
 _FRICTION = (
-    "coulomb_forward",  # set-valued, [N m], while turning forwards
+    "coulomb_forward",  # set-valued, forward rotation [N m]
     "coulomb_backward",
-    "coulomb_smooth",  # [N m], tanh of speed over coulomb_width [rad/s]
+    "coulomb_smooth",  # [N m], times tanh of speed over coulomb_width [rad/s]
     "coulomb_width",
-    "stribeck",  # [N m] on top of Coulomb, fading over stribeck_speed [rad/s]
+    "stribeck",  # [N m] in addition to Coulomb, decays over stribeck_speed [rad/s]
     "stribeck_speed",
     "stribeck_power",
     "stribeck_lorentzian",
@@ -53,7 +53,7 @@ _FRICTION = (
 )
 _LOAD = (
     "load",
-    "load_wander",  # share of the load that comes and goes over the run [-]
+    "load_wander",  # relative amplitude of the load variation [-]
     "load_period",
     "step_torque",
     "step_start",
@@ -68,11 +68,11 @@ _LOAD = (
     "cogging_phase_1",
     "cogging_phase_2",
     "cogging_phase_3",
-    "load_inertia",  # part of J that sits behind the shaft [kg m^2]
+    "load_inertia",  # part of J on the load side of the shaft [kg m^2]
     "shaft_stiffness",
     "shaft_damping",
     "shaft_cubic",
-    "shaft_backlash",  # full free angle [rad]
+    "shaft_backlash",  # total gap [rad]
 )
 _ELECTRICAL = (
     "brush",  # [V]
@@ -85,14 +85,14 @@ _ELECTRICAL = (
     "inductance",
     "inductance_power",
     "inductance_exponential",
-    "inductance_floor",  # share of L that leakage keeps at any current [-]
+    "inductance_floor",  # fraction of L from leakage, which does not saturate [-]
 )
 _THERMAL = (
-    "heat_rise",  # winding over logged temperature at rated copper loss, balance [K]
+    "heat_rise",  # steady-state rise of the winding at rated copper loss [K]
     "heat_time",
     "heat_rise_2",
     "heat_time_2",
-    "heat_speed",  # [K] at rated speed, from friction and iron
+    "heat_speed",  # steady-state rise at rated speed from friction and iron loss [K]
     "winding_lag",
     "winding_lag_order",
     "magnet_lag",
@@ -156,24 +156,24 @@ DRIVE = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "start",  # time at which the present interval began [s]
+            "start",  # start of the present interval [s]
             "voltage",
             "voltage_slope",
             "temperature",
             "temperature_slope",
-            "peak",  # hottest magnet so far [degC]
-            "direction",  # of dry friction: 1, -1, or 0 while it sticks
+            "peak",  # highest magnet temperature so far [degC]
+            "direction",  # mode of dry friction: 1 or -1 sliding, 0 sticking
         )
     ]
 )
-"""What acts on the plant between two instants: voltage, temperature, and the friction's mode."""
+"""Inputs of the plant between two instants: voltage, temperature, and mode of dry friction."""
 
 
 def clean_plant(motor: Motor) -> Plant:
-    """Record of a motor that obeys the declared model exactly.
+    """Plant record of a motor that follows the nominal model exactly.
 
     Args:
-        motor: Its declared parameters and rated values are copied.
+        motor: Source of the nominal parameters and rated values.
     """
     plant: np.void = np.zeros(1, PLANT)[0]
     for name in _DECLARED:
@@ -184,6 +184,6 @@ def clean_plant(motor: Motor) -> Plant:
 
 
 def new_drive() -> np.void:
-    """An empty record of what acts on the plant."""
+    """Empty drive record."""
     drive: np.void = np.zeros(1, DRIVE)[0]
     return drive

@@ -1,4 +1,4 @@
-"""One run from its plan to its log: stimulus, start, simulation, sensors."""
+"""Recording of one run: command, initial state, simulation, sensors."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BenchRun:
-    """One run as it was logged, with what really happened.
+    """One recorded run with its true signals.
 
     Args:
-        name: File name it is written under.
+        name: Name of its file.
         role: training or validation.
-        excitation: Name of the voltage's shape.
-        frame: Canonical columns, one row a sample, numbers as the file carries them.
-        hidden: The run without sensors: states, applied voltage.
-        temperature: (n_sample,) true at the thermometer [degC].
+        excitation: Name of the excitation.
+        frame: Canonical columns, one row per sample, with the values of the file.
+        hidden: The simulated run before the sensors: states, applied voltage.
+        temperature: (n_sample,) true temperature at the thermometer [degC].
     """
 
     name: str
@@ -44,7 +44,7 @@ class BenchRun:
 
 
 def _command(setup: Setup, options: BenchOptions, number: int, rng: np.random.Generator) -> Array:
-    """(n_sample,) voltage asked of the drive in a run [V]."""
+    """(n_sample,) voltage command of a run [V]."""
     motor = setup.motor
     interval = options.sample_interval or motor.sample_interval
     fast, slow = motor.time_constants
@@ -57,7 +57,7 @@ def _command(setup: Setup, options: BenchOptions, number: int, rng: np.random.Ge
 
 
 def _run_plant(setup: Setup, plan: RunPlan) -> Plant:
-    """The plant with what differs in this run."""
+    """Copy of the plant with the fields that differ in this run."""
     plant: Plant = setup.plant.copy()
     for name, value in plan.overrides.items():
         plant[name] = value
@@ -66,7 +66,7 @@ def _run_plant(setup: Setup, plan: RunPlan) -> Plant:
 
 
 def _start(setup: Setup, plan: RunPlan, options: BenchOptions, rng: np.random.Generator) -> Array:
-    """State in which a run begins: moving or at rest, hidden temperatures near the logged one."""
+    """Initial state of a run: moving or at standstill, hidden temperatures near the logged one."""
     moving = 1.0 if options.moving_start else 0.0
     speed = moving * rng.uniform(0.05, 0.3) * setup.motor.rated_speed
     current = moving * rng.uniform(-0.2, 0.3) * setup.motor.rated_current
@@ -84,7 +84,7 @@ def _start(setup: Setup, plan: RunPlan, options: BenchOptions, rng: np.random.Ge
 
 
 def _instants(options: BenchOptions, lead: int, interval: float, rng: np.random.Generator) -> Array:
-    """(lead + rows,) sampling instants, the run beginning at zero [s]."""
+    """(lead + rows,) sampling instants; the run starts at zero [s]."""
     numbers = (np.arange(options.rows + lead) - lead).astype(np.float64)
     if options.jitter > 0.0:
         numbers += np.clip(options.jitter * rng.standard_normal(numbers.size), -0.45, 0.45)
@@ -94,7 +94,7 @@ def _instants(options: BenchOptions, lead: int, interval: float, rng: np.random.
 
 
 def _late_sensors(setup: Setup) -> dict[str, tuple[str, float]]:
-    """Sensors that show a state other than the present current or speed."""
+    """Name of the state that each sensor shows and its delay [s], by name of the sensor."""
     late: dict[str, tuple[str, float]] = {}
     for channel in ("current", "speed"):
         is_filtered = setup.plant[f"{channel}_filter"] > 0.0
@@ -106,19 +106,19 @@ def _late_sensors(setup: Setup) -> dict[str, tuple[str, float]]:
 
 
 def _late_voltage(simulation: Simulation, delay: float, is_linear: bool) -> Array:
-    """(n_knot,) voltage as a late sensor shows it [V]."""
+    """(n_knot,) voltage as a delayed sensor shows it [V]."""
     if delay == 0.0:
         return simulation.voltage
     looked = np.maximum(simulation.time - delay, simulation.time[0])
     if is_linear:
         return np.asarray(np.interp(looked, simulation.time, simulation.voltage), np.float64)
-    # A step is logged with its sample: rounding of the times must not move it by one.
+    # The rounding of times must not shift a voltage step by one sample.
     nearest = np.searchsorted(simulation.time, looked + 1e-9 * delay, side="right") - 1
     return np.asarray(simulation.voltage[nearest], np.float64)
 
 
 def channel_steps(setup: Setup, noise: Noise) -> dict[str, float]:
-    """Resolution at which each channel is logged, 0 for none [SI]."""
+    """Resolution of each logged channel, 0 for none [SI]."""
     motor = setup.motor
     return {
         "voltage_V": round_step(0.5 * noise.voltage * motor.rated_voltage),
@@ -130,7 +130,7 @@ def channel_steps(setup: Setup, noise: Noise) -> dict[str, float]:
 
 
 def channel_decimals(setup: Setup, options: BenchOptions) -> dict[str, int]:
-    """Decimals with which each column is written."""
+    """Number of decimals of each column in the file."""
     steps = channel_steps(setup, options.noise)
     decimals = {name: decimals_for(step) for name, step in steps.items()}
     if options.noise.position_step > 0.0:
@@ -142,7 +142,7 @@ def channel_decimals(setup: Setup, options: BenchOptions) -> dict[str, int]:
 def _log(
     setup: Setup, plan: RunPlan, options: BenchOptions, run: Simulation, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """What the sensors write of a simulated run."""
+    """Sensor readings of a simulated run."""
     motor, noise, rows = setup.motor, options.noise, options.rows
     late = run.time.size - rows
     speed = run.seen["speed"]
@@ -185,20 +185,20 @@ def _log(
 def record_run(
     setup: Setup, options: BenchOptions, number: int, seed: int, peak: float
 ) -> tuple[BenchRun, float]:
-    """Simulate and log one run.
+    """Simulate and record one run.
 
     Args:
-        setup: Plant, sensors and plans.
-        options: Of the campaign.
-        number: Of the run in the order of recording.
-        seed: Of the campaign.
-        peak: Hottest magnet in the runs before [degC].
+        setup: Plant, sensors and plans of the runs.
+        options: Options of the campaign.
+        number: Index of the run in the order of recording.
+        seed: Seed of the campaign.
+        peak: Highest magnet temperature in the earlier runs [degC].
 
     Returns:
-        The run, and the hottest magnet up to its end [degC].
+        The run, and the highest magnet temperature up to its end [degC].
     """
     plan = setup.runs[number]
-    # The motor is in the key too, lest two motors of one seed share their noise sample by sample.
+    # The key includes the motor; otherwise, two motors with one seed would share their noise.
     key = zlib.crc32(setup.motor.name.encode())
     streams = [np.random.default_rng([seed, number, part, key]) for part in range(3)]
     interval = options.sample_interval or setup.motor.sample_interval

@@ -1,8 +1,8 @@
-"""From what is there to what is logged: offsets, noise, quantisation.
+"""Sensor noise and quantisation.
 
-Noise is given relative to rated values, so that one setting suits a watch motor and a tram.
-White, coloured (first-order) and spiky noise have the same standard deviation by construction; only
-their character differs.
+Noise levels are relative to rated values, so one setting suits motors of any size.  White noise,
+autocorrelated noise (first order) and noise with outliers have the same standard deviation and
+differ only in character.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ _SPIKE_SIZE = 10.0
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the bench's sensors.
+    """Noise of the sensors of the bench.
 
     Args:
         current: Standard deviation relative to rated current [-].
-        speed: Relative to rated speed [-].
-        voltage: Relative to rated voltage [-].
-        temperature: [K].
-        position: [rad].
-        kind: Character of the noise on current and speed.
+        speed: Standard deviation relative to rated speed [-].
+        voltage: Standard deviation relative to rated voltage [-].
+        temperature: Standard deviation [K].
+        position: Standard deviation [rad].
+        kind: Noise type of current and speed.
         step: Resolution of the converters relative to the standard deviation [-].
         temperature_step: Resolution of the thermometer [K].
         position_step: Resolution of the angle, 0 for none [rad].
@@ -59,17 +59,17 @@ class Noise:
 
 
 NOISELESS = Noise(0.0, 0.0, 0.0, 0.0, 0.0, "white", 0.0, 0.0, 0.0)
-"""A bench that does not exist: every logged value is the true one."""
+"""Ideal sensors: every logged value is the true one."""
 
 
 def draw_noise(rows: int, sd: float, kind: str, rng: np.random.Generator) -> Array:
     """Noise of a channel.
 
     Args:
-        rows: Samples.
-        sd: Its standard deviation, the same for every kind.
-        kind: white, coloured or spiky.
-        rng: Source of randomness.
+        rows: Number of samples.
+        sd: Standard deviation, the same for every noise type.
+        kind: white, coloured (first-order autoregressive) or spiky (with outliers).
+        rng: Random generator.
 
     Returns:
         (rows,) in the unit of `sd`.
@@ -92,14 +92,14 @@ def draw_noise(rows: int, sd: float, kind: str, rng: np.random.Generator) -> Arr
 
 
 def quantise(values: Array, step: float) -> Array:
-    """Round to a converter's resolution; a step of zero leaves the values alone."""
+    """Round to the resolution of a converter; a step of zero leaves the values unchanged."""
     return np.round(values / step) * step if step > 0.0 else values
 
 
 def round_step(step: float) -> float:
     """Largest of 1, 2, 5 times a power of ten that is not above `step`; 0 stays 0.
 
-    Such a resolution is written exactly by a few decimals, so a file stays small.
+    A few decimals represent such a resolution exactly, so files stay small.
     """
     if step <= 0.0:
         return 0.0
@@ -109,9 +109,9 @@ def round_step(step: float) -> float:
 
 
 def decimals_for(step: float) -> int:
-    """Decimals that write every multiple of a `round_step` exactly.
+    """Number of decimals that represents every multiple of a `round_step` exactly.
 
     Args:
-        step: Resolution; 0 asks for all that a file sensibly carries.
+        step: Resolution; 0 selects 12 decimals.
     """
     return 12 if step <= 0.0 else max(0, -math.floor(math.log10(step * (1.0 + 1e-9))))

@@ -1,7 +1,7 @@
-"""Simulate the hidden plant over one run and hand back what its sensors would see without noise.
+"""Simulation of the hidden plant over one run, without sensor noise.
 
-The grid of instants is the union of the drive's knots and of the instants at which a delayed sensor
-looks back, so a delay of a fraction of a sample is exact and not interpolated.
+The time grid is the union of the knots of the drive and of the instants t - delay of delayed
+sensors.  A delay of a fraction of a sample is therefore exact and not interpolated.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ _DRY = ("coulomb_forward", "coulomb_backward", "stribeck", "load_friction", "run
 
 
 class SimulationFailed(RuntimeError):
-    """The plant left all bounds or its steps became too short."""
+    """The plant diverged, or the integrator needed too many steps."""
 
 
 @dataclass(frozen=True)
 class Stimulus:
-    """What the bench does to the motor in one run.
+    """Inputs of the plant in one run.
 
     Args:
-        time: (n_knot,) [s].
-        command: (n_knot,) voltage asked of the drive [V].
-        temperature: (n_knot,) at the thermometer, true value [degC].
-        is_linear: Whether the voltage runs linearly between knots (foh) or is held (zoh).
-        current_limit: Of the drive, 0 for none [A].
+        time: (n_knot,) knots [s].
+        command: (n_knot,) voltage command to the drive [V].
+        temperature: (n_knot,) true temperature at the thermometer [degC].
+        is_linear: Whether the voltage is linear between knots (FOH) or held (ZOH).
+        current_limit: Current limit of the drive, 0 for none [A].
     """
 
     time: NDArray[np.float64]
@@ -57,14 +57,14 @@ class Stimulus:
 
 @dataclass(frozen=True)
 class Simulation:
-    """One run of the plant without any noise.
+    """One run of the plant without noise.
 
     Args:
-        time: (n_knot,) [s].
-        voltage: (n_knot,) applied [V].
-        states: (n_knot, n_state), columns as `bench.plant.STATES`.
-        seen: What late sensors see: sensor to (n_knot,).
-        peak: (n_knot,) hottest magnet so far [degC].
+        time: (n_knot,) knots [s].
+        voltage: (n_knot,) applied voltage [V].
+        states: (n_knot, n_state) with the columns of `bench.plant.STATES`.
+        seen: (n_knot,) delayed state that each sensor shows, by name of the sensor.
+        peak: (n_knot,) highest magnet temperature so far [degC].
     """
 
     time: NDArray[np.float64]
@@ -80,7 +80,7 @@ class Simulation:
 
 @functools.cache
 def _compiled() -> Any:
-    """The integrator, compiled for the sources as they stand on disk."""
+    """Compile the integrator for the present source files."""
     here = Path(__file__).parent
     text = b"".join((here / name).read_bytes() for name in _SOURCES)
     return build_integrate(hashlib.sha256(text).hexdigest())
@@ -89,13 +89,13 @@ def _compiled() -> Any:
 def initial_state(
     temperature: float, speed: float = 0.0, current: float = 0.0, angle: float = 0.0
 ) -> NDArray[np.float64]:
-    """State of a plant that turns at a given speed, warm through, its sensors' filters settled.
+    """State of a plant with uniform temperature and settled sensor filters.
 
     Args:
-        temperature: Of everything [degC].
-        speed: [rad/s].
-        current: [A].
-        angle: [rad].
+        temperature: Temperature of all parts [degC].
+        speed: Speed of motor and load [rad/s].
+        current: Current [A].
+        angle: Shaft angle [rad].
     """
     state = np.zeros(len(STATES))
     given = {
@@ -131,7 +131,7 @@ def _active_states(plant: Plant) -> NDArray[np.int64]:
 
 
 def _scales(plant: Plant) -> NDArray[np.float64]:
-    """(n_state,) magnitudes below which a state counts as small."""
+    """(n_state,) magnitude of each state, for the absolute tolerance of the integrator."""
     current, speed = 0.1 * plant["rated_current"], 0.1 * plant["rated_speed"]
     scales = np.ones(len(STATES))
     for name in ("current", "current_filter_1"):
@@ -158,19 +158,19 @@ def simulate(
     peak: float = -273.0,
     tolerance: float = 1e-8,
 ) -> Simulation:
-    """Carry the plant through a run.
+    """Simulate one run of the plant.
 
     Args:
         plant: Record of the hidden plant.
-        stimulus: Voltage, temperature and drive.
-        start: (n_state,) state at the first instant.
-        looks_back: For each sensor that is late, the state it shows and its lateness [s].  Before
-            the first instant it is taken to have seen the first state.
-        peak: Hottest temperature of the magnet before this run [degC].
-        tolerance: Relative tolerance of each step.
+        stimulus: Voltage command, temperature, and settings of the drive.
+        start: (n_state,) initial state.
+        looks_back: Name of the state that each sensor shows and its delay [s], by name of the
+            sensor.  Before the first instant, a delayed sensor shows the initial state.
+        peak: Highest magnet temperature before this run [degC].
+        tolerance: Relative tolerance per step.
 
     Raises:
-        SimulationFailed: The plant diverged or needed too many steps.
+        SimulationFailed: The plant diverged, or the integrator needed too many steps.
     """
     late = dict(looks_back or {})
     knots = stimulus.time

@@ -1,8 +1,8 @@
-"""How the temperature at the thermometer goes over a campaign and within a run.
+"""Temperature at the thermometer over a campaign and within a run.
 
-Between runs the chamber is set to levels over the range; within a run the motor drifts, warms
-towards a balance, or is cycled.  Motion inside a run is what parts a lag of the thermometer from
-the temperature coefficients, so every run has some.
+Between runs, the chamber is set to levels over the range.  Within a run, the temperature drifts,
+approaches equilibrium, or cycles.  The variation within a run separates the effect of a thermal lag
+from that of the temperature coefficients, so every run has some.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ _ORDERS = ((0, 2, 4, 1, 3), (1, 4, 0, 3, 2), (0, 4, 2, 1, 3), (2, 0, 4, 3, 1))
 def temperature_levels(
     training: int, validation: int, span: tuple[float, float], rng: np.random.Generator
 ) -> list[float]:
-    """Level of each run in the order of recording [degC].
+    """Temperature level of each run, in the order of recording [degC].
 
-    Training covers the span evenly, validation lies inside it.  The order is mixed and the hottest
-    run is never the last of training: what heat does for good shows only when it cools again.
+    The training levels cover the span evenly; the validation levels lie inside it.  The order is
+    mixed.  With more than two training runs, the hottest is never the last: irreversible
+    demagnetisation is visible only after cooling.
 
     Args:
         training: Number of training runs.
         validation: Number of validation runs.
         span: Lowest and highest level [degC].
-        rng: Draws the order.
+        rng: Random generator for the order and the validation levels.
     """
     levels = np.linspace(*span, training) if training > 1 else np.array([span[0]])
     if training == 5:
@@ -45,16 +46,16 @@ def temperature_levels(
 def run_temperature(
     level: float, rows: int, motion: float, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Temperature over one run: a drift, a warming, or a cycle about its level.
+    """Temperature over one run: a drift, a warm-up, or a cycle about its level.
 
     Args:
-        level: Where the run is centred, roughly [degC].
-        rows: Samples.
-        motion: Size of the movement within the run [K].
-        rng: Draws which kind of movement.
+        level: Approximate centre [degC].
+        rows: Number of samples.
+        motion: Approximate peak-to-peak variation within the run [K].
+        rng: Random generator for the shape.
 
     Returns:
-        (rows,) [degC].
+        (rows,) temperature, clipped to the range from 15 to 130 [degC].
     """
     share = np.arange(rows) / rows
     kind = int(rng.integers(3))

@@ -1,7 +1,7 @@
-"""Torques of the hidden plant, compiled: friction, loads, cogging, shaft, bristles.
+"""Torques of the hidden plant (compiled): friction, loads, cogging, shaft, bristles.
 
-Dry friction is kept apart from the rest: it is set-valued, so its direction is a mode that the
-integrator switches at events, and no smoothing width enters.
+Dry friction is separate from the other torques because it is set-valued: its direction is a mode
+that the integrator switches at events, so no smoothing width is needed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TWO_PI = 2.0 * np.pi
 def dry_level(
     t: float, y: NDArray[np.float64], p: Any, u: Any, logged: float, direction: float
 ) -> float:
-    """Torque that set-valued friction can hold or takes while sliding in `direction` [N m]."""
+    """Breakaway torque of dry friction at standstill, else its sliding torque [N m]."""
     level = p.coulomb_forward if direction > 0.0 else p.coulomb_backward
     speed = abs(y[1])
     if p.stribeck != 0.0:
@@ -51,7 +51,7 @@ def dry_level(
 
 @njit(error_model="numpy")
 def _smooth_friction(t: float, y: NDArray[np.float64], p: Any, logged: float) -> float:
-    """Friction that is a plain function of speed [N m]."""
+    """Friction torque that is a single-valued function of speed [N m]."""
     w = y[1]
     rise = logged - 25.0
     factor = 1.0
@@ -75,7 +75,7 @@ def _smooth_friction(t: float, y: NDArray[np.float64], p: Any, logged: float) ->
 
 @njit(error_model="numpy")
 def _edge(t: float, at: float, width: float) -> float:
-    """Rise from 0 to 1 at `at`, sharp or linear over `width`."""
+    """Rise from 0 to 1 at `at`, as a step or linear over `width`."""
     if width <= 0.0:
         return 1.0 if t >= at else 0.0
     return min(1.0, max(0.0, (t - at) / width))
@@ -83,7 +83,7 @@ def _edge(t: float, at: float, width: float) -> float:
 
 @njit(error_model="numpy")
 def _external_torque(t: float, y: NDArray[np.float64], p: Any) -> float:
-    """Torque of load, cogging and ripple against forward motion [N m]."""
+    """Torque of load, cogging and ripple, positive against forward rotation [N m]."""
     torque = p.load
     if p.load_wander != 0.0:
         torque *= 1.0 + p.load_wander * np.sin(_TWO_PI * t / p.load_period)
@@ -106,7 +106,7 @@ def _external_torque(t: float, y: NDArray[np.float64], p: Any) -> float:
 
 @njit(error_model="numpy")
 def shaft_torque(y: NDArray[np.float64], p: Any) -> float:
-    """Torque that the shaft takes from the motor's side [N m]."""
+    """Torque of the shaft on the load; it acts on the motor with opposite sign [N m]."""
     twist = y[10]
     damping = p.shaft_damping
     if p.shaft_backlash > 0.0:
@@ -119,7 +119,7 @@ def shaft_torque(y: NDArray[np.float64], p: Any) -> float:
 
 @njit(error_model="numpy")
 def bristle_rate(y: NDArray[np.float64], p: Any) -> float:
-    """Rate at which bristles bend [rad/s]; they give way at `bristle_level` N m."""
+    """Deflection rate of the LuGre bristles [rad/s]; they slide at the torque `bristle_level`."""
     w = y[1]
     stiffness = p.bristle_level / p.bristle_deflection
     slow = np.exp(-((w / (0.03 * p.rated_speed)) ** 2))
@@ -129,7 +129,7 @@ def bristle_rate(y: NDArray[np.float64], p: Any) -> float:
 
 @njit(error_model="numpy")
 def drive_torque(t: float, y: NDArray[np.float64], p: Any, u: Any) -> float:
-    """Sum of all torques on the motor's inertia except the set-valued friction [N m]."""
+    """Sum of all torques on the inertia of the motor except dry friction [N m]."""
     logged = u.temperature + u.temperature_slope * (t - u.start)
     torque = torque_constant(y, p, logged, u.peak) * y[0]
     torque -= _smooth_friction(t, y, p, logged) + _external_torque(t, y, p)

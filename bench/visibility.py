@@ -1,7 +1,8 @@
-"""How much of an effect shows, and how large it must be to show by a given amount.
+"""Detectability of an effect: rise of the validation error if the model omits the effect.
 
-A campaign without noise is fitted with the declared model; what remains, set against the noise the
-sensors would have had, gives the rise of the error on left-out runs: ``sqrt(1 + remainder^2) - 1``.
+The nominal model is fitted to a campaign without noise.  With the root mean square r of the
+residual on the validation runs, relative to the noise that the sensors would have, the error rises
+by ``sqrt(1 + r^2) - 1``.  `size_for_rise` finds the effect size for a given rise.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ def held_out_rise(
     options: BenchOptions | None = None,
     **changes: Any,
 ) -> float:
-    """Relative rise of the held-out error when the effects are left out of the model [-].
+    """Relative rise of the validation error if the model omits the effects [-].
 
-    0.2 means that the best declared model simulates the validation runs with an error 20 % above
-    the noise, over both channels.  Arguments as for `make_campaign`.
+    A rise of 0.2 means that the best nominal model simulates the validation runs with an error 20 %
+    above the noise, over both channels.  The arguments are those of `make_campaign`.
     """
     chosen = dataclasses.replace(options or BenchOptions(), **changes)
     quiet = make_campaign(motor, effects, seed, chosen, noise=NOISELESS)
@@ -50,22 +51,23 @@ def size_for_rise(
     options: BenchOptions | None = None,
     **changes: Any,
 ) -> float | None:
-    """Size of an effect that raises the held-out error by `rise`.
+    """Effect size that raises the validation error by `rise`.
 
-    What remains after the fit grows about as a power of the size, hence a secant in logarithms.
+    The residual of the fit grows approximately as a power of the size.  The secant method is
+    therefore applied to the logarithms of both.
 
     Args:
         motor: As for `make_campaign`.
-        name: Of the effect.
-        rise: Wanted, for example 0.15 [-].
-        law: Of the effect; None for the textbook's.
-        seed: Of the campaign.
-        options: Of the campaign.
-        **changes: Of the options.
+        name: Name of the effect.
+        rise: Target rise, for example 0.15 [-].
+        law: Law of the effect; None for the textbook law.
+        seed: Seed of the campaign.
+        options: Options of the campaign.
+        **changes: Fields of the options to change.
 
     Returns:
-        The size; None where no size between 1e-5 and 0.8 comes within a fifth of the rise, as for
-        the inductance of a motor sampled too slowly to show it.
+        The size.  None if no size between 1e-5 and 0.8 reaches the rise within 20 %, for example
+        for the inductance of a motor that is sampled too slowly.
     """
     wanted = math.log(math.hypot(1.0 + rise, 0.0) ** 2 - 1.0)
     points: list[tuple[float, float]] = []

@@ -1,4 +1,4 @@
-"""All effects that the bench can put into a motor, name to effect."""
+"""Catalogue of all effects that the bench can add to a motor, by name."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What an effect on the bench is, and what it may touch.
+"""Interface of an effect on the bench, and the quantities that it may change.
 
-An effect has several laws: the textbook's and others that real motors obey.  A law is a function
-that writes the fields of one `Setup` (hidden plant, single runs, sensors) for a given size and
-returns the numbers it chose, which become part of the campaign's truth.
+An effect has several laws: the textbook law and others that real motors follow.  A law is a
+function that sets the fields of a `Setup` (hidden plant, single runs, sensors) for a given size.
+It returns the values that it has chosen, which become part of the true values of the campaign.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ __all__ = ["BenchEffect", "Law", "RunPlan", "Setup"]
 
 @dataclass
 class RunPlan:
-    """What is to happen in one run, before it is simulated.
+    """Plan of one run, before it is simulated.
 
     Args:
         role: training or validation.
-        duration: [s].
-        temperature: (n_sample,) at the thermometer [degC].
+        duration: Duration of the run [s].
+        temperature: (n_sample,) temperature at the thermometer [degC].
         overrides: Plant fields that differ in this run.
-        offset_scale: By what the sensors' zero errors are multiplied in this run [-].
+        offset_scale: Factor on the sensor offsets in this run [-].
     """
 
     role: str
@@ -40,17 +40,19 @@ class RunPlan:
 
 @dataclass
 class Setup:
-    """Everything that a law may change.
+    """Quantities that a law may change.
 
     Args:
-        motor: Read only.
+        motor: The motor; read only.
         plant: The hidden plant, shared by all runs.
-        runs: In the order of recording.
-        rng: For what the size does not fix: orders, phases, signs, which run.
-        offsets: Zero error added to a channel: current, voltage, speed.
-        delays: Time by which a channel lags [s].
-        difference_time: Span over which the speed is formed from the angle, 0 for a true speed [s].
-        is_linear: Whether the voltage truly runs linearly between samples.
+        runs: Plans of the runs, in the order of recording.
+        rng: Random generator for what the size does not determine: orders, phases, signs,
+            choice of a run.
+        offsets: Offset of a channel (current, voltage, speed) [SI].
+        delays: Delay of a channel [s].
+        difference_time: Window over which the speed is computed from the angle, 0 for a
+            true speed [s].
+        is_linear: Whether the true voltage is linear between samples.
     """
 
     motor: Motor
@@ -64,16 +66,16 @@ class Setup:
 
     @property
     def duration(self) -> float:
-        """Length of the longest run [s]."""
+        """Duration of the longest run [s]."""
         return max(run.duration for run in self.runs)
 
     @property
     def sign(self) -> float:
-        """A sign drawn at random."""
+        """Random sign, drawn again at each access."""
         return float(self.rng.choice([-1.0, 1.0]))
 
     def training_run(self) -> int:
-        """Number of a training run drawn at random, never the first where there are others."""
+        """Index of a random training run, never the first if there are others."""
         numbers = [k for k, run in enumerate(self.runs) if run.role == "training"]
         return int(self.rng.choice(numbers[1:] or numbers))
 
@@ -83,16 +85,16 @@ Law = Callable[[Setup, float], dict[str, float]]
 
 @dataclass(frozen=True)
 class BenchEffect:
-    """One effect that a motor on the bench can have.
+    """One effect that the bench can add to a motor.
 
     Args:
-        name: Its kind.
+        name: Name of the effect.
         equation: electrical, mechanical, thermal or sensor.
-        drivers: Signals the missing term depends on, the main one first.
-        size_means: What a size of 1 would be.
-        typical: A small and a large size as they occur.
-        laws: Name to law; the first is the textbook's.
-        is_listed: Whether a catalogue is expected to know it.
+        drivers: Signals that the missing term depends on, the main one first.
+        size_means: Meaning of a size of 1.
+        typical: A small and a large size that occur in practice.
+        laws: Laws by name; the first is the textbook law.
+        is_listed: Whether the catalogue of the identification is expected to contain the effect.
     """
 
     name: str
@@ -105,5 +107,5 @@ class BenchEffect:
 
     @property
     def textbook(self) -> str:
-        """Name of the first law."""
+        """Name of the textbook law, which is the first."""
         return next(iter(self.laws))

@@ -1,4 +1,4 @@
-"""Brushes and iron: what depends on the current."""
+"""Brush voltage drop and magnetic saturation, which depend on the current."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["ELECTRICAL"]
 
 
 def _brush(law_code: int, knee: float, uneven: float = 0.0) -> Law:
-    """Voltage lost with the sign of the current; `knee` in rated currents."""
+    """Brush voltage drop with the sign of the current; `knee` is relative to rated current."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         voltage = size * setup.motor.rated_voltage
@@ -28,9 +28,10 @@ def _brush(law_code: int, knee: float, uneven: float = 0.0) -> Law:
 
 
 def _saturation(prefix: str, power: float, exponential: bool, floor: float = 0.0) -> Law:
-    """Factor that falls with current: 1/(1 + k x^n) or exp(-k x^n), x in rated currents.
+    """Saturation factor 1/(1 + k x^n) or exp(-k x^n), with x = |i| / rated current.
 
-    With a floor the factor falls towards that share and not to nothing: leakage does not saturate.
+    With a floor, the factor tends to that value instead of 0, because the leakage flux
+    does not saturate.
     """
 
     def law(setup: Setup, size: float) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Friction beyond the viscous: what depends on speed, and on temperature through the grease."""
+"""Friction beyond viscous friction: Coulomb, Stribeck, drag, and temperature dependence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["FRICTION"]
 
 
 def _coulomb(setup: Setup, size: float) -> dict[str, float]:
-    """T_c sign(w), set-valued at rest."""
+    """Coulomb friction T_c sign(w), set-valued at standstill."""
     torque = size * setup.motor.rated_torque
     setup.plant["coulomb_forward"] += torque
     setup.plant["coulomb_backward"] += torque
@@ -18,7 +18,7 @@ def _coulomb(setup: Setup, size: float) -> dict[str, float]:
 
 
 def _coulomb_uneven(setup: Setup, size: float) -> dict[str, float]:
-    """As above with a third more in one direction than in the other."""
+    """Coulomb friction 15 % above its mean in one direction and 15 % below in the other."""
     mean, tilt = size * setup.motor.rated_torque, 0.15 * setup.sign
     setup.plant["coulomb_forward"] += mean * (1.0 + tilt)
     setup.plant["coulomb_backward"] += mean * (1.0 - tilt)
@@ -26,7 +26,10 @@ def _coulomb_uneven(setup: Setup, size: float) -> dict[str, float]:
 
 
 def _coulomb_soft(setup: Setup, size: float) -> dict[str, float]:
-    """T_c tanh(w / w_0) with w_0 of 1 % of rated speed: seals that creep before they slide."""
+    """Smooth Coulomb friction T_c tanh(w / w_0): seals that creep before they slide.
+
+    The width w_0 is 1 % of rated speed.
+    """
     torque, width = size * setup.motor.rated_torque, 0.01 * setup.motor.rated_speed
     setup.plant["coulomb_smooth"] = torque
     setup.plant["coulomb_width"] = width
@@ -34,7 +37,7 @@ def _coulomb_soft(setup: Setup, size: float) -> dict[str, float]:
 
 
 def _stribeck(power: float, lorentzian: bool) -> Law:
-    """Extra dry friction that fades with speed, exponentially or as a Lorentzian."""
+    """Stribeck friction that decays with speed, exponentially or as a Lorentzian."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         torque = size * setup.motor.rated_torque
@@ -49,7 +52,7 @@ def _stribeck(power: float, lorentzian: bool) -> Law:
 
 
 def _drag(power: float) -> Law:
-    """T w |w|^(n-1), scaled to its torque at rated speed."""
+    """Drag torque T sign(w) |w / w_r|^n; T is its value at the rated speed w_r."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         torque = size * setup.motor.rated_torque
@@ -65,7 +68,7 @@ def _drag(power: float) -> Law:
 
 
 def _viscous_linear(setup: Setup, size: float) -> dict[str, float]:
-    """Viscous friction b (1 + beta (T - 25)): grease thins."""
+    """Viscous friction b (1 + beta (T - 25)): the grease becomes thinner."""
     beta = -min(size, 0.9) / 100.0
     setup.plant["viscous_linear"] = beta
     return {"beta": beta}

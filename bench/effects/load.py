@@ -1,4 +1,4 @@
-"""What hangs on the shaft: torques from outside, cogging, other inertias, springs."""
+"""Mechanical loads: load torque, cogging, changed inertia, elastic shaft."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _ORDERS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 11, 12, 14, 16, 22, 24, 28)
 
 
 def _load(setup: Setup, size: float) -> dict[str, float]:
-    """Constant torque."""
+    """Constant load torque."""
     torque = setup.sign * size * setup.motor.rated_torque
     setup.plant["load"] = torque
     return {"torque": torque}
 
 
 def _load_wandering(setup: Setup, size: float) -> dict[str, float]:
-    """Nearly constant torque that comes and goes by a tenth over a run."""
+    """Load torque that varies by 10 %, with a period of 0.7 run durations."""
     chosen = _load(setup, size)
     setup.plant["load_wander"] = 0.1
     setup.plant["load_period"] = 0.7 * setup.duration
@@ -27,7 +27,7 @@ def _load_wandering(setup: Setup, size: float) -> dict[str, float]:
 
 
 def _load_step(edge: float) -> Law:
-    """Torque within one span of one training run; edges sharp or linear."""
+    """Load torque during one interval of one training run, with sharp or linear edges."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         number = setup.training_run()
@@ -44,9 +44,10 @@ def _load_step(edge: float) -> Law:
 
 
 def _cogging(shares: tuple[float, ...]) -> Law:
-    """Harmonics of the shaft angle; the basic order is one that the samples can resolve.
+    """Cogging torque as harmonics of the shaft angle.
 
-    At a fifth of rated speed a tooth has to take a few samples, or the bench sees nothing of it.
+    The base order is limited such that at a fifth of rated speed the highest harmonic advances by
+    at most 1.2 rad per sample; the bench could not record a faster ripple.
     """
 
     def law(setup: Setup, size: float) -> dict[str, float]:
@@ -66,7 +67,7 @@ def _cogging(shares: tuple[float, ...]) -> Law:
 
 
 def _inertia(direction: float) -> Law:
-    """One training run turns a larger or a smaller inertia."""
+    """Larger or smaller inertia in one training run."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         number = setup.training_run()
@@ -78,7 +79,7 @@ def _inertia(direction: float) -> Law:
 
 
 def _compliance(hardening: float) -> Law:
-    """Half of the inertia sits behind a spring; softer for a larger size."""
+    """Elastic shaft in front of 30 to 60 % of the inertia; a larger size means a softer shaft."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         motor, share = setup.motor, setup.rng.uniform(0.3, 0.6)

@@ -1,4 +1,4 @@
-"""Errors of the log: zero errors, delays, low-passes, the wrong inter-sample voltage."""
+"""Sensor and logging errors: offsets, delays, low-pass filters, wrong inter-sample hold."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _RATED = {"current": "rated_current", "voltage": "rated_voltage", "speed": "rate
 
 
 def _offset(channel: str, drift: float) -> Law:
-    """Zero error of a channel; with drift it grows from run to run about its mean."""
+    """Offset of a channel; with drift, it varies from run to run about its mean."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         offset = setup.sign * size * getattr(setup.motor, _RATED[channel])
@@ -31,7 +31,7 @@ def _offset_effect(channel: str) -> BenchEffect:
 
 
 def _delay(channel: str) -> Law:
-    """One channel is logged late."""
+    """Delay of one channel."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         time = 10.0 * size * setup.motor.sample_interval
@@ -42,7 +42,7 @@ def _delay(channel: str) -> Law:
 
 
 def _filter(channel: str, order: int) -> Law:
-    """First-order or Butterworth low-pass of equal delay at low frequency."""
+    """First-order or Butterworth low-pass filter of equal delay at low frequency."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         time = 10.0 * size * setup.motor.sample_interval / (1.0 if order == 1 else 2.0**0.5)
@@ -54,13 +54,13 @@ def _filter(channel: str, order: int) -> Law:
 
 
 def _difference(setup: Setup, size: float) -> dict[str, float]:
-    """Speed formed from the angle over a window: a moving mean of equal delay."""
+    """Speed from the difference of the angle over a window: a moving average of equal delay."""
     setup.difference_time = 20.0 * size * setup.motor.sample_interval
     return {"window": setup.difference_time}
 
 
 def _other_hold(setup: Setup, size: float) -> dict[str, float]:
-    """Linear where it is declared held, and the other way round."""
+    """FOH where ZOH is declared, and vice versa."""
     del size
     setup.is_linear = not setup.is_linear
     return {"is_linear": float(setup.is_linear)}

@@ -1,4 +1,4 @@
-"""Temperatures that are not the logged one, and laws of temperature that are not straight."""
+"""Thermal effects: self-heating, thermal lags, nonlinear resistance, demagnetisation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["THERMAL"]
 
 
 def _heating(fast: float, turning: float) -> Law:
-    """Winding warms by its own loss: one node, or a second quick one, or iron loss besides."""
+    """Self-heating of the winding: one node, a second fast node, or additional iron loss."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         rise = size / setup.motor.alpha_Ra
@@ -38,14 +38,14 @@ def _lag(prefix: str, order: int) -> Law:
 
 
 def _curvature(setup: Setup, size: float) -> dict[str, float]:
-    """Ra25 (1 + alpha dT + c dT^2)."""
+    """Quadratic resistance Ra25 (1 + alpha dT + c dT^2)."""
     curvature = setup.sign * size / 1e4
     setup.plant["curvature"] = curvature
     return {"curvature": curvature}
 
 
 def _curvature_cubic(setup: Setup, size: float) -> dict[str, float]:
-    """Half of the bend from a third-order term."""
+    """Quadratic and cubic resistance terms with equal contributions at dT = 100 K."""
     sign = setup.sign
     setup.plant["curvature"] = 0.5 * sign * size / 1e4
     setup.plant["curvature_cubic"] = 0.5 * sign * size / 1e6
@@ -53,7 +53,7 @@ def _curvature_cubic(setup: Setup, size: float) -> dict[str, float]:
 
 
 def _demagnetization(is_gradual: bool) -> Law:
-    """Kt lost for good once the magnet passed a temperature that the hottest run reaches."""
+    """Irreversible loss of Kt above a magnet temperature that the hottest training run reaches."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         training = [run for run in setup.runs if run.role == "training"] or setup.runs

@@ -1,7 +1,6 @@
-"""Effects that no catalogue knows, to see what is said about them.
+"""Effects outside the catalogue of the identification: negative controls for false claims.
 
-They stay here and must never be taken into the catalogue of the identification, or the check that
-nothing is claimed wrongly would check nothing.
+These effects must never enter that catalogue, or the test for false claims would test nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +11,10 @@ __all__ = ["UNLISTED"]
 
 
 def _rub(power: float) -> Law:
-    """A part that swells and rubs above a speed: T ((|w| - w_0)/(w_r - w_0))^n sign(w)."""
+    """Friction of a part that expands and rubs above a speed w_0.
+
+    The torque is T ((|w| - w_0)/(w_r - w_0))^n sign(w), with the rated speed w_r.
+    """
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         speed = setup.rng.uniform(0.3, 0.5) * setup.motor.rated_speed
@@ -25,7 +27,7 @@ def _rub(power: float) -> Law:
 
 
 def _ripple(second: bool, square: bool) -> Law:
-    """Torque of a fixed frequency in time: a pump or a mill on the same frame."""
+    """Load torque of a fixed frequency in time: a pump or a mill on the same frame."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         slow = setup.motor.time_constants[1]
@@ -40,7 +42,7 @@ def _ripple(second: bool, square: bool) -> Law:
 
 
 def _load_friction(power: float) -> Law:
-    """Dry friction that grows with the torque carried, as in a worm gear."""
+    """Dry friction that grows with the transmitted torque, as in a worm gear."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         setup.plant["load_friction"] = size
@@ -51,7 +53,7 @@ def _load_friction(power: float) -> Law:
 
 
 def _bristle(static: float) -> Law:
-    """Bristles that bend before they slide (LuGre), so friction lags reversals by an angle."""
+    """LuGre friction: bristles bend before they slide, so friction lags a reversal by an angle."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         motor = setup.motor
@@ -66,7 +68,7 @@ def _bristle(static: float) -> Law:
 
 
 def _run_in(field: str) -> Law:
-    """New bearings: friction that falls over the campaign's running time."""
+    """Running-in of new bearings: friction that decays over the running time of the campaign."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         total = sum(run.duration for run in setup.runs)
@@ -82,7 +84,7 @@ def _run_in(field: str) -> Law:
 
 
 def _square_loss(power: float) -> Law:
-    """Voltage lost with the square of the current: a poor contact that heats at once."""
+    """Voltage loss with a power of the current: a poor contact that heats at once."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         setup.plant["square_loss"] = size * setup.motor.rated_voltage
@@ -93,7 +95,7 @@ def _square_loss(power: float) -> Law:
 
 
 def _dead_zone(width: float) -> Law:
-    """Drive that swallows the first volts, hard or soft."""
+    """Dead zone of the drive at small voltages, with a hard or a soft edge."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         voltage = size * setup.motor.rated_voltage
@@ -105,7 +107,11 @@ def _dead_zone(width: float) -> Law:
 
 
 def _backlash(angle: float) -> Law:
-    """Part of the inertia behind a gear with play; `angle` in turns of the slow time constant."""
+    """Half of the inertia behind a gear with backlash.
+
+    The gap is 10 size angle w_r tau [rad], where w_r tau is the angle turned at rated speed within
+    the slow time constant.
+    """
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         motor, share = setup.motor, 0.5
@@ -123,7 +129,7 @@ def _backlash(angle: float) -> Law:
 
 
 def _commutation(power: float) -> Law:
-    """Voltage lost with current times speed: slow commutation."""
+    """Voltage loss with current times a power of speed: slow commutation."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         voltage = size * setup.motor.rated_voltage
@@ -135,7 +141,7 @@ def _commutation(power: float) -> Law:
 
 
 def _hum(drift: float) -> Law:
-    """Supply hum behind the point where the voltage is logged; its frequency may drift."""
+    """Supply hum downstream of the voltage sensor; its frequency may drift."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         frequency = setup.rng.uniform(0.05, 0.3) / setup.motor.time_constants[1]
@@ -152,7 +158,7 @@ def _hum(drift: float) -> Law:
 
 
 def _hot_friction(power: float) -> Law:
-    """Dry friction that grows with temperature: a bearing that loses its play."""
+    """Dry friction that grows with temperature: a bearing that loses its clearance."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         setup.plant["hot_friction"] = size * setup.motor.rated_torque
@@ -163,7 +169,7 @@ def _hot_friction(power: float) -> Law:
 
 
 def _angle_rub(width: float) -> Law:
-    """Dry friction in one part of the turn: a bent shaft that touches."""
+    """Dry friction in one sector of a revolution: a bent shaft that touches."""
 
     def law(setup: Setup, size: float) -> dict[str, float]:
         setup.plant["angle_rub"] = size * setup.motor.rated_torque
