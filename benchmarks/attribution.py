@@ -32,8 +32,6 @@ from bench.visibility import held_out_rise, size_for_rise
 from benchmarks.coverage import run_of
 from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.gauge import with_linear_parts
-from identification.effects.search import search
 from identification.effort import EFFORTS
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
@@ -41,6 +39,8 @@ from identification.fit.evaluate import simulate_unseen
 from identification.fit.noise import effective_share, with_noise_model
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
+from identification.selection.gauge import with_linear_parts
+from identification.selection.search import search
 from identification.work import metered
 
 __all__ = ["main", "plan", "tried"]

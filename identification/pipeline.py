@@ -21,11 +21,6 @@ from identification.checks.admission import admitted
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.confounded import confounded_terms
-from identification.effects.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
-from identification.effects.long import search_long
-from identification.effects.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
-from identification.effects.outcome import Outcome
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
 from identification.feedback import feedback_metrics, parse_controllers
@@ -46,6 +41,11 @@ from identification.posterior.sample import Sample, sample
 from identification.report.assemble import assemble
 from identification.report.findings import Findings
 from identification.report.gather import write_outputs
+from identification.selection.confounded import confounded_terms
+from identification.selection.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
+from identification.selection.long import search_long
+from identification.selection.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
+from identification.selection.outcome import Outcome
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
 

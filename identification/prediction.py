@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.entry import term_of
 from identification.errors import InputError
 from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
@@ -27,6 +26,7 @@ from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
+from identification.surrogates.entry import term_of
 
 __all__ = ["Prediction", "model_of", "predict"]
 

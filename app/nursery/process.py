@@ -137,7 +137,7 @@ class _ForkServer:
         self._children[child] = _Child(token, answer)
 
     def _live(self, parent: int, task: int, answer: int) -> None:
-        """Run the task in the child; leave only by `_exit`, so that the child stays out of the loop."""
+        """Run the task in the child; leave only by `_exit`, outside the event loop."""
         status = 1
         try:
             die_with_parent(parent)

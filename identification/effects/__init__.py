@@ -1,1 +1,1 @@
-"""What real motors have beyond the declared model: the catalogue and the search."""
+"""Physical laws of the effects that a motor may have beyond the nominal model."""

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.orders import HIGHEST_ORDER, orders_of
-from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractDelay, AbstractHold, AbstractMean, AbstractTerm
@@ -30,7 +28,6 @@ __all__ = [
     "asymmetry",
     "columns",
     "shape",
-    "survey_of",
 ]
 
 Array = NDArray[np.float64]
@@ -173,30 +170,6 @@ class AbstractForced(AbstractTerm):
         Returns:
             (n_sample, n_start).
         """
-
-
-def survey_of(fit: Fit) -> Survey:
-    """Scales of the campaign to which `fit` was fitted."""
-    records = fit.simulator.records
-    measured = np.concatenate([record.measured for record in records])
-    voltage = np.concatenate([record.column("voltage") for record in records])
-    size = np.sqrt(np.mean(measured**2, axis=0))
-    size = np.where(size > 0, size, 1.0)
-    intervals = np.concatenate([record.inputs[:-1, 0] for record in records])
-    return Survey(
-        records=tuple(records),
-        current=float(size[0]),
-        speed=float(size[1]),
-        voltage=float(np.sqrt(np.mean(voltage**2))) or 1.0,
-        torque=float(fit.values[2] * size[0]),
-        interval=float(np.median(intervals)),
-        duration=float(max(record.time[-1] - record.time[0] for record in records)),
-        current_noise=float(fit.weighting.deviation[0]),
-        speed_noise=float(fit.weighting.deviation[1]),
-        values=fit.values[:7].copy(),
-        angle_logged=all(record.angle_logged for record in records),
-        orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
-    )
 
 
 def amplitude(

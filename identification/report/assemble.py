@@ -20,8 +20,6 @@ from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.odd_runs import odd_runs
 from identification.diagnosis.outliers import outlier_warnings
 from identification.diagnosis.simulation_error import pooled_errors
-from identification.effects.gauge import lines_of
-from identification.effects.omitted import consider_variances
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated
@@ -50,6 +48,8 @@ from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 from identification.report.summary import NEAR_NOISE
 from identification.report.worse import worse_warnings
+from identification.selection.gauge import lines_of
+from identification.selection.omitted import consider_variances
 
 __all__ = ["assemble"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from identification.effects.outcome import Outcome
 from identification.fit.solve import Fit
 from identification.posterior.convergence import LARGEST_R_HAT
 from identification.posterior.sample import Sample, Source
+from identification.selection.outcome import Outcome
 
 __all__ = ["early_ends"]
 

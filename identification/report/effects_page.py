@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Survey, survey_of
+from identification.effects.effect import Survey
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
@@ -27,6 +27,7 @@ from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.report.atomic import write_text
 from identification.report.confusions import CONFUSIONS
+from identification.selection.survey import survey_of
 
 __all__ = ["effects_page", "example_survey", "main"]
 

@@ -12,8 +12,6 @@ from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.odd_runs import noise_of_most, root_mean_square
-from identification.effects.omitted import OmittedTerm, consider_variances
-from identification.effects.outcome import Outcome
 from identification.feedback.nonlinear import SimulatedLoop
 from identification.fit.campaign import Campaign
 from identification.fit.ceiling import bounded_noise
@@ -24,6 +22,8 @@ from identification.fit.noise import noise_deviation
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
+from identification.selection.omitted import OmittedTerm, consider_variances
+from identification.selection.outcome import Outcome
 
 __all__ = ["CHANNELS", "Findings"]
 

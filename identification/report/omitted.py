@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from identification.effects.confounded import turns_one_way
-from identification.effects.omitted import OmittedTerm, consider_variances
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
+from identification.selection.confounded import turns_one_way
+from identification.selection.omitted import OmittedTerm, consider_variances
 
 __all__ = ["confounded_entries", "confounded_warnings", "omitted_entries", "omitted_warnings"]
 

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import Gates
-from identification.effects.outcome import Found, Outcome, Searched
-from identification.effects.unlisted import LAWS
 from identification.fit.solve import Fit
 from identification.model.term import AbstractTerm
 from identification.report.data import Candidate, MissingTerm, MissingTrace, Story
 from identification.report.numbers import number_text
 from identification.report.pictured import undrawn_sentence
 from identification.report.result import parameter_entry
+from identification.selection.evidence import Gates
+from identification.selection.outcome import Found, Outcome, Searched
+from identification.surrogates.unlisted import LAWS
 
 __all__ = ["effect_entries", "searched_entries", "story_of"]
 

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, make_campaign
-from identification.effects.confounded import LIMIT, confounded_terms
-from identification.effects.effect import survey_of
 from identification.effects.friction import CoulombFriction
-from identification.effects.omitted import OmittedTerm, consider_variances, with_omitted_drawn
-from identification.effects.refit import refitted_with
-from identification.effects.start import Start
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
@@ -24,6 +19,11 @@ from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
 from identification.report.omitted import confounded_warnings
+from identification.selection.confounded import LIMIT, confounded_terms
+from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
+from identification.selection.refit import refitted_with
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import Excitation, campaign, motor_named
 

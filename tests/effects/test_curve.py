@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
-from identification.effects.curves import curves
-from identification.effects.effect import survey_of
 from identification.fit.declared import fit_declared
 from identification.model.excitation import records_of
 from identification.model.term import Signals
+from identification.selection.survey import survey_of
+from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.surrogates.curves import curves
 from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]

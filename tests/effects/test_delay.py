@@ -9,14 +9,14 @@ import pytest
 
 from bench import EffectRequest, Noise, make_campaign
 from bench.campaign import Campaign as Recorded
-from identification.effects.effect import survey_of
-from identification.effects.refit import refitted_with, refitted_without
-from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay
-from identification.effects.start import Start
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
+from identification.selection.refit import refitted_with, refitted_without
+from identification.selection.screen import screened
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 
 

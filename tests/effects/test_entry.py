@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from identification.effects.cogging import CoggingTorque
-from identification.effects.entry import term_of
 from identification.errors import InputError
 from identification.model.composite import MotorModel
 from identification.model.parameter import Parameter
 from identification.prediction import model_of
+from identification.surrogates.entry import term_of
 
 COGGING = {"name": "cogging_torque", "settings": {"torque_size": 0.1}}
 INTERNALS = ("__init__", "argument", "object is", "indices", "unhashable", "unpack", "Error")

@@ -7,17 +7,17 @@ import pytest
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
-from identification.effects.forcing import responses
 from identification.effects.friction import CoulombFriction
 from identification.effects.load import LoadTorque
-from identification.effects.refit import refined, refitted_with
-from identification.effects.start import Start
 from identification.effects.zero import VoltageOffset
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
+from identification.selection.forcing import responses
+from identification.selection.refit import refined, refitted_with
+from identification.selection.start import Start
 
 SIZE = 1e-4
 

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from identification.effects import trials
-from identification.effects.evidence import (
+from identification.effects.load import LoadStep
+from identification.effects.thermal import SelfHeating
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit, Patience, solve
+from identification.model.excitation import records_of
+from identification.selection import trials
+from identification.selection.evidence import (
     UNCOMPUTED,
     Gates,
     Judged,
@@ -17,14 +22,9 @@ from identification.effects.evidence import (
     probabilities,
     scores_of,
 )
-from identification.effects.load import LoadStep
-from identification.effects.refit import refitted_as, refitted_with, refitted_without
-from identification.effects.start import Start
-from identification.effects.thermal import SelfHeating
-from identification.effects.trials import Trials
-from identification.fit.declared import fit_declared
-from identification.fit.solve import Fit, Patience, solve
-from identification.model.excitation import records_of
+from identification.selection.refit import refitted_as, refitted_with, refitted_without
+from identification.selection.start import Start
+from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 

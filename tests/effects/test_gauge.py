@@ -9,13 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from bench import EffectRequest, make_campaign
-from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
-from identification.effects.curves import curves
-from identification.effects.effect import survey_of
-from identification.effects.gauge import lines_of, with_linear_parts, with_lines_drawn
-from identification.effects.imitation import imitated, is_formed
-from identification.effects.refit import refined, refitted_with
-from identification.effects.start import Start
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
@@ -24,6 +17,13 @@ from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
+from identification.selection.gauge import lines_of, with_linear_parts, with_lines_drawn
+from identification.selection.refit import refined, refitted_with
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
+from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.surrogates.curves import curves
+from identification.surrogates.imitation import imitated, is_formed
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from identification.effects.search import search
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.ingest.run import Run
+from identification.selection.search import search
 from tests.motors import drive, motor_named, simulated
 
 Array = NDArray[np.float64]

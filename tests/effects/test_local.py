@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import FitOptions, identify
-from identification.effects.curve import HEIGHTS, MissingTorque
 from identification.effects.load import LoadStep
 from identification.feedback.closed_loop import acting_terms
 from identification.fit.evaluate import Simulated
@@ -20,6 +19,7 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.prediction import predict
 from identification.report.worse import worse_warnings
+from identification.surrogates.curve import HEIGHTS, MissingTorque
 from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]

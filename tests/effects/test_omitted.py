@@ -7,17 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from bench import EffectRequest, make_campaign
-from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop
 from identification.effects.friction import CoulombFriction
-from identification.effects.omitted import (
-    OmittedTerm,
-    consider_variances,
-    omitted_terms,
-    unknown_gain,
-    with_omitted_drawn,
-)
-from identification.effects.screen import screened
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
@@ -26,6 +17,15 @@ from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
 from identification.report.omitted import omitted_warnings
+from identification.selection.omitted import (
+    OmittedTerm,
+    consider_variances,
+    omitted_terms,
+    unknown_gain,
+    with_omitted_drawn,
+)
+from identification.selection.screen import screened
+from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 

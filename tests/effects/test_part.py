@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.effects.part import part_of
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
+from identification.selection.part import part_of
 from tests.motors import campaign, motor_named
 
 MOTOR = motor_named("servo 100 W")

@@ -6,10 +6,10 @@ import pytest
 
 from bench import EffectRequest, Noise, make_campaign
 from identification.effects.cogging import CoggingTorque
-from identification.effects.outcome import Outcome
-from identification.effects.search import search
-from identification.effects.trials import Trials
 from identification.fit.declared import fit_declared
+from identification.selection.outcome import Outcome
+from identification.selection.search import search
+from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
 
 
@@ -61,7 +61,7 @@ def test_a_search_that_stops_before_a_round_is_not_complete(
 
     Where no kind promises anything there is no round to come, and the search is complete.
     """
-    monkeypatch.setattr("identification.effects.search._LISTED_SHARE", 1e-12)
+    monkeypatch.setattr("identification.selection.search._LISTED_SHARE", 1e-12)
     hidden = [EffectRequest("brush_drop")]
     complete = []
     for requests in (hidden, []):

@@ -9,11 +9,11 @@ import pytest
 
 from bench import make_campaign
 from identification.effects.load import ShaftCompliance
-from identification.effects.loose import LoosePart
-from identification.effects.search import search
 from identification.effects.second_inertia import AbstractSecondInertia
 from identification.fit.declared import fit_declared
 from identification.model.term import Signals, Values
+from identification.selection.search import search
+from identification.surrogates.loose import LoosePart
 from tests.effects.hidden import records_of_bench
 
 SHAFT = ShaftCompliance(1.0, 10.0, 1e4)

@@ -8,15 +8,10 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
-from identification.effects import screen
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop
 from identification.effects.load import LoadTorque
-from identification.effects.refit import refitted_with
-from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay, CurrentFilter
-from identification.effects.start import Start, begun, has_odd_coefficients, traded
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.effects.zero import VoltageOffset
 from identification.fit.campaign import Campaign
@@ -24,6 +19,11 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Patience, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
+from identification.selection import screen
+from identification.selection.refit import refitted_with
+from identification.selection.screen import screened
+from identification.selection.start import Start, begun, has_odd_coefficients, traded
+from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 
 

@@ -8,13 +8,13 @@ import pytest
 from benchmarks.benches.excitation import voltages
 from benchmarks.benches.motors import drawn_motor
 from benchmarks.benches.plant import Drive, Hidden, simulated
-from identification.effects.outcome import Outcome
-from identification.effects.search import search
-from identification.effects.supply import SupplySag
-from identification.effects.unlisted import unlisted_term
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
+from identification.selection.outcome import Outcome
+from identification.selection.search import search
+from identification.surrogates.supply import SupplySag
+from identification.surrogates.unlisted import unlisted_term
 
 ROWS = 1500
 TEMPERATURES = (30.0, 65.0, 100.0, 50.0)

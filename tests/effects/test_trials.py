@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from identification.effects import search
-from identification.effects.evidence import Judged
-from identification.effects.rounds import State
-from identification.effects.trials import Trials, promising
 from identification.fit.declared import fit_declared
+from identification.selection import search
+from identification.selection.evidence import Judged
+from identification.selection.rounds import State
+from identification.selection.trials import Trials, promising
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 

@@ -12,24 +12,24 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench import EffectRequest, make_campaign
-from identification.effects.angular import AngularFriction
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.curve import MissingTorque
-from identification.effects.curves import curves
-from identification.effects.effect import survey_of
-from identification.effects.hysteresis import LaggingFriction
-from identification.effects.loose import LoosePart
-from identification.effects.outcome import Outcome
-from identification.effects.refit import refitted_with
-from identification.effects.ripple import ripples
-from identification.effects.search import search
-from identification.effects.tracing import missing_curves, traced
-from identification.effects.unlisted import unlisted_term
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
+from identification.selection.outcome import Outcome
+from identification.selection.refit import refitted_with
+from identification.selection.search import search
+from identification.selection.survey import survey_of
+from identification.selection.tracing import missing_curves, traced
+from identification.surrogates.angular import AngularFriction
+from identification.surrogates.curve import MissingTorque
+from identification.surrogates.curves import curves
+from identification.surrogates.hysteresis import LaggingFriction
+from identification.surrogates.loose import LoosePart
+from identification.surrogates.ripple import ripples
+from identification.surrogates.unlisted import unlisted_term
 from tests.effects.hidden import records_of_bench
 from tests.motors import Motor, campaign, motor_named
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.effects.entry import term_of
-from identification.effects.outcome import Outcome
-from identification.effects.search import search
 from identification.effects.zero import CurrentOffset
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.selection.outcome import Outcome
+from identification.selection.search import search
+from identification.surrogates.entry import term_of
 from tests.motors import campaign, motor_named
 
 

@@ -13,12 +13,9 @@ from scipy import integrate
 
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.cogging import CoggingTorque
-from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
 from identification.effects.load import InertiaChange, LoadStep, LoadTorque
-from identification.effects.refit import refitted_with
-from identification.effects.start import Start
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.effects.zero import CurrentOffset, VoltageOffset
 from identification.feedback import METRIC_UNITS, feedback_metrics
@@ -31,6 +28,9 @@ from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
+from identification.selection.refit import refitted_with
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
 from tests.motors import NAMES, campaign, motor_named
 
 Array = NDArray[np.float64]

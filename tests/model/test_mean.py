@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
-from identification.effects.effect import survey_of
-from identification.effects.entry import term_of
-from identification.effects.refit import refitted_with
-from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay, SpeedFilter, SpeedMean
 from identification.fit.declared import fit_declared
 from identification.model.composite import MotorModel
@@ -20,6 +16,10 @@ from identification.model.printing import printed_equations
 from identification.model.simulate import Simulator
 from identification.model.tangent import tangent
 from identification.model.term import AbstractTerm
+from identification.selection.refit import refitted_with
+from identification.selection.screen import screened
+from identification.selection.survey import survey_of
+from identification.surrogates.entry import term_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import driven, motor_named
 

@@ -6,16 +6,16 @@ import pytest
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
-from identification.effects.effect import survey_of
 from identification.effects.electrical import BrushDrop
-from identification.effects.refit import refined, refitted_with
-from identification.effects.start import Start
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
 from identification.posterior.sample import sample
+from identification.selection.refit import refined, refitted_with
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
 
 
 def brushes_fitted(size: float, seed: int) -> Fit:

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from bench import make_campaign
 from benchmarks.coverage import run_of
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import survey_of
-from identification.effects.refit import refined, refitted_with
-from identification.effects.start import Start
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.normal_equations import normal_equations
@@ -24,6 +21,9 @@ from identification.posterior.normal import normal_draws
 from identification.posterior.ridge import Ridge
 from identification.posterior.sample import sample
 from identification.posterior.trace import ridge_of
+from identification.selection.refit import refined, refitted_with
+from identification.selection.start import Start
+from identification.selection.survey import survey_of
 from tests.motors import Motor, campaign, motor_named
 from tests.posterior.test_brushes import brushes_fitted
 from tests.posterior.test_sample import WHITE, servo_fit

@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from identification.effects.evidence import Gates
 from identification.effects.friction import CoulombFriction
-from identification.effects.outcome import Alternative, Found, Outcome, Searched
 from identification.fit.solve import Fit
 from identification.report.story import searched_entries, story_of
+from identification.selection.evidence import Gates
+from identification.selection.outcome import Alternative, Found, Outcome, Searched
 
 PASSED = Gates(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
 CHANCE = Gates(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)

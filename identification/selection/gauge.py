@@ -29,16 +29,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.curve import (
+from identification.fit.solve import Fit, Patience
+from identification.selection.refit import refitted_as
+from identification.surrogates.curve import (
     HEIGHTS,
     REGRESSORS,
     MissingTorque,
     MissingVoltage,
 )
-from identification.effects.curves import sampled
-from identification.effects.imitation import is_formed
-from identification.effects.refit import refitted_as
-from identification.fit.solve import Fit, Patience
+from identification.surrogates.curves import sampled
+from identification.surrogates.imitation import is_formed
 
 __all__ = ["Line", "lines_of", "with_linear_parts", "with_lines_drawn"]
 

@@ -14,26 +14,27 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Candidate, survey_of
-from identification.effects.evidence import LEAST_SIZE, Judged, judged
-from identification.effects.omitted import OmittedTerm, omitted_terms
-from identification.effects.refit import (
+from identification.effects.effect import Candidate
+from identification.fit.campaign import Campaign
+from identification.fit.declared import replanned
+from identification.fit.noise import effective_share
+from identification.fit.solve import Fit, Patience, solve
+from identification.model.term import AbstractTerm
+from identification.selection.evidence import LEAST_SIZE, Judged, judged
+from identification.selection.omitted import OmittedTerm, omitted_terms
+from identification.selection.refit import (
     as_declared,
     refined,
     refitted_as,
     refitted_with,
     refitted_without,
 )
-from identification.effects.score import Score, gathered
-from identification.effects.screen import screened
-from identification.effects.start import Start, traded
-from identification.effects.tracing import missing_curves
-from identification.effects.unlisted import LAWS
-from identification.fit.campaign import Campaign
-from identification.fit.declared import replanned
-from identification.fit.noise import effective_share
-from identification.fit.solve import Fit, Patience, solve
-from identification.model.term import AbstractTerm
+from identification.selection.score import Score, gathered
+from identification.selection.screen import screened
+from identification.selection.start import Start, traded
+from identification.selection.survey import survey_of
+from identification.selection.tracing import missing_curves
+from identification.surrogates.unlisted import LAWS
 from identification.work import Budget, operations
 
 __all__ = ["UNDERSTATED", "Trials", "promising"]

@@ -12,9 +12,9 @@ from numbers import Integral, Real
 from typing import Any, Final
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.unlisted import unlisted_form, unlisted_term
 from identification.errors import InputError
 from identification.model.term import AbstractTerm
+from identification.surrogates.unlisted import unlisted_form, unlisted_term
 
 __all__ = ["term_of"]
 

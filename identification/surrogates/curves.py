@@ -14,10 +14,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.curve import HEIGHTS, MissingTorque, MissingVoltage
 from identification.effects.effect import Candidate, Survey
-from identification.effects.imitation import imitated
 from identification.model.excitation import Record
+from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
+from identification.surrogates.imitation import imitated
 
 __all__ = ["curves", "sampled"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import Candidate
-from identification.effects.score import Score, sized
-from identification.effects.start import Along
+from identification.selection.score import Score, sized
+from identification.selection.start import Along
 
 __all__ = ["recurring"]
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.score import Score
 from identification.fit.solve import Fit
+from identification.selection.score import Score
 
 __all__ = [
     "OmittedTerm",

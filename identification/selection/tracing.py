@@ -14,16 +14,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.angular import AngularFriction
-from identification.effects.curve import MissingTorque, MissingVoltage
-from identification.effects.curves import curves
-from identification.effects.effect import survey_of
-from identification.effects.hysteresis import LaggingFriction
-from identification.effects.loose import LoosePart
-from identification.effects.ripple import ripples
-from identification.effects.score import Score, gathered
-from identification.effects.screen import screened
 from identification.fit.solve import Fit
+from identification.selection.score import Score, gathered
+from identification.selection.screen import screened
+from identification.selection.survey import survey_of
+from identification.surrogates.angular import AngularFriction
+from identification.surrogates.curve import MissingTorque, MissingVoltage
+from identification.surrogates.curves import curves
+from identification.surrogates.hysteresis import LaggingFriction
+from identification.surrogates.loose import LoosePart
+from identification.surrogates.ripple import ripples
 
 __all__ = ["Trace", "missing_curves", "traced"]
 

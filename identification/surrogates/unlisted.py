@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-from identification.effects.angular import AngularFriction
-from identification.effects.curve import MissingTorque, MissingVoltage
-from identification.effects.hysteresis import LaggingFriction
-from identification.effects.loose import LoosePart
-from identification.effects.ripple import MissingTorqueRipple, MissingVoltageRipple
-from identification.effects.supply import SupplySag
 from identification.model.term import AbstractTerm
+from identification.surrogates.angular import AngularFriction
+from identification.surrogates.curve import MissingTorque, MissingVoltage
+from identification.surrogates.hysteresis import LaggingFriction
+from identification.surrogates.loose import LoosePart
+from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple
+from identification.surrogates.supply import SupplySag
 
 __all__ = ["LAWS", "unlisted_form", "unlisted_term"]
 

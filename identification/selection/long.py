@@ -18,13 +18,13 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.evidence import LEAST_SIZE
-from identification.effects.outcome import Found, Outcome
-from identification.effects.part import fitted_to, part_of
-from identification.effects.search import search
-from identification.effects.trials import Trials
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
+from identification.selection.evidence import LEAST_SIZE
+from identification.selection.outcome import Found, Outcome
+from identification.selection.part import fitted_to, part_of
+from identification.selection.search import search
+from identification.selection.trials import Trials
 from identification.work import Budget
 
 __all__ = ["search_long"]

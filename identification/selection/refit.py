@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.start import Start, begun, has_odd_coefficients, with_usual_coefficients
 from identification.fit.accuracy import TOLERATED, accurate, change_between
 from identification.fit.declared import replanned
 from identification.fit.solve import Fit, Patience, solve
@@ -17,6 +16,12 @@ from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
+from identification.selection.start import (
+    Start,
+    begun,
+    has_odd_coefficients,
+    with_usual_coefficients,
+)
 from identification.work import operations
 
 __all__ = [

@@ -40,19 +40,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from identification.effects.effect import Candidate, columns, survey_of
-from identification.effects.evidence import LEAST_SIZE
+from identification.effects.effect import Candidate, columns
 from identification.effects.friction import CoulombFriction
-from identification.effects.omitted import OmittedTerm
-from identification.effects.part import fitted_to, part_of_fit
-from identification.effects.refit import refitted_with
-from identification.effects.screen import screened
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
-from identification.effects.start import Along, Start
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience
 from identification.model.excitation import Record
+from identification.selection.evidence import LEAST_SIZE
+from identification.selection.omitted import OmittedTerm
+from identification.selection.part import fitted_to, part_of_fit
+from identification.selection.refit import refitted_with
+from identification.selection.screen import screened
+from identification.selection.start import Along, Start
+from identification.selection.survey import survey_of
 
 __all__ = ["LIMIT", "confounded_terms", "turns_one_way"]
 

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.evidence import UNCOMPUTED, Judged
-from identification.effects.outcome import Searched
-from identification.effects.ranking import ranked
-from identification.effects.score import Score
-from identification.effects.trials import UNDERSTATED, Trials, promising
+from identification.selection.evidence import UNCOMPUTED, Judged
+from identification.selection.outcome import Searched
+from identification.selection.ranking import ranked
+from identification.selection.score import Score
+from identification.selection.trials import UNDERSTATED, Trials, promising
 
 __all__ = [
     "State",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import Candidate
-from identification.effects.start import Along, Start
+from identification.selection.start import Along, Start
 
 __all__ = ["Score", "gathered", "sized"]
 

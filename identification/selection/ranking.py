@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.evidence import LEAST_SIZE, Judged, scores_of
 from identification.fit.solve import Fit
+from identification.selection.evidence import LEAST_SIZE, Judged, scores_of
 
 __all__ = ["is_better", "is_strained", "ranked", "replaces"]
 

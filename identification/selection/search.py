@@ -23,11 +23,13 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.evidence import Judged, probabilities, scores_of
-from identification.effects.outcome import Alternative, Found, Outcome
-from identification.effects.ranking import is_better, is_strained, ranked, replaces
-from identification.effects.refit import with_known_amplitudes
-from identification.effects.rounds import (
+from identification.fit.campaign import Campaign
+from identification.fit.solve import Fit
+from identification.selection.evidence import Judged, probabilities, scores_of
+from identification.selection.outcome import Alternative, Found, Outcome
+from identification.selection.ranking import is_better, is_strained, ranked, replaces
+from identification.selection.refit import with_known_amplitudes
+from identification.selection.rounds import (
     State,
     backward,
     enrich,
@@ -39,11 +41,9 @@ from identification.effects.rounds import (
     rivals_of,
     taken,
 )
-from identification.effects.score import Score
-from identification.effects.tracing import traced
-from identification.effects.trials import Trials
-from identification.fit.campaign import Campaign
-from identification.fit.solve import Fit
+from identification.selection.score import Score
+from identification.selection.tracing import traced
+from identification.selection.trials import Trials
 from identification.work import Budget, operations
 
 __all__ = ["search"]

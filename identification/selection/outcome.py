@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.effects.evidence import Gates
-from identification.effects.omitted import OmittedTerm
-from identification.effects.tracing import Trace
 from identification.fit.solve import Fit
+from identification.selection.evidence import Gates
+from identification.selection.omitted import OmittedTerm
+from identification.selection.tracing import Trace
 
 __all__ = ["Alternative", "Found", "Outcome", "Searched"]
 

@@ -23,16 +23,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
-from identification.effects.forcing import responses
-from identification.effects.recurring import recurring
-from identification.effects.score import Score, sized
-from identification.effects.start import Along
 from identification.fit.normal_equations import gradient_of
 from identification.fit.solve import Fit
 from identification.linear import least_squares, solution
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import Simulator, initial_states
+from identification.selection.forcing import responses
+from identification.selection.recurring import recurring
+from identification.selection.score import Score, sized
+from identification.selection.start import Along
 from identification.work import TOUCH, charge
 
 __all__ = ["screened"]

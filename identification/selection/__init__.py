@@ -1,0 +1,1 @@
+"""Model selection: score tests, refits, acceptance criteria, search and alternatives."""

@@ -1,0 +1,35 @@
+"""Natural scales of a campaign, from its signals and the current fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.effects.effect import Survey
+from identification.effects.orders import HIGHEST_ORDER, orders_of
+from identification.fit.solve import Fit
+
+__all__ = ["survey_of"]
+
+
+def survey_of(fit: Fit) -> Survey:
+    """Scales of the campaign to which `fit` was fitted."""
+    records = fit.simulator.records
+    measured = np.concatenate([record.measured for record in records])
+    voltage = np.concatenate([record.column("voltage") for record in records])
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    size = np.where(size > 0, size, 1.0)
+    intervals = np.concatenate([record.inputs[:-1, 0] for record in records])
+    return Survey(
+        records=tuple(records),
+        current=float(size[0]),
+        speed=float(size[1]),
+        voltage=float(np.sqrt(np.mean(voltage**2))) or 1.0,
+        torque=float(fit.values[2] * size[0]),
+        interval=float(np.median(intervals)),
+        duration=float(max(record.time[-1] - record.time[0] for record in records)),
+        current_noise=float(fit.weighting.deviation[0]),
+        speed_noise=float(fit.weighting.deviation[1]),
+        values=fit.values[:7].copy(),
+        angle_logged=all(record.angle_logged for record in records),
+        orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
+    )

@@ -1,0 +1,1 @@
+"""Surrogate terms: splines, ripple, friction states and backlash, for effects without a law."""
