@@ -11,11 +11,12 @@ from typing import Final
 
 import numpy as np
 
+from identification.selection.candidates import promising
 from identification.selection.evidence import UNCOMPUTED, Judged
 from identification.selection.outcome import Searched
 from identification.selection.ranking import ranked
 from identification.selection.score import Score
-from identification.selection.trials import UNDERSTATED, Trials, promising
+from identification.selection.trials import UNDERSTATED, Trials
 
 __all__ = [
     "State",

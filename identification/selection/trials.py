@@ -13,13 +13,12 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Candidate
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
 from identification.fit.noise import effective_share
 from identification.fit.solve import Fit, Patience, solve
 from identification.model.term import AbstractTerm
+from identification.selection.candidates import candidates_of, without_shared
 from identification.selection.evidence import LEAST_SIZE, Judged, judged
 from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.refit import (
@@ -29,15 +28,13 @@ from identification.selection.refit import (
     refitted_with,
     refitted_without,
 )
-from identification.selection.score import Score, gathered
+from identification.selection.score import Score
 from identification.selection.screen import screened
 from identification.selection.start import Start, traded
-from identification.selection.survey import survey_of
 from identification.selection.tracing import missing_curves
-from identification.surrogates.unlisted import LAWS
 from identification.work import Budget, operations
 
-__all__ = ["UNDERSTATED", "Trials", "promising"]
+__all__ = ["UNDERSTATED", "Trials"]
 
 Key = frozenset[tuple[str, str]]
 
@@ -45,16 +42,12 @@ _STEPS: Final = 20
 """Gauss-Newton steps of one fit at most."""
 _LEGS: Final = 4
 """Continuations of a fit that has not converged, at most."""
-_WORTH: Final = 2.0
-"""Predicted gain that a candidate needs, by default."""
 _SLACK: Final = 30.0
 """Log likelihood by which a fit may fall behind the best before it is abandoned."""
 _REACH: Final = 0.15
 """Fraction of the best gain by which a fit may fall behind and still be close to the best."""
 UNDERSTATED: Final = 5.0
 """Largest ratio of achieved to predicted gain that is assumed."""
-_COMMON: Final = 4.0
-"""Predicted gain of a local effect over the median of the other runs, at least."""
 _FINISH: Final = 2.5
 """Operations to finish a model of a round, over those of a first refit."""
 _PART: Final = 0.2
@@ -177,12 +170,12 @@ class Trials:
         if not np.isfinite(current.fit.cost):
             return []
         if known is None:
-            candidates = _candidates(current.fit, self.withheld)
+            candidates = candidates_of(current.fit, self.withheld)
             found = screened(current.fit, candidates)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
             self._uncomputed[key] = [name for name in names if name not in scored]
-            known = self._scores[key] = _single(found)
+            known = self._scores[key] = without_shared(found)
             self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
         return known
 
@@ -338,69 +331,9 @@ class Trials:
         return float(max(chance / 2, size / understated)) / current.share
 
 
-def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
-    """Candidates with the largest predicted gain, one per variant and two per effect type.
-
-    Args:
-        scores: Best first.
-        count: Number of candidates at most.
-        least: Predicted gain that each candidate has to exceed.
-    """
-    kinds: dict[str, int] = {}
-    kept = []
-    for score in gathered(scores):
-        name = score.candidate.term.name
-        kinds[name] = kinds.get(name, 0) + 1
-        if kinds[name] <= 2 and score.gain > least:
-            kept.append(score)
-    return kept[:count]
-
-
 def _name(term: AbstractTerm) -> tuple[str, str]:
     return term.name, term.variant
 
 
 def _key(fit: Fit) -> Key:
     return frozenset(_name(term) for term in fit.simulator.model.terms)
-
-
-def _candidates(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
-    """All structures of the effect types that are not in the model."""
-    survey = survey_of(fit)
-    absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
-    return [
-        candidate
-        for kind in (*CATALOGUE.values(), *LAWS)
-        if kind.name not in absent
-        for candidate in kind.candidates(survey)
-    ]
-
-
-def _single(scores: Sequence[Score]) -> list[Score]:
-    """Drop local effects whose predicted gain the other runs share.
-
-    An event in one run has a large predicted gain in that run and none in the others.  Any other
-    model error has about the same gain in every run, so the other runs serve as the control: the
-    gain per affected run has to be at least four times the median of the others.
-    """
-    promised: dict[str, dict[int, float]] = {}
-    for score in scores:
-        concerned = _runs_of(score)
-        if len(concerned) == 1:
-            runs = promised.setdefault(score.candidate.term.name, {})
-            runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
-    kept = []
-    for score in scores:
-        concerned = _runs_of(score)
-        runs = promised.get(score.candidate.term.name, {}) if concerned else {}
-        control = [gain for run, gain in runs.items() if run not in concerned]
-        each = score.gain / max(len(concerned), 1)
-        if not control or each >= _COMMON * float(np.median(control)):
-            kept.append(score)
-    return kept
-
-
-def _runs_of(score: Score) -> tuple[int, ...]:
-    """Numbers of the runs to which a candidate is restricted; empty for all runs."""
-    run = getattr(score.candidate.term, "run", None)
-    return () if run is None else (run, *getattr(score.candidate.term, "others", ()))

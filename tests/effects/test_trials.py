@@ -10,9 +10,10 @@ import pytest
 from bench import make_campaign
 from identification.fit.declared import fit_declared
 from identification.selection import search
+from identification.selection.candidates import promising
 from identification.selection.evidence import Judged
 from identification.selection.rounds import State
-from identification.selection.trials import Trials, promising
+from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 

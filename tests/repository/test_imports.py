@@ -89,6 +89,9 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
     [
         ("identification/errors.py", "import identification.pipeline", "layers"),
         ("identification/model/declared.py", "import identification.effects", "layers"),
+        ("identification/effects/friction.py", "import identification.fit.solve", "layers"),
+        ("identification/effects/friction.py", "import identification.work", "laws"),
+        ("identification/surrogates/curve.py", "import identification.ingest", "surrogates"),
         ("identification/quantities.py", "import fastapi", "library"),
         ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
         ("app/fits/service.py", "import fastapi", "services"),

@@ -1,0 +1,90 @@
+"""Candidate terms of a model: their enumeration, and the shortlist by predicted gain."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Final
+
+import numpy as np
+
+from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import Candidate
+from identification.fit.solve import Fit
+from identification.selection.score import Score, gathered
+from identification.selection.survey import survey_of
+from identification.surrogates.unlisted import LAWS
+
+__all__ = ["candidates_of", "promising", "without_shared"]
+
+_WORTH: Final = 2.0
+"""Predicted gain that a candidate needs, by default."""
+_COMMON: Final = 4.0
+"""Predicted gain of a local effect over the median of the other runs, at least."""
+
+
+def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
+    """Candidates with the largest predicted gain, one per variant and two per effect type.
+
+    Args:
+        scores: Best first.
+        count: Number of candidates at most.
+        least: Predicted gain that each candidate has to exceed.
+    """
+    kinds: dict[str, int] = {}
+    kept = []
+    for score in gathered(scores):
+        name = score.candidate.term.name
+        kinds[name] = kinds.get(name, 0) + 1
+        if kinds[name] <= 2 and score.gain > least:
+            kept.append(score)
+    return kept[:count]
+
+
+def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
+    """All structures of the effect types that are not in the model.
+
+    Args:
+        fit: Fit of the current model.
+        withheld: Effect types that are no candidates.
+    """
+    survey = survey_of(fit)
+    absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
+    return [
+        candidate
+        for kind in (*CATALOGUE.values(), *LAWS)
+        if kind.name not in absent
+        for candidate in kind.candidates(survey)
+    ]
+
+
+def without_shared(scores: Sequence[Score]) -> list[Score]:
+    """Drop local effects whose predicted gain the other runs share.
+
+    An event in one run has a large predicted gain in that run and none in the others.  Any other
+    model error has about the same gain in every run, so the other runs serve as the control: the
+    gain per affected run has to be at least four times the median of the others.
+
+    Args:
+        scores: Best first.
+    """
+    promised: dict[str, dict[int, float]] = {}
+    for score in scores:
+        concerned = _runs_of(score)
+        if len(concerned) == 1:
+            runs = promised.setdefault(score.candidate.term.name, {})
+            runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
+    kept = []
+    for score in scores:
+        concerned = _runs_of(score)
+        runs = promised.get(score.candidate.term.name, {}) if concerned else {}
+        control = [gain for run, gain in runs.items() if run not in concerned]
+        each = score.gain / max(len(concerned), 1)
+        if not control or each >= _COMMON * float(np.median(control)):
+            kept.append(score)
+    return kept
+
+
+def _runs_of(score: Score) -> tuple[int, ...]:
+    """Numbers of the runs to which a candidate is restricted; empty for all runs."""
+    run = getattr(score.candidate.term, "run", None)
+    return () if run is None else (run, *getattr(score.candidate.term, "others", ()))
