@@ -9,6 +9,7 @@ The stages are checks, nominal fit, effect search, posterior, feedback metrics a
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -72,12 +73,12 @@ class Identification:
     result: dict[str, object]
     findings: Findings
 
-    def write(self, directory: Path) -> None:
+    def write(self, directory: str | os.PathLike[str]) -> None:
         """Write result.json, report.html and, where sampled, posterior.nc into `directory`.
 
         Every file appears complete or not at all.
         """
-        write_outputs(directory, self.result, self.findings)
+        write_outputs(Path(directory), self.result, self.findings)
 
 
 _SIGNED = ("Ra25", "Kt25", "J", "b", "L")
@@ -88,8 +89,8 @@ _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constan
 # A candidate that overflows has an infinite cost and is rejected; numpy warnings add nothing.
 @np.errstate(all="ignore")
 def identify(
-    training: Sequence[Run],
-    validation: Sequence[Run] = (),
+    training: Run | Sequence[Run],
+    validation: Run | Sequence[Run] = (),
     options: FitOptions = FitOptions(),  # noqa: B008  frozen
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
@@ -98,8 +99,8 @@ def identify(
     """Identify one motor from its runs.
 
     Args:
-        training: Runs to fit, in the order in which they were recorded.
-        validation: Validation runs; they are never fitted.
+        training: Runs to fit, in the order in which they were recorded, or a single run.
+        validation: Validation runs, or a single one; they are never fitted.
         options: Options of the user.
         progress: Called with the progress of the job.
         checkpoint: Where the chain of the posterior is saved, so that the same job can resume it.
@@ -110,6 +111,8 @@ def identify(
             option is invalid.
         ComputationError: No model can be simulated over the runs.
     """
+    training = [training] if isinstance(training, Run) else training
+    validation = [validation] if isinstance(validation, Run) else validation
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():
             return _identified(training, validation, options, progress, checkpoint, withheld)

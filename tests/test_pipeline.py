@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,17 @@ def test_time_that_stands_still_is_refused() -> None:
 
     with pytest.raises(InputError, match="time does not increase"):
         identify([replace(RUN, time=time)])
+
+
+def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
+    """A notebook passes a run and a string; the result is that of lists and a path."""
+    options = FitOptions(effects=False, posterior=False)
+
+    single = identify(RUN, RUN, options)
+    single.write(str(tmp_path / "out"))
+
+    assert single.result["parameters"] == identify([RUN], [RUN], options).result["parameters"]
+    assert (tmp_path / "out" / "result.json").is_file()
 
 
 def test_a_withheld_kind_that_is_none_is_refused_with_all_kinds() -> None:
