@@ -93,8 +93,8 @@ def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:
         for run in (RUN, _with("current", spiked))
     )
 
-    assert "single samples" not in sound
-    assert f"{RUN.name}, column current_A: 5 single samples are more than 10" in said
+    assert "isolated outliers" not in sound
+    assert f"{RUN.name}, column current_A: 5 isolated outliers: the residual exceeds 10" in said
 
 
 def test_what_the_result_is_worth_is_said_before_what_was_noted_of_the_files() -> None:

@@ -142,17 +142,20 @@ def _check(
     level: float,
 ) -> ChannelCheck:
     if left.count < 8 or not noise > 0.0 or not left.rms > 0.0:
-        return ChannelCheck(channel, role, 0.0, 1.0, 1.0, 0.0, True, "it was not measured")
+        return ChannelCheck(channel, role, 0.0, 1.0, 1.0, 0.0, True, "not measured")
     ratio, limit = left.rms / noise, _limit(left, noise, training, level)
     whiteness, outside = left.whiteness(), left.voltage_outside(level)
     reasons = []
     if ratio > limit:
-        reasons.append(f"its residual is {ratio:.2f} times the noise, at most {limit:.2f} expected")
+        reasons.append(f"the residual is {ratio:.2f} times the sensor noise (limit {limit:.2f})")
     if whiteness < level:
-        reasons.append("its residual has a memory that noise does not have")
+        reasons.append(f"the residual is autocorrelated (p = {whiteness:.1g})")
     if outside > 0.0:
-        reasons.append(f"its residual follows the voltage at {100 * outside:.0f} % of the lags")
-    reason = "; ".join(reasons) if reasons else "its residual is no more than noise"
+        reasons.append(
+            "the residual is correlated with the voltage beyond the limit at "
+            f"{100 * outside:.0f} % of the lags"
+        )
+    reason = "; ".join(reasons) if reasons else "the residual is consistent with sensor noise"
     return ChannelCheck(channel, role, ratio, limit, whiteness, outside, not reasons, reason)
 
 
@@ -167,9 +170,11 @@ def _limit(left: Remains, noise: float, training: Remains | None, level: float) 
 def _sentence(checks: list[ChannelCheck], failed: list[ChannelCheck]) -> str:
     if not failed:
         roles = "training and validation" if len(checks) > 2 else "training"
-        return f"Nothing is missing: on {roles} runs the residuals are no more than noise."
+        return (
+            f"The model explains current and speed: the residuals of the {roles} runs are "
+            "consistent with sensor noise."
+        )
     worst = max(failed, key=lambda check: check.noise_ratio / check.noise_ratio_limit)
     return (
-        f"Something is missing: on the {worst.role} runs the {worst.channel} does not come out, "
-        f"{worst.reason}."
+        f"The model does not explain the {worst.channel} on the {worst.role} runs: {worst.reason}."
     )

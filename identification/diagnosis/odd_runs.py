@@ -34,12 +34,13 @@ def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
         middles = _middles(ratios)
         for k in np.flatnonzero(ratios > np.maximum(_LEAST, _FAR * middles)):
             how = (
-                f"its {word} is off by {ratios[k]:.3g} times the noise, theirs by {middles[k]:.3g}"
+                f"RMS error of the {word} {ratios[k]:.3g} times the sensor noise, median of the "
+                f"other runs {middles[k]:.3g}"
             )
             told.setdefault(names[k], []).append(how)
     return [
-        f"{name}: does not fit the other runs: {'; '.join(found)}; look at that run, or leave it "
-        "out"
+        f"{name}: outlying run: {'; '.join(found)}; check motor, load and sensors of this run, or "
+        "omit it from the fit"
         for name, found in told.items()
     ]
 

@@ -56,12 +56,12 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[str]:
         farthest = float(np.abs(residual[alone]).max())
         whole = float(np.sqrt(np.mean(residual**2)))
         messages.append(
-            f"{', '.join(dict.fromkeys(names))}, column {column}: {int(alone.sum())} single "
-            f"samples are more than {_FAR:g} standard deviations from the simulation and from "
-            f"their neighbours, the farthest {farthest:.3g} {unit}: spikes of the sensor, its "
-            f"cable or its converter; the noise is {scale:.3g} {unit} without and {whole:.3g} "
-            f"{unit} with them, and intervals may be too narrow; mend the sensor or remove these "
-            "samples"
+            f"{', '.join(dict.fromkeys(names))}, column {column}: {int(alone.sum())} isolated "
+            f"outliers: the residual exceeds {_FAR:g} standard deviations of the noise (largest "
+            f"{farthest:.3g} {unit}), the residuals of the neighbouring samples are less than half "
+            f"as large; the noise is {scale:.3g} {unit} without and {whole:.3g} {unit} with these "
+            "samples, so intervals may be too narrow; check sensor, cable and converter, or remove "
+            "these samples"
         )
     return messages
 

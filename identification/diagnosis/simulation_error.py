@@ -89,6 +89,8 @@ def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Erro
     moved = sum(float(np.var(channel)) * channel.size for channel in measured)
     samples = sum(residual.size for residual in residuals)
     if samples == 0:
-        raise ValueError("no samples to take an error of; expected at least one run with one row")
+        raise ValueError(
+            "no samples for a simulation error; expected at least one run with one row"
+        )
     ratio = np.sqrt(squares / moved) if moved > 0.0 else (np.inf if squares > 0.0 else 0.0)
     return Errors(float(np.sqrt(squares / samples)), float(ratio))

@@ -69,7 +69,7 @@ _SURELY: Final = 2.0
 """Standard errors by which the validation noise may exceed its estimate."""
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""
-UNCOMPUTED: Final = "cannot be computed: its simulation or its normal equations are not finite"
+UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
 
 
 @dataclass(frozen=True)
@@ -120,13 +120,13 @@ class Gates:
             return self.flaw
         if not self.gain > self.needed:
             return (
-                f"within chance: it gains {self.gain:.1f} in log likelihood where the best of all "
-                f"prototypes gains {self.needed:.1f} by chance"
+                f"not significant: the gain in log likelihood is {self.gain:.1f}; the best of all "
+                f"prototypes reaches {self.needed:.1f} by chance"
             )
         if not self.training > LEAST_SIZE:
             return (
-                f"too small: the error falls by {100 * self.training:.2f} %, less than "
-                f"{100 * LEAST_SIZE:.1f} %"
+                f"too small: the simulation error of the training runs changes by "
+                f"{-100 * self.training:+.2f} % (limit {-100 * LEAST_SIZE:.1f} %)"
             )
         if self.validation is None:
             return ""
@@ -135,8 +135,9 @@ class Gates:
         is_preferred = self.local or self.log_odds > _LEAST_LOG_ODDS
         if not (self.validation > least and is_preferred):
             return (
-                f"not supported by the runs left out: their error changes by "
-                f"{-100 * self.validation:.2f} % against {-100 * self.training:.2f} % on training"
+                "not confirmed by the validation runs: their simulation error changes by "
+                f"{-100 * self.validation:+.2f} %, that of the training runs by "
+                f"{-100 * self.training:+.2f} %"
             )
         return ""
 

@@ -58,7 +58,7 @@ def test_dry_friction_of_a_hundredth_of_the_stall_torque_is_detected() -> None:
     found = [detected(rubbed(seed, 0.028)) for seed in range(4)]
 
     assert all(d.missing for d in found)
-    assert all(d.sentence.startswith("Something is missing") for d in found)
+    assert all(d.sentence.startswith("The model does not explain") for d in found)
 
 
 def test_a_noise_that_is_half_of_the_true_one_shows_in_every_channel() -> None:
@@ -70,7 +70,7 @@ def test_a_noise_that_is_half_of_the_true_one_shows_in_every_channel() -> None:
     for check in found.checks:
         assert check.noise_ratio == pytest.approx(2.0, rel=0.05)
         assert not check.passed
-        assert "times the noise" in check.reason
+        assert "times the sensor noise" in check.reason
 
 
 def test_a_model_that_changed_after_training_fails_on_validation_alone() -> None:
@@ -107,4 +107,4 @@ def test_a_channel_that_was_not_measured_passes() -> None:
     found = detected(runs)
 
     assert found.checks[1].passed
-    assert found.checks[1].reason == "it was not measured"
+    assert found.checks[1].reason == "not measured"

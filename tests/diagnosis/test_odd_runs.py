@@ -36,7 +36,7 @@ def test_a_run_that_is_far_off_is_told_once() -> None:
     found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
 
     (sentence,) = found
-    assert sentence.startswith("run1.csv: does not fit the other runs")
+    assert sentence.startswith("run1.csv: outlying run")
     assert "current" in sentence
     assert "speed" in sentence
 

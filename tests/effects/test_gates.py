@@ -45,7 +45,7 @@ def test_runs_left_out_that_hardly_prefer_it_refuse_an_effect(log_odds: float) -
     """Nothing is to be gained there, since training runs are the louder ones; e^3 to 1 is asked."""
     idle = replace(REAL, validation=0.0006, possible=-0.15, log_odds=log_odds)
 
-    assert "not supported by the runs left out" in idle.refusal
+    assert "not confirmed by the validation runs" in idle.refusal
     assert replace(idle, log_odds=3.1).passed
 
 

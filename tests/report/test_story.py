@@ -114,7 +114,11 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
 
 @pytest.mark.parametrize(
     ("gates", "chosen", "words"),
-    [(PASSED, True, "explains most"), (CHANCE, False, "within chance"), (None, False, "screening")],
+    [
+        (PASSED, True, "explains most"),
+        (CHANCE, False, "not significant"),
+        (None, False, "screening"),
+    ],
 )
 def test_every_candidate_has_a_reason(gates: Gates | None, chosen: bool, words: str) -> None:
     """Taken, refused by a gate, or not worth a fit."""
