@@ -73,9 +73,9 @@ class CoggingTorque(AbstractTorque):
     @property
     def variant(self) -> str:
         """Source of the angle and, if not two, the number of harmonics."""
-        zero = "one angle" if self.logged else "an angle of each run"
+        zero = "common phase of all runs" if self.logged else "separate phase in each run"
         if self.angle == "simulated":
-            zero = "the simulated angle of each run"
+            zero = "simulated angle, separate phase in each run"
         return zero if self.harmonics == _USUAL else f"{zero}, {self.harmonics} harmonics"
 
     @property
@@ -101,16 +101,19 @@ class CoggingTorque(AbstractTorque):
     @property
     def _amplitudes(self) -> dict[str, str]:
         """Names and meanings of the amplitudes."""
-        named = {"sine": "sine of the order", "cosine": "cosine of the order"}
+        named = {
+            "sine": "amplitude of the sine at the order",
+            "cosine": "amplitude of the cosine at the order",
+        }
         for h in range(2, self.harmonics + 1):
-            named[f"sine_{h}"] = f"sine of {h} times the order"
-            named[f"cosine_{h}"] = f"cosine of {h} times the order"
+            named[f"sine_{h}"] = f"amplitude of the sine at {h} times the order"
+            named[f"cosine_{h}"] = f"amplitude of the cosine at {h} times the order"
         return named
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The order and, if the angle is logged, the amplitudes."""
-        order = shape("order", "-", "periods a revolution", 0.5, 2.0 * HIGHEST_ORDER)
+        order = shape("order", "-", "number of periods per revolution", 0.5, 2.0 * HIGHEST_ORDER)
         amplitudes = tuple(
             amplitude(name, "N m", meaning, self.torque_size, signed=True)
             for name, meaning in self._amplitudes.items()

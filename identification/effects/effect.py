@@ -195,7 +195,7 @@ def asymmetry() -> Parameter:
     return Parameter(
         "asymmetry",
         "-",
-        "half the difference between the directions over their mean",
+        "(forward - reverse) / (forward + reverse)",
         scale=0.1,
         lower=-0.6,
         upper=0.6,

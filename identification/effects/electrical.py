@@ -33,7 +33,7 @@ class BrushDrop(AbstractVoltage):
 
         v = -V_b (s + a |s|),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
 
-    s has the sign of i, and |s| rises from 0 to 1.  `i_b` is the current at the knee: if it is far
+    s has the sign of i, and |s| rises from 0 to 1.  `i_b` is the current of the knee: if it is far
     below the motor's current, the drop is a step; if it is comparable, the drop is that of a
     contact whose resistance falls with current.  `p` sets the sharpness of the knee, and `o` (the
     openness) how slowly the drop saturates beyond it.  For i > 0, s is i / (i + i_b) with p = 1 and
@@ -58,22 +58,24 @@ class BrushDrop(AbstractVoltage):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Voltage, current at the knee, sharpness, openness and asymmetry."""
+        """Voltage, current of the knee, sharpness, openness and asymmetry."""
         return (
-            amplitude("voltage", "V", "voltage lost at both brushes", self.voltage_size),
+            amplitude(
+                "voltage", "V", "voltage drop of both brushes at high current", self.voltage_size
+            ),
             shape(
                 "knee",
                 "A",
-                "current at the knee",
+                "current of the knee",
                 3e-3 * self.current_size,
                 1.5 * self.current_size,
             ),
-            shape("sharpness", "-", "sharpness of the knee", 0.6, 8.0),
+            shape("sharpness", "-", "sharpness of the knee, p in the formula", 0.6, 8.0),
             # Searched as it is, not inverse or logarithm: its posterior is then nearly normal.
             Parameter(
                 "openness",
                 "-",
-                "how far beyond the knee the drop is still open",
+                "slowness of the saturation beyond the knee, o in the formula",
                 lower=0.04,
                 upper=2.5,
                 prior_mean=1.0,
@@ -145,7 +147,7 @@ class _Saturation(AbstractCoefficient):
                 upper=self.most,
                 prior_sd=self.width,
             ),
-            shape("exponent", "-", "power of the current", 0.8, 6.0),
+            shape("exponent", "-", "exponent of the current", 0.8, 6.0),
             self.lasting,
         )
 
@@ -179,7 +181,7 @@ class FluxSaturation(_Saturation):
     lasting: ClassVar[Parameter] = Parameter(
         "lasting",
         "-",
-        "share of Kt that stays at any current",
+        "fraction of Kt that does not saturate",
         scale=0.3,
         lower=0.0,
         upper=0.98,
@@ -212,7 +214,7 @@ class InductanceSaturation(_Saturation):
     lasting: ClassVar[Parameter] = Parameter(
         "leakage",
         "-",
-        "share of L that leakage keeps at any current",
+        "fraction of L that does not saturate (leakage flux)",
         scale=0.1,
         lower=0.0,
         upper=0.9,

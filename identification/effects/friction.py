@@ -62,7 +62,9 @@ class CoulombFriction(AbstractTorque):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque and asymmetry."""
         return (
-            amplitude("torque", "N m", "dry friction torque", self.torque_size),
+            amplitude(
+                "torque", "N m", "mean Coulomb friction torque of both directions", self.torque_size
+            ),
             asymmetry(),
         )
 
@@ -110,15 +112,17 @@ class StribeckFriction(AbstractTorque):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque, speed and exponent."""
         return (
-            amplitude("torque", "N m", "extra friction at standstill", self.torque_size),
+            amplitude(
+                "torque", "N m", "additional friction torque at standstill", self.torque_size
+            ),
             shape(
                 "speed",
                 "rad/s",
-                "speed at which it has fallen to 1/e",
+                "speed at which the additional friction has fallen to 1/e",
                 5.0 * self.width,
                 1.0 * self.speed_size,
             ),
-            shape("exponent", "-", "steepness of the fall", 0.5, 3.0),
+            shape("exponent", "-", "exponent of the speed", 0.5, 3.0),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -164,8 +168,10 @@ class QuadraticDrag(AbstractTorque):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque at the reference speed, exponent and asymmetry."""
         return (
-            amplitude("torque", "N m", f"drag at {self.reference:.4g} rad/s", self.torque_size),
-            shape("exponent", "-", "power of the speed", 1.5, 2.5),
+            amplitude(
+                "torque", "N m", f"drag torque at {self.reference:.4g} rad/s", self.torque_size
+            ),
+            shape("exponent", "-", "exponent of the speed", 1.5, 2.5),
             asymmetry(),
         )
 
@@ -206,7 +212,7 @@ class ViscousTemperature(AbstractCoefficient):
         Parameter(
             "rate",
             "1/K",
-            "relative fall of the friction per kelvin",
+            "relative decrease of b per kelvin at 25 degC",
             scale=5e-3,
             lower=-0.05,
             upper=0.1,
@@ -215,7 +221,7 @@ class ViscousTemperature(AbstractCoefficient):
         Parameter(
             "form",
             "-",
-            "form of the law: straight (1), exponential (0), or slower in the heat",
+            "form of the law: 1 linear, 0 exponential, negative flatter at high temperature",
             scale=1.0,
             lower=-2.0,
             upper=1.0,

@@ -31,7 +31,7 @@ _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
 _BEHIND: Final = "the winding lags the log"
 _AHEAD: Final = "the log lags the winding"
 _BOTH_AHEAD: Final = "the log lags winding and magnet"
-_IN_STEPS: Final = ", which its steps tell only roughly"
+_IN_STEPS: Final = ", log in coarse steps"
 
 
 def _moves(survey: Survey) -> bool:
@@ -64,7 +64,7 @@ class _Lag(AbstractTemperature):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Time constant."""
-        return (self._time_constant("time constant of the lag"),)
+        return (self._time_constant("time constant of the magnet temperature"),)
 
     def _time_constant(self, meaning: str) -> Parameter:
         return shape("time_constant", "s", meaning, self.fastest, self.slowest)
@@ -153,7 +153,7 @@ class WindingLag(_Lag):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Time constant of the lag."""
-        return (self._time_constant(f"time constant with which {self.direction}"),)
+        return (self._time_constant(f"time constant of the lag ({self.direction})"),)
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values

@@ -67,7 +67,7 @@ class LoadTorque(AbstractTorque):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The torque."""
-        return (amplitude("torque", "N m", "constant load", self.torque_size, signed=True),)
+        return (amplitude("torque", "N m", "constant load torque", self.torque_size, signed=True),)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""
@@ -128,11 +128,11 @@ class LoadStep(AbstractTorque):
             "prior_mean": self.duration / 2,
             "prior_sd": 50.0,
         }
-        meaning = f"load in {_run_name(self.run, self.others)}"
+        meaning = f"load torque in {_run_name(self.run, self.others)}"
         return (
             amplitude("torque", "N m", meaning, self.torque_size, signed=True),
-            Parameter("start", "s", "time at which it comes", **time),  # type: ignore[arg-type]
-            Parameter("stop", "s", "time at which it goes", **time),  # type: ignore[arg-type]
+            Parameter("start", "s", "time at which the load begins", **time),  # type: ignore[arg-type]
+            Parameter("stop", "s", "time at which the load ends", **time),  # type: ignore[arg-type]
         )
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -143,7 +143,10 @@ class LoadStep(AbstractTorque):
         lasts = values["stop"] - values["start"]
         if lasts > _SHORTEST * self.edge:
             return ""
-        return f"a load of {lasts:.3g} s is shorter than ten samples, and no load"
+        return (
+            f"implausible: the load lasts {1e3 * lasts:.3g} ms, expected more than ten samples "
+            f"({1e3 * _SHORTEST * self.edge:.3g} ms)"
+        )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""
@@ -261,15 +264,19 @@ class ShaftCompliance(AbstractSecondInertia):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Share of the inertia behind the shaft, resonance, damping and hardening."""
         return (
-            share_of_inertia("share of the inertia that sits behind the shaft"),
+            share_of_inertia("fraction of the inertia J behind the elastic shaft"),
             shape(
-                "resonance", "rad/s", "resonance of the second inertia", self.slowest, self.fastest
+                "resonance",
+                "rad/s",
+                "natural frequency of the second inertia, rotor held",
+                self.slowest,
+                self.fastest,
             ),
-            shape("damping", "-", "damping ratio", 0.002, 2.0),
+            shape("damping", "-", "damping ratio of the second inertia, rotor held", 0.002, 2.0),
             Parameter(
                 "hardening",
                 "-",
-                f"relative rise of the stiffness at {self.torque_size:.4g} N m",
+                f"relative increase of the stiffness at {self.torque_size:.4g} N m",
                 scale=0.1,
                 lower=-0.2,
                 upper=50.0,

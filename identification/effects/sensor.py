@@ -69,8 +69,10 @@ class _Filter(AbstractSensor):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Time constant tau and, for second order, the coefficient q."""
-        time = shape("time_constant", "s", "time constant", self.fastest, self.slowest)
-        second = shape("second", "-", "coefficient q of the second order", 0.05, 2.0)
+        time = shape(
+            "time_constant", "s", "time constant of the filter", self.fastest, self.slowest
+        )
+        second = shape("second", "-", "coefficient q of the second-order term", 0.05, 2.0)
         return (time, second) if self.order == 2 else (time,)
 
     @property
@@ -228,7 +230,7 @@ class ChannelDelay(AbstractDelay):
             Parameter(
                 "delay",
                 "s",
-                f"lag of the {self.channel} channel",
+                f"delay of the {self.channel} channel",
                 scale=self.interval,
                 lower=0.0,
                 upper=(self.depth - 0.01) * self.interval,

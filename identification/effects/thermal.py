@@ -72,7 +72,7 @@ class SelfHeating(AbstractTemperature):
     @property
     def variant(self) -> str:
         """Additions to the basic law."""
-        more = ["loss of iron"] * self.is_iron + ["two bodies"] * (self.bodies > 1)
+        more = ["iron loss"] * self.is_iron + ["two thermal bodies"] * (self.bodies > 1)
         return ", ".join(more)
 
     @property
@@ -99,17 +99,31 @@ class SelfHeating(AbstractTemperature):
             return Parameter(name, "K/W", meaning, scale=scale, lower=lower, prior_sd=20.0)
 
         found = [
-            resistance("resistance", "rise of the winding over its loss", self.least),
-            shape("time_constant", "s", "time constant of the rise", self.fastest, self.slowest),
+            resistance(
+                "resistance",
+                "thermal resistance: steady temperature rise over the loss",
+                self.least,
+            ),
+            shape("time_constant", "s", "thermal time constant", self.fastest, self.slowest),
         ]
         if self.is_iron:
-            meaning = f"loss of the iron at {self.speed_size:.4g} rad/s"
+            meaning = f"iron loss at {self.speed_size:.4g} rad/s"
             found.append(
                 Parameter("iron", "W", meaning, scale=self.power_size, lower=0.0, prior_sd=5.0)
             )
         if self.bodies > 1:
-            found.append(resistance("resistance_2", "rise of the winding over the second body"))
-            found.append(shape("quickness", "-", "its time constant over the other", 5e-3, 0.5))
+            found.append(
+                resistance("resistance_2", "thermal resistance between winding and second body")
+            )
+            found.append(
+                shape(
+                    "quickness",
+                    "-",
+                    "ratio of the fast to the slow thermal time constant",
+                    5e-3,
+                    0.5,
+                )
+            )
         return tuple(found)
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -119,7 +133,10 @@ class SelfHeating(AbstractTemperature):
         quick = values["quickness"] * values["time_constant"]
         if quick >= self.fastest:
             return ""
-        return f"a body that is warm within {quick:.3g} s is a voltage with the current, no heat"
+        return (
+            f"implausible: thermal time constant {1e3 * quick:.3g} ms, expected at least "
+            f"{1e3 * self.fastest:.3g} ms; the term acts as a current-dependent voltage"
+        )
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
@@ -221,19 +238,19 @@ class Demagnetization(AbstractCoefficient):
         span = self.hottest - self.coldest
         return (
             Parameter(
-                "loss", "-", "share of Kt lost", scale=0.05, lower=-0.5, upper=0.9, prior_sd=5.0
+                "loss", "-", "lost fraction of Kt", scale=0.05, lower=-0.5, upper=0.9, prior_sd=5.0
             ),
             Parameter(
                 "temperature",
                 "degC",
-                "temperature that has to be passed",
+                "threshold temperature of the loss",
                 scale=span / 20,
                 lower=self.coldest,
                 upper=self.hottest,
                 prior_mean=0.5 * (self.coldest + self.hottest),
                 prior_sd=20.0,
             ),
-            shape("width", "K", "range over which the loss grows", 0.3, 1.5 * span),
+            shape("width", "K", "temperature range over which the loss grows", 0.3, 1.5 * span),
         )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:

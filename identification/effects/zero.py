@@ -24,8 +24,8 @@ __all__ = ["CurrentOffset", "SpeedOffset", "VoltageOffset"]
 Array = NDArray[np.float64]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
-_DRIFTING: Final = "from run to run"
-_EACH_RUN: Final = "of each run"
+_DRIFTING: Final = "drift from run to run"
+_EACH_RUN: Final = "separate value for each run"
 _FEWEST_RUNS: Final = 3
 
 
@@ -36,7 +36,7 @@ def _forms(survey: Survey) -> tuple[bool, ...]:
 
 def _zero_error(unit: str, size: float, drifts: bool) -> tuple[Parameter, ...]:
     offset = amplitude("offset", unit, "zero error", size, signed=True)
-    drift = amplitude("drift", unit, "what it gains from run to run", 0.1 * size, signed=True)
+    drift = amplitude("drift", unit, "change of the zero error per run", 0.1 * size, signed=True)
     return (offset, drift) if drifts else (offset,)
 
 

@@ -54,7 +54,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
     @property
     def variant(self) -> str:
         """The law in words."""
-        return "angle of each run carried by direction in the mechanical equation"
+        return "Coulomb friction periodic in the shaft angle"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

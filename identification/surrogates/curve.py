@@ -89,8 +89,10 @@ class _Curve(AbstractForced):
     @property
     def variant(self) -> str:
         """The signals and the equation."""
-        form = " carried by ".join(filter(None, (self.along, self.carrier)))
-        return f"{form} in the {self.equation} equation"
+        along = self.along.replace("size of", "magnitude of the")
+        factor = f", times {self.carrier}" if self.carrier else ""
+        factor = factor.replace("direction", "sign of speed")
+        return f"curve over {along}{factor}, in the {self.equation} equation"
 
     @property
     def is_local(self) -> bool:
@@ -120,14 +122,18 @@ class _Curve(AbstractForced):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Spline coefficients, and the linear parts that are free."""
         heights = [
-            amplitude(f"height_{k}", self.unit, f"height {k} of the curve", self.size, signed=True)
+            amplitude(f"height_{k}", self.unit, f"spline coefficient {k}", self.size, signed=True)
             for k in range(1, HEIGHTS + 1)
         ]
         return (
             *heights,
             *(
                 Parameter(
-                    f"linear_{name}", self.unit, f"part linear in {name}", scale=width, prior_sd=1.0
+                    f"linear_{name}",
+                    self.unit,
+                    f"coefficient of the part linear in {name}",
+                    scale=width,
+                    prior_sd=1.0,
                 )
                 for name, width in self._free()
             ),

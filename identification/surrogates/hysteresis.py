@@ -50,14 +50,20 @@ class LaggingFriction(AbstractTorque):
     @property
     def variant(self) -> str:
         """The law in words."""
-        return "direction with a lag in the mechanical equation"
+        return "Dahl friction"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Torque and distance."""
         return (
-            amplitude("torque", "N m", "friction while sliding", self.torque_size),
-            shape("distance", "rad", "distance of a reversal", self.nearest, self.farthest),
+            amplitude("torque", "N m", "friction torque in sliding", self.torque_size),
+            shape(
+                "distance",
+                "rad",
+                "presliding distance d in the formula",
+                self.nearest,
+                self.farthest,
+            ),
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:

@@ -42,7 +42,7 @@ class LoosePart(AbstractSecondInertia):
     restricts the damping to contact.
 
     Args:
-        slowest: Lowest resonance in contact [rad/s].
+        slowest: Lowest natural frequency in contact [rad/s].
         fastest: Highest resonance that the sampling resolves [rad/s].
         narrowest: Smallest play that is distinguishable from none [rad].
         widest: Largest play that is crossed within a record [rad].
@@ -60,15 +60,15 @@ class LoosePart(AbstractSecondInertia):
     @property
     def variant(self) -> str:
         """The law in words."""
-        return "reversals of the torque in the mechanical equation"
+        return "backlash"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Share of the inertia, play, and resonance and damping in contact."""
         return (
-            share_of_inertia("share of the inertia that is loose"),
-            shape("play", "rad", "angle that it can turn freely", self.narrowest, self.widest),
-            shape("resonance", "rad/s", "resonance in contact", self.slowest, self.fastest),
+            share_of_inertia("fraction of the inertia J behind the backlash"),
+            shape("play", "rad", "width of the backlash", self.narrowest, self.widest),
+            shape("resonance", "rad/s", "natural frequency in contact", self.slowest, self.fastest),
             shape("damping", "-", "damping ratio in contact", 0.02, 3.0),
         )
 

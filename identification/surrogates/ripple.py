@@ -59,8 +59,8 @@ class _Ripple(AbstractForced):
 
     @property
     def variant(self) -> str:
-        """The equation that the ripple enters."""
-        return f"ripple in the {self.equation} equation"
+        """The law in words, with the equation."""
+        return f"periodic in time, in the {self.equation} equation"
 
     def _names(self) -> list[str]:
         return [
@@ -74,7 +74,7 @@ class _Ripple(AbstractForced):
             Parameter(
                 "frequency",
                 "Hz",
-                "frequency at the beginning of a run",
+                "frequency at the start of a run",
                 scale=0.1 / self.duration,
                 lower=self.lowest,
                 upper=self.highest,
@@ -84,7 +84,7 @@ class _Ripple(AbstractForced):
             Parameter(
                 "drift",
                 "Hz",
-                "change of the frequency over the longest run",
+                "change of the frequency over the duration of the longest run",
                 scale=0.1 / self.duration,
                 lower=-self.highest,
                 upper=self.highest,

@@ -42,12 +42,12 @@ class SupplySag(AbstractVoltage):
     @property
     def variant(self) -> str:
         """The law in words."""
-        return "supply that sags behind a commanded voltage"
+        return "voltage sag of the supply of a chopper"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The resistance R_s at v_0."""
-        meaning = f"resistance of the supply at {self.voltage_size:.3g} V"
+        meaning = f"equivalent resistance of the supply at {self.voltage_size:.3g} V"
         return (amplitude("resistance", "ohm", meaning, self.resistance_size),)
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:

@@ -110,7 +110,7 @@ def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
 
     assert result["noise"]["current_A"] == pytest.approx(noise, rel=0.2)
     (found,) = result["effects"]
-    assert (found["name"], found["variant"]) == ("current_offset", "of each run")
+    assert (found["name"], found["variant"]) == ("current_offset", "separate value for each run")
     assert found["settings"]["size"] == pytest.approx(5 * noise, rel=0.1)
     after = result["errors"]["after"]
     for role in ("training", "validation"):

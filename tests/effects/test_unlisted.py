@@ -220,5 +220,5 @@ def test_a_friction_that_runs_in_anew_is_traced_to_the_time_in_the_run() -> None
     outcome = search(fit_declared(found.training, "zoh"), found)
 
     (term,) = [t for t in outcome.fit.simulator.model.terms if t.name == "unlisted"]
-    assert term.variant.startswith("time in the run carried by direction")
+    assert term.variant.startswith("curve over time in the run, times sign of speed")
     assert term.drivers == ("time", "speed")

@@ -42,7 +42,7 @@ def test_zeros_that_differ_by_no_rule_are_offsets_of_each_run(shares: tuple[floa
     assert [effect.name for effect in outcome.effects] == ["current_offset"]
     (term,) = outcome.fit.simulator.model.terms
     assert isinstance(term, CurrentOffset)
-    assert term.variant == "of each run"
+    assert term.variant == "separate value for each run"
     zeros = np.array([state[2] for state in outcome.fit.states])
     size = zeros[0] / shares[0]
     assert zeros == pytest.approx(size * np.array(shares[:3]), rel=0.05)
