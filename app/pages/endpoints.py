@@ -68,7 +68,7 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
         try:
             files[run_id] = services.runs.get(caller, run_id).file
         except NotFound:
-            files[run_id] = "a run that was deleted"
+            files[run_id] = "deleted run"
     return _page(
         "fit",
         caller=caller,

@@ -68,7 +68,7 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
         "begun": _when(batch.created_at),
         "percent": f"{100 * batch.progress.fraction:.0f} %",
         "has_ended": batch.status not in ("queued", "running"),
-        "told": ", ".join(counts),
+        "counts_text": ", ".join(counts),
     }
 
 

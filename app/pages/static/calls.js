@@ -1,8 +1,8 @@
-// The calls that the pages make, and how their refusals read.
+// HTTP calls of the pages, with readable error messages.
 
 const PREFIX = "/api/v1";
 
-/** Calls the service; gives the content of the answer, or throws an error with a readable message. */
+/** Calls the service; returns the content of the response or throws a readable error. */
 export async function call(method, path, body) {
   const options = { method, headers: {} };
   if (body instanceof FormData) {
@@ -15,20 +15,20 @@ export async function call(method, path, body) {
   try {
     answer = await fetch(PREFIX + path, options);
   } catch {
-    throw new Error("The service does not answer. Is it running?");
+    throw new Error("The service does not respond; check that motorid serve is running.");
   }
   if (answer.status === 401) {
     location.assign("/login");
-    throw new Error("The session has ended; sign in again.");
+    throw new Error("The session has expired; sign in again.");
   }
   const content = answer.status === 204 ? null : await answer.json();
   if (!answer.ok) {
-    throw new Error(content.detail || `The service answered ${answer.status}.`);
+    throw new Error(content.detail || `The service responded with HTTP status ${answer.status}.`);
   }
   return { content, isNew: answer.status === 201 };
 }
 
-/** Shows status and progress of a fit in the elements of `place` that are marked for them. */
+/** Shows status and progress of a fit in the elements of `place` with the attribute `data-part`. */
 export function showProgress(place, fit) {
   const status = document.createElement("span");
   status.className = `state ${fit.status}`;
@@ -46,24 +46,24 @@ export function showProgress(place, fit) {
 
 /** Shows status, progress and the number of fits in each state of a batch. */
 export function showBatch(place, batch) {
-  const told = Object.entries(batch.counts).map(([state, number]) => `${number} ${state}`).join(", ");
+  const counts = Object.entries(batch.counts).map(([state, number]) => `${number} ${state}`).join(", ");
   showProgress(place, {
     status: batch.status,
-    progress: { fraction: batch.progress.fraction, stage: told },
+    progress: { fraction: batch.progress.fraction, stage: counts },
   });
 }
 
-/** Whether a fit or a batch has come to its end. */
+/** Whether a fit or a batch has ended. */
 export function hasEnded(status) {
   return ["succeeded", "failed", "cancelled", "partial"].includes(status);
 }
 
-/** Has each button marked with `data-end` cancel or remove its fit, then go on to `next`; and each
- *  marked with `data-end-batch` its batch. */
+/** Lets each button with `data-end` cancel or remove its fit, each with `data-end-batch` its batch.
+ *  After a removal the page `next` is opened. */
 export function wireEnds(next) {
   const kinds = [
-    ["[data-end]", (button) => `/fits/${button.dataset.end}`, "this fit with its report and posterior"],
-    ["[data-end-batch]", (button) => `/batches/${button.dataset.endBatch}`, "this batch with all its fits"],
+    ["[data-end]", (button) => `/fits/${button.dataset.end}`, "this fit, its report and its posterior"],
+    ["[data-end-batch]", (button) => `/batches/${button.dataset.endBatch}`, "this batch and all its fits"],
   ];
   for (const [marked, path, words] of kinds) {
     for (const button of document.querySelectorAll(marked)) {

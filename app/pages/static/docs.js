@@ -1,4 +1,4 @@
-// Shows the description of the interface; everything comes from this service.
+// Interactive OpenAPI description; all files come from this service.
 "use strict";
 
 const place = document.getElementById("interface");

@@ -1,4 +1,4 @@
-// The page of one fit: listens to its events until it ends, then shows the result.
+// Page of one fit: follows its server-sent events until the fit ends, then shows the result.
 
 import { hasEnded, showProgress, wireEnds } from "/static/calls.js";
 

@@ -1,4 +1,4 @@
-// The first page: uploads runs, chooses which to fit, starts fits and watches them.
+// Start page: uploads runs, selects runs for a fit, starts fits and shows their progress.
 
 import { call, hasEnded, showBatch, showProgress, wireEnds } from "/static/calls.js";
 import { knownWords, list } from "/static/words.js";
@@ -11,7 +11,7 @@ const files = document.getElementById("files");
 const received = document.getElementById("received");
 const fit = document.getElementById("fit");
 
-function told(kind, name, text) {
+function notice(kind, name, text) {
   const line = document.createElement("li");
   line.className = kind;
   const file = document.createElement("strong");
@@ -21,7 +21,7 @@ function told(kind, name, text) {
 }
 
 async function send(file) {
-  const line = told("busy", file.name, "is being read …");
+  const line = notice("busy", file.name, "uploading and checking …");
   received.append(line);
   const form = new FormData();
   for (const name of ["motor", "mapping"]) {
@@ -31,12 +31,12 @@ async function send(file) {
   form.append("file", file);
   try {
     const { content, isNew } = await call("POST", "/runs", form);
-    const text = isNew ? `stored, ${content.rows} samples` : "was stored before";
-    line.replaceWith(told("good", file.name, text));
+    const text = isNew ? `stored, ${content.rows} samples` : "already stored, not added again";
+    line.replaceWith(notice("good", file.name, text));
     return isNew;
   } catch (error) {
     const place = error.message.startsWith(file.name) ? "" : file.name;
-    line.replaceWith(told("bad", place, error.message));
+    line.replaceWith(notice("bad", place, error.message));
     return false;
   }
 }
@@ -44,7 +44,7 @@ async function send(file) {
 async function sendAll(list) {
   received.replaceChildren();
   let stored = 0;
-  // One after the other, in the order of their names: the order of the list is the order of recording.
+  // Sequential, sorted by name, because the order of upload counts as the order of recording.
   for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
     if (await send(file)) stored += 1;
   }
@@ -53,10 +53,10 @@ async function sendAll(list) {
   if (stored && isAllWell) {
     location.reload();
   } else if (stored) {
-    const line = told("busy", "", "");
+    const line = notice("busy", "", "");
     const link = document.createElement("a");
     link.href = "/";
-    link.textContent = "Show the runs that were stored";
+    link.textContent = "Show the stored runs";
     line.replaceChildren(link);
     received.append(line);
   }
@@ -78,7 +78,7 @@ drop.addEventListener("drop", (event) => {
 });
 
 function chosen(role) {
-  // The newest run stands first; runs are fitted in the order in which they came.
+  // The table starts with the newest run; a fit takes the runs in the order of upload.
   const rows = [...document.querySelectorAll("#runs tr")].reverse();
   return rows.filter((row) => row.querySelector("select").value === role);
 }
@@ -88,9 +88,9 @@ function showChoice() {
   const validation = chosen("validation");
   fit.querySelector("button[type=submit]").disabled = training.length === 0;
   const motors = new Set([...training, ...validation].map((row) => row.dataset.motor));
-  let text = `${training.length} for training, ${validation.length} for validation.`;
-  if (training.length === 0) text = "Choose at least one run for training.";
-  else if (motors.size > 1) text += " These runs are of different motors.";
+  let text = `Training runs: ${training.length}, validation runs: ${validation.length}.`;
+  if (training.length === 0) text = "Select at least one training run.";
+  else if (motors.size > 1) text += " Warning: these runs belong to different motors.";
   document.getElementById("chosen").textContent = text;
 }
 
@@ -153,7 +153,7 @@ if (fit) {
   });
 }
 
-/** Asks how the rows marked with `data-KIND` are doing; gives the number of those that ran. */
+/** Updates the unfinished rows with the attribute `data-KIND`; returns their number. */
 async function look(kind, path, show, mayReload) {
   const rows = [...document.querySelectorAll(`[data-${kind}]`)].filter((row) => !hasEnded(row.dataset.status));
   if (rows.length === 0) return 0;
@@ -165,14 +165,14 @@ async function look(kind, path, show, mayReload) {
     if (!now || hasEnded(now.status)) ended += 1;
     if (now) show(row, now);
   }
-  // Choices that were made meanwhile are kept until nothing runs any more.
+  // A reload would discard the selected roles, so the page reloads only if none is selected.
   if (ended && mayReload && chosen("training").length + chosen("validation").length === 0) location.reload();
   return rows.length;
 }
 
 async function watch() {
   const batches = await look("batch", "/batches?limit=50", showBatch, true);
-  // A batch ends a fit every moment; the page is loaded again when it has ended itself.
+  // The fits of a running batch end often, so the page reloads only after the batch has ended.
   const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
   if (batches + fits) setTimeout(watch, WATCH_MS);
 }
