@@ -143,7 +143,7 @@ def cross_correlation(
     if [run.size for run in runs] != [signal.size for signal in inputs]:
         raise ValueError(
             f"residuals have {[run.size for run in runs]} samples, signals "
-            f"{[signal.size for signal in inputs]}; expected the same for each run"
+            f"{[signal.size for signal in inputs]}; expected the same number in each run"
         )
     lag = _max_lag(runs, max_lag)
     lags = np.arange(-lag, lag + 1)

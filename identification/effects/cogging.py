@@ -40,8 +40,9 @@ class CoggingTorque(AbstractTorque):
         tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
 
     The order k is the number of periods per revolution.  If the angle is logged from a mark on the
-    shaft, the amplitudes belong to the motor.  If it is counted from wherever a run began, or only
-    integrated from the speed, the amplitudes are free in each record, as constant states.
+    shaft, the amplitudes are common to all runs.  If it is counted from the start of a run, or only
+    integrated from the speed, its zero is unknown: the amplitudes are then free in each record, as
+    constant states.
 
     An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
     longer records.  Once the order is known, the angle simulated by the model is more accurate.

@@ -36,10 +36,10 @@ class BrushDrop(AbstractVoltage):
     s has the sign of i, and |s| rises from 0 to 1.  `i_b` is the current of the knee: if it is far
     below the motor's current, the drop is a step; if it is comparable, the drop is that of a
     contact whose resistance falls with current.  `p` sets the sharpness of the knee, and `o` (the
-    openness) how slowly the drop saturates beyond it.  For i > 0, s is i / (i + i_b) with p = 1 and
-    o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with p = 1 and o near
-    0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the asymmetry between
-    the two directions.
+    parameter `openness`) the slowness of the saturation beyond it.  For i > 0, s is i / (i + i_b)
+    with p = 1 and o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with
+    p = 1 and o near 0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the
+    asymmetry between the two directions.
 
     Args:
         voltage_size: Voltage scale [V].
@@ -117,7 +117,7 @@ class _Saturation(AbstractCoefficient):
 
         x -> x (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))
 
-    s is the share that does not saturate.  For small currents the relative fall is
+    s is the fraction that does not saturate.  For small currents the relative fall is
     c (|i| / i_0)^n, whatever s.
 
     Args:
@@ -135,7 +135,7 @@ class _Saturation(AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Fall c at the reference current, exponent n, and share s that does not saturate."""
+        """Fall c at the reference current, exponent n, and fraction s that does not saturate."""
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
             Parameter(
@@ -166,8 +166,8 @@ class FluxSaturation(_Saturation):
 
         Kt -> Kt (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))            [N m/A]
 
-    The fall is even in the current and instantaneous, unlike demagnetisation.  The share s of Kt
-    remains once the poles that face the armature current are saturated.
+    The fall is even in the current and instantaneous, unlike demagnetisation.  The fraction s of
+    Kt remains once the poles that face the armature current are saturated.
     """
 
     name: ClassVar[str] = "flux_saturation"
@@ -202,7 +202,7 @@ class InductanceSaturation(_Saturation):
 
         L -> L (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))              [H]
 
-    The share s is that of the leakage flux, whose path is in air and does not saturate.
+    The fraction s belongs to the leakage flux, whose path is in air and does not saturate.
     """
 
     name: ClassVar[str] = "inductance_saturation"

@@ -241,10 +241,10 @@ class ShaftCompliance(AbstractSecondInertia):
         J_2 a = k g theta + c (w - w_2),   g = 1 + h (k theta / T)^2
         dtheta/dt = w - w_2,               dw_2/dt = a
 
-    Here s is the share of the inertia behind the shaft, theta the twist and w_2 the speed of the
-    second inertia.  With k = J_2 w_0^2 and c = 2 z J_2 w_0, w_0 is the resonance of the second
-    inertia with the rotor held, and z its damping ratio.  `h` is the relative rise of the stiffness
-    at the torque T.  J remains the total inertia, which slow motions show.
+    Here s is the fraction of the inertia behind the shaft, theta the twist and w_2 the speed of the
+    second inertia.  With k = J_2 w_0^2 and c = 2 z J_2 w_0, w_0 is the natural frequency of the
+    second inertia with the rotor held, and z its damping ratio.  `h` is the relative increase of
+    the stiffness at the torque T.  J remains the total inertia, which determines slow motions.
 
     Args:
         torque_size: Torque scale T [N m].

@@ -30,8 +30,8 @@ class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
         J -> J (1 - s),   J_2 = s J,   tau = -J_2 a
         dtheta/dt = w - w_2,   dw_2/dt = a(theta, w - w_2)
 
-    Here s is the share of the inertia behind the joint, theta the twist and w_2 the speed of the
-    second inertia.  J remains the total inertia, which slow motions show.
+    Here s is the fraction of the inertia behind the joint, theta the twist and w_2 the speed of the
+    second inertia.  J remains the total inertia, which determines slow motions.
     """
 
     equation: ClassVar[str] = "mechanical"
@@ -67,7 +67,7 @@ class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
 
 
 def share_of_inertia(meaning: str) -> Parameter:
-    """Parameter of the share s of the inertia behind the joint."""
+    """Parameter of the fraction s of the inertia behind the joint."""
     return shape("share", "-", meaning, 0.003, 0.99)
 
 

@@ -212,9 +212,9 @@ class Demagnetization(AbstractCoefficient):
 
         Kt -> Kt (1 - d s((T_peak - T_c) / width))                          [N m/A]
 
-    d is the lost share, T_peak the highest temperature logged so far in the campaign, T_c the
-    threshold and s a smooth step.  A narrow width is a sudden loss; with a wide one the loss grows
-    with every kelvin above T_c.
+    d is the lost fraction of Kt, T_peak the highest temperature logged so far in the campaign, T_c
+    the threshold and s a smooth step.  A narrow width is a sudden loss; with a wide one the loss
+    grows with every kelvin above T_c.
 
     Args:
         coldest: Lowest temperature logged [degC].
@@ -234,7 +234,7 @@ class Demagnetization(AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """Lost share, threshold temperature and width."""
+        """Lost fraction, threshold temperature and width."""
         span = self.hottest - self.coldest
         return (
             Parameter(

@@ -60,14 +60,14 @@ def parse_controller(text: str) -> Controller:
     kind, colon, rest = text.partition(":")
     kind = kind.strip().upper()
     if not colon or kind not in _GAINS:
-        raise _refused(text, "is not a controller")
+        raise _refused(text, "is of unknown type")
     cells = [cell.strip() for cell in rest.split(",")]
     if len(cells) != _GAINS[kind]:
         few = "1 gain" if len(cells) == 1 else f"{len(cells)} gains"
-        raise _refused(text, f"has {few} where {kind} takes {_GAINS[kind]}")
+        raise _refused(text, f"has {few}; {kind} requires {_GAINS[kind]}")
     gains = [_gain(text, cell) for cell in cells]
     if not any(gains):
-        raise _refused(text, "has no gain other than zero")
+        raise _refused(text, "has only zero gains")
     return Controller(text.strip(), *gains)
 
 
@@ -82,7 +82,7 @@ def parse_controllers(texts: Iterable[str]) -> list[Controller]:
     """
     controllers = [parse_controller(text) for text in texts]
     if not controllers:
-        raise OptionError(f"no controller is given; expected {ACCEPTED_CONTROLLERS}")
+        raise OptionError(f"no controller given; expected {ACCEPTED_CONTROLLERS}")
     return controllers
 
 
@@ -93,7 +93,10 @@ def _gain(text: str, cell: str) -> float:
         raise _refused(text, f"has the gain {_shown(cell)}, which is not a number") from None
     # Larger gains overflow the closed-loop poles, and no amplifier comes near this limit.
     if not math.isfinite(gain) or abs(gain) > 1e12:
-        raise _refused(text, f"has the gain {_shown(cell)}; a gain is finite and at most 1e12")
+        raise _refused(
+            text,
+            f"has the gain {_shown(cell)}; a gain must be finite and at most 1e12 in magnitude",
+        )
     return gain
 
 

@@ -94,7 +94,7 @@ def motor_draws(draws: Mapping[str, ArrayLike], temperatures: Sequence[float]) -
     if missing:
         raise OptionError(
             f"no value for {', '.join(missing)}; expected {', '.join(DECLARED_PARAMETERS)} "
-            f"(alpha_Ra and alpha_Kt may be left out at 25 degC alone)"
+            f"(alpha_Ra and alpha_Kt are optional if the only temperature is 25 degC)"
         )
     values = {
         name: np.atleast_1d(np.asarray(needed[name], dtype=np.float64))
@@ -109,7 +109,7 @@ def motor_draws(draws: Mapping[str, ArrayLike], temperatures: Sequence[float]) -
 def _check(name: str, value: Array, count: int) -> None:
     if value.ndim != 1 or value.size not in (1, count) or count == 0:
         raise OptionError(
-            f"{name} has the shape {value.shape}; expected one number or {count} draws", value=name
+            f"{name} has shape {value.shape}; expected one number or {count} draws", value=name
         )
     wrong = ~np.isfinite(value)
     if name in _POSITIVE:

@@ -137,7 +137,7 @@ def _entry(loop: SimulatedLoop) -> dict[str, Any]:
         "step_rad_s": loop.step,
         "effects": list(loop.effects),
         "stable_probability": share,
-        "statement": f"comes to its final value in {words}{draws} draws",
+        "statement": f"the speed settles in {words}{draws} draws",
     } | {name: quantity(values, METRIC_UNITS[name]) for name, values in columns.items()}
 
 

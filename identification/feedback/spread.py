@@ -93,11 +93,11 @@ def checked_temperatures(temperatures: Sequence[float]) -> list[float]:
     """
     asked = [float(temperature) for temperature in temperatures]
     if not asked:
-        raise OptionError("no temperature is given; expected at least one, such as 25 (degC)")
+        raise OptionError("no temperature given; expected at least one in degC, for example 25")
     for temperature in asked:
         if not -273.15 < temperature < 400.0:
             raise OptionError(
-                f"temperature is {temperature:g} degC; expected one between -273.15 and 400 degC",
+                f"temperature is {temperature:g} degC; expected -273.15 to 400 degC",
                 value=temperature,
             )
     return asked
@@ -169,4 +169,4 @@ def _statement(stable: float, count: int) -> str:
     unstable = f"unstable in {100 * (1 - stable):.3g} % of {count} draws"
     if stable < _LEAST_DEFINED:
         return f"{unstable}; {consequence}"
-    return f"{unstable}; times, peak and bandwidth are those of the stable draws"
+    return f"{unstable}; times, peak and bandwidth refer to the stable draws"

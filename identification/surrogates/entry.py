@@ -18,14 +18,14 @@ from identification.surrogates.unlisted import unlisted_form, unlisted_term
 
 __all__ = ["term_of"]
 
-_REMEDY: Final = "take the result.json as 'motorid fit' wrote it, or fit again"
+_REMEDY: Final = "use the unchanged result.json of 'motorid fit', or repeat the fit"
 _KINDS: Final[dict[str, tuple[tuple[type, ...], str]]] = {
     "float": ((Real, type(None)), "a number"),
-    "int": ((Integral, type(None)), "a whole number"),
+    "int": ((Integral, type(None)), "an integer"),
     "bool": ((bool,), "true or false"),
     "tuple": ((list, tuple), "a list"),
-    "str": ((str,), "a word"),
-    "Literal": ((str,), "a word"),
+    "str": ((str,), "a text"),
+    "Literal": ((str,), "a text"),
 }
 """JSON types of a field and their name in messages, by the first word of the annotation."""
 
@@ -44,13 +44,15 @@ def term_of(entry: object) -> AbstractTerm:
         raise InputError(f"an effect of the result has no name; {_REMEDY}", value=entry)
     name, settings = entry["name"], entry.get("settings", {})
     if not isinstance(settings, Mapping):
-        raise InputError(f"the settings of the effect {name} are no object; {_REMEDY}", value=name)
+        raise InputError(
+            f"the settings of the effect {name} are not an object; {_REMEDY}", value=name
+        )
     if name == "unlisted":
         form = unlisted_form(entry.get("equation"), settings)
         if form is None:
             raise InputError(
-                f"the effect unlisted has the settings {', '.join(map(str, settings)) or 'none'}, "
-                f"which belong to no form of it; {_REMEDY}",
+                "the effect unlisted has no law with the settings "
+                f"{', '.join(map(str, settings)) or 'none'}; {_REMEDY}",
                 value=name,
             )
         _check_settings(name, form, settings)

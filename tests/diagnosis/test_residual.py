@@ -179,5 +179,5 @@ def test_what_is_no_series_of_numbers_is_refused(residual: Array) -> None:
 
 def test_signals_that_do_not_belong_to_the_runs_are_refused() -> None:
     """A voltage of another length belongs to another run."""
-    with pytest.raises(ValueError, match="expected the same for each run"):
+    with pytest.raises(ValueError, match="expected the same number in each run"):
         cross_correlation([np.ones(10)], [np.ones(9)])

@@ -26,23 +26,23 @@ def test_controller_is_read_with_its_gains(text: str, expected: Controller) -> N
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "controller '' is not a controller"),
-        ("P", "is not a controller"),
-        ("PD:1,2", "'PD:1,2' is not a controller"),
-        ("1", "is not a controller"),
+        ("", "controller '' is of unknown type"),
+        ("P", "is of unknown type"),
+        ("PD:1,2", "'PD:1,2' is of unknown type"),
+        ("1", "is of unknown type"),
         ("P:", "the gain '', which is not a number"),
-        ("P:1,2", "has 2 gains where P takes 1"),
-        ("PI:1", "has 1 gain where PI takes 2"),
-        ("PID:1,2", "has 2 gains where PID takes 3"),
+        ("P:1,2", "has 2 gains; P requires 1"),
+        ("PI:1", "has 1 gain; PI requires 2"),
+        ("PID:1,2", "has 2 gains; PID requires 3"),
         ("PI:1,x", "the gain 'x', which is not a number"),
         ("P:1_0", "the gain '1_0', which is not a number"),
         ("P:\u0661", "the gain '\u0661', which is not a number"),
         ("PI:1,\uff12", "the gain '\uff12', which is not a number"),
-        ("P:nan", "the gain 'nan'; a gain is finite"),
-        ("P:inf", "the gain 'inf'; a gain is finite"),
-        ("P:1e13", "the gain '1e13'; a gain is finite and at most 1e12"),
-        ("PID:0,0,0", "has no gain other than zero"),
-        ("Q" * 5000, r"QQQ\.\.\.' is not a controller"),
+        ("P:nan", "the gain 'nan'; a gain must be finite"),
+        ("P:inf", "the gain 'inf'; a gain must be finite"),
+        ("P:1e13", "the gain '1e13'; a gain must be finite and at most 1e12"),
+        ("PID:0,0,0", "has only zero gains"),
+        ("Q" * 5000, r"QQQ\.\.\.' is of unknown type"),
         ("P\n:1;rm", r"'P\\n:1;rm' has the gain"),
     ],
 )
@@ -58,5 +58,5 @@ def test_controller_that_is_none_is_refused_with_what_is_accepted(text: str, mes
 
 def test_no_controller_at_all_is_refused() -> None:
     """An empty list has nothing to report on."""
-    with pytest.raises(OptionError, match="no controller is given"):
+    with pytest.raises(OptionError, match="no controller given"):
         parse_controllers([])

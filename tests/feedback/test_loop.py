@@ -101,9 +101,9 @@ def test_coefficients_may_be_missing_at_25_degrees_only() -> None:
         ({"L": -1e-3}, "L is -0.001 H; expected a finite number of at least 0"),
         ({"b": np.nan}, "b is nan N m s/rad; expected a finite number of at least 0"),
         ({"alpha_Kt": np.inf}, "alpha_Kt is inf 1/K; expected a finite number$"),
-        ({"b": np.ones(2), "J": np.ones(3)}, r"b has the shape \(2,\); expected .* 3 draws"),
-        ({"b": np.ones((2, 2))}, r"b has the shape \(2, 2\)"),
-        ({"b": np.array([])}, r"b has the shape \(0,\)"),
+        ({"b": np.ones(2), "J": np.ones(3)}, r"b has shape \(2,\); expected .* 3 draws"),
+        ({"b": np.ones((2, 2))}, r"b has shape \(2, 2\)"),
+        ({"b": np.array([])}, r"b has shape \(0,\)"),
     ],
 )
 def test_values_that_no_motor_has_are_refused(change: dict[str, object], message: str) -> None:

@@ -146,11 +146,11 @@ def test_margins_that_nothing_uses_up_are_null_and_said_to_be_infinite() -> None
 @pytest.mark.parametrize(
     ("temperatures", "controllers", "message"),
     [
-        ([], ["P:1"], "no temperature is given"),
+        ([], ["P:1"], "no temperature given"),
         ([float("nan")], ["P:1"], "temperature is nan degC"),
-        ([1e6], ["P:1"], r"temperature is 1e\+06 degC; expected one between"),
-        ([25.0], [], "no controller is given"),
-        ([25.0], ["P:1", "I:2"], "controller 'I:2' is not a controller"),
+        ([1e6], ["P:1"], r"temperature is 1e\+06 degC; expected -273.15 to"),
+        ([25.0], [], "no controller given"),
+        ([25.0], ["P:1", "I:2"], "controller 'I:2' is of unknown type"),
     ],
 )
 def test_options_that_make_no_loop_are_refused(

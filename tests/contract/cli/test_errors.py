@@ -62,7 +62,7 @@ REFUSED = {
     "hold is unknown": (["fit", "a.csv", "--hold", "no", "--out", "o"], "hold is 'no'; expected"),
     "controller is unknown": (
         ["fit", "a.csv", "--controller", "LQR:1", "--out", "o"],
-        "controller 'LQR:1' is not a controller; expected P:kp",
+        "controller 'LQR:1' is of unknown type; expected P:kp",
     ),
     "temperature is absurd": (
         ["fit", "a.csv", "--temperature", "1e6", "--out", "o"],
