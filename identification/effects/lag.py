@@ -31,7 +31,13 @@ _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
 _BEHIND: Final = "the winding lags the log"
 _AHEAD: Final = "the log lags the winding"
 _BOTH_AHEAD: Final = "the log lags winding and magnet"
-_IN_STEPS: Final = ", log in coarse steps"
+_WORDS: Final = {
+    _BEHIND: "winding lags the logged temperature",
+    _AHEAD: "logged temperature lags the winding",
+    _BOTH_AHEAD: "logged temperature lags winding and magnet",
+}
+"""Variant by direction; the direction is a setting in results and keeps its text."""
+_IN_STEPS: Final = ", coarse resolution"
 
 
 def _moves(survey: Survey) -> bool:
@@ -92,9 +98,9 @@ class _Lag(AbstractTemperature):
 class WindingLag(_Lag):
     """First-order lag between winding temperature and logged temperature T, in either direction.
 
-        dT_w/dt = (T - T_w) / tau            the winding lags the log          [K/s]
-        T_w = T + tau dT/dt                  the log lags the winding          [degC]
-        T_w = T + tau dT/dt + departure      the same, log in coarse steps     [degC]
+        dT_w/dt = (T - T_w) / tau            winding lags T                    [K/s]
+        T_w = T + tau dT/dt                  T lags the winding                [degC]
+        T_w = T + tau dT/dt + departure      the same, T in coarse steps       [degC]
 
         D d(departure)/dt = warming,   D d(warming)/dt = bend                  [K]
 
@@ -131,7 +137,7 @@ class WindingLag(_Lag):
     @property
     def variant(self) -> str:
         """Direction of the lag, and whether there is a departure."""
-        return self.direction + (_IN_STEPS if self.size else "")
+        return _WORDS.get(self.direction, self.direction) + (_IN_STEPS if self.size else "")
 
     @property
     def richer(self) -> tuple[WindingLag, ...]:
@@ -153,7 +159,11 @@ class WindingLag(_Lag):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Time constant of the lag."""
-        return (self._time_constant(f"time constant of the lag ({self.direction})"),)
+        return (
+            self._time_constant(
+                f"time constant of the lag ({_WORDS.get(self.direction, self.direction)})"
+            ),
+        )
 
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from identification.effects.lag import WindingLag
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
@@ -61,10 +62,14 @@ def _campaign(direction: str) -> Campaign:
 
 
 @pytest.mark.parametrize(
-    "direction",
-    ["the winding lags the log", "the log lags the winding", "the log lags winding and magnet"],
+    ("direction", "variant"),
+    [
+        ("the winding lags the log", "winding lags the logged temperature"),
+        ("the log lags the winding", "logged temperature lags the winding"),
+        ("the log lags winding and magnet", "logged temperature lags winding and magnet"),
+    ],
 )
-def test_a_lag_is_found_in_its_direction(direction: str) -> None:
+def test_a_lag_is_found_in_its_direction(direction: str, variant: str) -> None:
     """The closed form of the motor at the true temperatures; the lag is 1.5 s."""
     campaign = _campaign(direction)
 
@@ -73,7 +78,8 @@ def test_a_lag_is_found_in_its_direction(direction: str) -> None:
     assert [found.name for found in outcome.effects] == ["winding_lag"]
     assert outcome.fit.values[-1] == pytest.approx(LAG, rel=0.1)
     (term,) = outcome.fit.simulator.model.terms
-    assert term.variant == direction
+    assert isinstance(term, WindingLag)
+    assert (term.direction, term.variant) == (direction, variant)
     np.testing.assert_allclose(outcome.fit.values[:2], MOTOR.vector[:2], rtol=0.03)
 
 
