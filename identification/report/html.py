@@ -176,8 +176,8 @@ def _check_figures(
                 _check_figure(check.channel, against, stage, correlation, attempts)
                 for check in checks
                 for against, before, after in (
-                    ("its own past", check.own_before, check.own),
-                    ("the voltage", check.voltage_before, check.voltage),
+                    ("", check.own_before, check.own),
+                    ("voltage", check.voltage_before, check.voltage),
                 )
                 for stage, correlation in (("before", before), ("after", after))
                 if correlation is not None
@@ -190,7 +190,11 @@ def _check_figures(
 def _check_figure(
     channel: str, against: str, stage: str, correlation: Correlation, attempts: Attempts
 ) -> dict[str, Any]:
-    title = f"{channel.capitalize()} residual with {against}"
+    title = (
+        f"Cross-correlation of the {channel} residual with the {against}"
+        if against
+        else f"Autocorrelation of the {channel} residual"
+    )
     drawing = partial(
         correlation_figure, title, correlation, "lag [samples]", is_before=stage == "before"
     )

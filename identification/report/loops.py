@@ -24,9 +24,9 @@ METRICS: Final = {
     "gain_margin_db": "Gain margin",
 }
 _TOLD: Final = {
-    "feedback_before": "declared model",
+    "feedback_before": "nominal model",
     "feedback": "final model",
-    "feedback_nonlinear": "simulated with its effects",
+    "feedback_nonlinear": "final model, effects simulated",
 }
 
 
@@ -97,11 +97,11 @@ def _remark(simulated: Sequence[Entry]) -> str:
     words = " and ".join(name.replace("_", " ") for name in first["effects"])
     ends = "; ".join(f"at {e['temperature_degC']:g} °C it {e['statement']}" for e in simulated)
     return (
-        f"With {words} in it the loop depends on the size of the step: simulated is a step of the "
-        f"reference by {number_text(first['step_rad_s'], 2)} rad/s from standstill, the largest "
-        "whose linear response stays within the speeds, currents and voltages of the training "
-        f"runs. Peak and final value are over the step. The speed: {ends}. Margins and bandwidth "
-        "belong to linear loops."
+        f"The loop with {words} is nonlinear, so its response depends on the step size. The "
+        f"simulated reference step from standstill is {number_text(first['step_rad_s'], 2)} rad/s, "
+        "the largest step whose linear response stays within the speeds, currents and voltages of "
+        "the training runs. Peak and final value are divided by the step. Speed after the step: "
+        f"{ends}. Margins and bandwidth are defined for linear loops only."
     )
 
 

@@ -25,6 +25,8 @@ __all__ = ["effect_entries", "searched_entries", "story_of"]
 
 Array = NDArray[np.float64]
 
+_UNEXPLAINED: Final = "does not explain"
+"""Phrase common to all warnings on an unexplained channel."""
 _LARGEST_LOG: Final = 14.0
 """Logarithm of the largest factor that is written, about a million."""
 
@@ -106,12 +108,12 @@ def searched_entries(outcome: Outcome | None) -> list[dict[str, Any]]:
 
 def _reason(searched: Searched) -> str:
     if searched.chosen:
-        return "passes chance, size and prediction, and explains most"
+        return "meets all acceptance criteria and reduces the error most"
     if searched.flaw:
         return searched.flaw
     if searched.gates is None:
-        return "screening promised less than the candidates that were fitted"
-    return searched.gates.refusal or "another candidate explains more"
+        return "predicted gain smaller than that of the candidates that were fitted"
+    return searched.gates.refusal or "another candidate reduces the error more"
 
 
 def story_of(
@@ -138,13 +140,12 @@ def story_of(
     sentences += [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
     if not outcome.effects:
         sentences.append(
-            "No effect of the catalogue explains anything beyond the declared model that could "
-            "not be chance."
+            "No effect of the catalogue improves on the nominal model by more than chance."
         )
     sentences += [_shifts(diagnosis.get("shifts", {}), list(by_name))]
     sentences += [undrawn_sentence(tuple(by_name.values()))]
     remaining = [diagnosis["remaining"].get("sentence", "")]
-    remaining += [f"{w[0].upper()}{w[1:]}." for w in result["warnings"] if "lacks something" in w]
+    remaining += [f"{w[0].upper()}{w[1:]}." for w in result["warnings"] if _UNEXPLAINED in w]
     return Story(
         sentences=tuple(sentence for sentence in sentences if sentence),
         terms=tuple(terms),
@@ -161,15 +162,18 @@ def _where(trace: Mapping[str, Any]) -> str:
         found = trace.get(equation)
         if found and found["significant"]:
             best = _best_driver(found["drivers"])
-            shows = f", showing most against {best}" if best else ""
+            driver = f", which depends mainly on the {best}" if best else ""
             parts.append(
-                f"the {equation} equation lacks a {word} of about "
-                f"{number_text(found['strength'], 2)} {found['unit']} (standard deviation){shows}"
+                f"the {equation} equation lacks a {word} with a standard deviation of about "
+                f"{number_text(found['strength'], 2)} {found['unit']}{driver}"
             )
     if parts:
-        return f"As declared, {'; and '.join(parts)}."
+        return f"In the nominal model, {'; '.join(parts)}."
     if "electrical" in trace:
-        return "Neither equation lacks a voltage or torque that could not be sensor noise."
+        return (
+            "Neither equation of the nominal model lacks a voltage or torque larger than sensor "
+            "noise explains."
+        )
     return ""
 
 
@@ -186,32 +190,33 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
     validation = (
         ""
         if found.gates.validation is None
-        else f", and {_change(found.gates.validation)} on the runs left out"
+        else f" and {_change(found.gates.validation)} on the validation runs"
     )
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
         is_law = isinstance(term, LAWS)
+        missing = "voltage" if term.equation == "electrical" else "torque"
         form = f"the law of a {term.variant}" if is_law else f"a curve over {drivers}"
         text = (
-            f"Nothing in the catalogue explains what the {term.equation} equation lacks; "
-            f"{form} stands in for it: with it the simulation error "
+            f"No effect of the catalogue explains the missing {missing} of the {term.equation} "
+            f"equation; {form} represents it. With it, the simulation error "
             f"{_change(found.gates.training)} on the training runs{validation}."
         )
     else:
         text = (
-            f"{words} is in the {term.equation} equation: with it the simulation "
+            f"{words} acts in the {term.equation} equation. With it, the simulation "
             f"error {_change(found.gates.training)} on the training runs{validation}."
         )
     if found.alternatives:
         others = ", ".join(
             f"{o.name.replace('_', ' ')} ({100 * o.probability:.0f} %)" for o in found.alternatives
         )
-        text += f" The runs do not rule out in its place: {others}."
+        text += f" Alternatives that the runs do not exclude: {others}."
     return text
 
 
 def _change(fall: float) -> str:
-    return f"falls by {_percent(fall)}" if fall >= 0 else f"grows by {_percent(fall)}"
+    return f"falls by {_percent(fall)}" if fall >= 0 else f"rises by {_percent(fall)}"
 
 
 def _percent(fall: float) -> str:
@@ -238,12 +243,11 @@ def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
         return ""
     words = [name.replace("_", " ") for name in effects]
     listed = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
-    cause = f"because the {listed} {'were' if len(words) > 1 else 'was'} in "
-    texts = [f"{name} was {_off(relative)}" for name, relative in moved]
+    texts = [f"{name} is {_off(relative)}" for name, relative in moved]
     text = f"{', '.join(texts[:-1])} and {texts[-1]}" if len(texts) > 1 else texts[0]
     return (
-        f"In the declared model alone {text}, {cause}{'it' if len(texts) == 1 else 'them'} "
-        "(in brackets 90 % intervals)."
+        f"The nominal model omits {listed}, and its estimates are therefore biased: {text} "
+        "(in brackets: 90 % intervals)."
     )
 
 
@@ -271,8 +275,8 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Can
     for found in outcome.effects:
         rows[found.name] = _candidate(
             found.name, _equation(found.name, terms), found.gates, "chosen", found.probability,
-            "passes chance, size and prediction" if found.gates.passed
-            else f"in the final model, yet beside the others {found.gates.refusal}",
+            "meets all acceptance criteria" if found.gates.passed
+            else f"in the final model, but together with the other effects {found.gates.refusal}",
         )  # fmt: skip
     for s in outcome.searched:
         if s.name not in rows:
@@ -280,7 +284,7 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Can
                 s.name, _equation(s.name, terms), s.gates,
                 "alternative" if s.name in alternatives else "ruled out",
                 alternatives.get(s.name),
-                "taken at first, and given up for another" if s.chosen else _reason(s),
+                "selected first, then replaced by another effect" if s.chosen else _reason(s),
             )  # fmt: skip
     order = {"chosen": 0, "alternative": 1, "ruled out": 2}
     return sorted(rows.values(), key=lambda row: (order[row.verdict], -(row.explained or 0.0)))

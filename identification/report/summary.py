@@ -70,7 +70,7 @@ def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
     role, errors = _deciding_errors(result)
     figures = [
         KeyFigure(
-            f"{channel.capitalize()} error, {role}",
+            f"{channel.capitalize()} RMSE, {role}",
             f"{number_text(errors[channel]['noise_ratio'], 3)} × noise",
             f"{percent_text(1.0 - errors[channel]['nrmse'], 4)} fit"
             if errors[channel]["nrmse"] is not None
@@ -117,8 +117,8 @@ def _forced(result: Entry) -> str:
     if not result.get("forced"):
         return ""
     return (
-        "The runs contradict physics or each other and were fitted by force: no number below is to "
-        "be relied on (see Warnings)."
+        "The runs contradict the motor equations or each other, and the fit was forced: do not "
+        "rely on any number below (see Warnings)."
     )
 
 
@@ -127,17 +127,20 @@ def _campaign(runs: Sequence[Entry]) -> str:
     checked = [run for run in runs if run["role"] == "validation"]
     sentence = f"The model was fitted to {_runs_and_rows(fitted)}"
     if not checked:
-        return f"{sentence}; no run was kept aside to check it."
+        return f"{sentence}; there are no validation runs."
     seen = sum(_was_fitted(run, runs) for run in checked)
     if seen == len(checked):
-        which = "the run" if seen == 1 else f"the {seen} runs"
-        return f"{sentence}; {which} given to check it had been fitted too, so nothing checks it."
+        which = "validation run is" if seen == 1 else "validation runs are"
+        return (
+            f"{sentence}; the {which} identical to training runs, so there is no independent "
+            "validation."
+        )
     if seen:
         return (
-            f"{sentence} and checked on {_runs_and_rows(checked)}, {seen} of which it had been "
-            "fitted to as well."
+            f"{sentence} and validated on {_runs_and_rows(checked)}; {seen} of these runs "
+            f"{'is' if seen == 1 else 'are'} identical to training runs."
         )
-    return f"{sentence} and checked on {_runs_and_rows(checked)} that it had not seen."
+    return f"{sentence} and validated on {_runs_and_rows(checked)} not used in the fit."
 
 
 def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
@@ -155,17 +158,16 @@ def _runs_and_rows(runs: Sequence[Entry]) -> str:
 def _effects(result: Entry) -> str:
     parts = []
     for effect in result["effects"]:
-        drivers = f", depending on {_list(effect['drivers'])}" if effect["drivers"] else ""
         name = effect["name"].replace("_", " ")
-        part = f"{name} in the {effect['equation']} equation{drivers}"
-        chances = [f"probability {probability_text(effect['probability'])}"]
-        chances += [
-            f"{item['name'].replace('_', ' ')} instead {probability_text(item['probability'])}"
+        label = "driver" if len(effect["drivers"]) == 1 else "drivers"
+        details = [f"{label} {_list(effect['drivers'])}"] if effect["drivers"] else []
+        details += [f"probability {probability_text(effect['probability'])}"]
+        details += [
+            f"alternative {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
             for item in effect["alternatives"]
         ]
-        part += f" ({', '.join(chances)})"
-        parts.append(part)
-    return f"The declared model lacked {'; and '.join(parts)}." if parts else ""
+        parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
+    return f"The final model extends the nominal model by {_list(parts)}." if parts else ""
 
 
 def _shifted(result: Entry) -> str:
@@ -179,12 +181,12 @@ def _shifted(result: Entry) -> str:
     worst = sorted(medians, key=lambda name: -abs(medians[name]))[:_NAMED]
     if not worst:
         return ""
-    told = [
-        f"{name} comes out {percent_text(abs(medians[name]), 2)} too "
-        f"{'high' if medians[name] > 0 else 'low'}"
+    biases = [
+        f"{name} {percent_text(abs(medians[name]), 2)} too {'high' if medians[name] > 0 else 'low'}"
         for name in worst
     ]
-    return f"Without {'it' if len(result['effects']) == 1 else 'them'}, {_list(told)}."
+    cause = "this effect" if len(result["effects"]) == 1 else "these effects"
+    return f"Without {cause}, the fit estimates {_list(biases)}."
 
 
 def _quality(result: Entry, coloured: Sequence[str]) -> str:
@@ -197,9 +199,9 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
     if not ratios:
         return ""
     before = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
-    told = _list(
+    ratio_text = _list(
         [
-            f"{number_text(ratio, 3)} in {name}{_formerly(before.get(name))}"
+            f"{number_text(ratio, 3)} for the {name}{_formerly(before.get(name))}"
             for name, ratio in ratios.items()
         ]
     )
@@ -207,20 +209,20 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
     missed = _unexplained(errors)
     if missed:
         verdict = (
-            f"yet the model explains little of {missed}: it is no model of these runs, or the "
+            f"but the model explains little of {missed}; either it does not apply to these runs, "
+            "or the sensor signal is mostly noise"
         )
-        verdict += "sensor gives mostly noise"
-    return f"On the {role} runs the simulation error over the sensor noise is {told}: {verdict}."
+    return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
 
 
 def _unexplained(errors: Entry) -> str:
     """Channels whose NRMSE exceeds one half, with the error."""
-    told = [
-        f"the {channel} (off by {percent_text(errors[channel]['nrmse'], 3)} of its movement)"
+    unexplained = [
+        f"the {channel} (NRMSE {percent_text(errors[channel]['nrmse'], 3)})"
         for channel in ("current", "speed")
         if errors.get(channel) and (errors[channel]["nrmse"] or 0.0) > _HALF
     ]
-    return _list(told)
+    return _list(unexplained)
 
 
 def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
@@ -229,29 +231,29 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
     failed = {check["role"] for check in remaining.get("checks", []) if not check["passed"]}
     if failed == {"validation"}:
         return (
-            "the training runs are explained, so the validation runs hold something that none of "
-            "them does, in the motor, its load or a sensor"
+            "the model explains the training runs but not the validation runs; these contain an "
+            "effect of the motor, the load or a sensor that no training run contains"
         )
     if worst > NEAR_NOISE and (failed or not remaining):
-        return "something is at work that the model does not contain, in the motor or in a sensor"
+        return "the model lacks an effect of the motor or of a sensor"
     if worst <= NEAR_NOISE and coloured:
         # If the noise is estimated from the same residuals, a ratio of 1 proves nothing.
         return (
-            f"yet the residual of {_list(coloured)} is not white, so either the sensor is slow or "
-            "the model misses something (see Residuals)"
+            f"but the residual of {_list([f'the {name}' for name in coloured])} is not white; "
+            "either the sensor has a lag or the model lacks an effect (see Residuals)"
         )
     if failed:
-        return "yet the training runs are not explained to their noise"
+        return "but the model does not explain the training runs down to their noise"
     if worst <= (NEAR_NOISE if remaining else _DOWN_TO_NOISE):
-        return "that is as close as the sensors can tell"
+        return "the residual does not exceed the sensor noise"
     if worst <= NEAR_NOISE:
-        return "a small part of the error is more than sensor noise"
-    return "that is within what so few samples scatter"
+        return "a small part of the residual exceeds the sensor noise"
+    return "the excess is within the scatter of so few samples"
 
 
 def _formerly(error: Entry | None) -> str:
     ratio = error["noise_ratio"] if error else None
-    return "" if ratio is None else f" (declared model {number_text(ratio, 3)})"
+    return "" if ratio is None else f" (nominal model: {number_text(ratio, 3)})"
 
 
 def _identified(result: Entry) -> str:
@@ -261,17 +263,17 @@ def _identified(result: Entry) -> str:
     unknown = [name for name, entry in entries.items() if not entry["identified"]]
     given = [name for name, entry in entries.items() if known_only_from(entry)]
     if given:
-        rest = f"; nothing determines {_list(unknown)}" if unknown else ""
+        rest = f"; {_list(unknown)} {_are(unknown)} not identified at all" if unknown else ""
         return (
-            f"The data do not determine {_list(given)}, known from what was given and not from the "
-            f"runs{rest}."
+            f"The runs do not determine {_list(given)}; the value comes only from the given "
+            f"knowledge (known values, nameplate){rest}."
         )
     if unknown:
         return (
-            f"The data do not determine {_list(unknown)}; what is shown for "
-            f"{'it' if len(unknown) == 1 else 'them'} is not a measurement."
+            f"The runs do not determine {_list(unknown)}; treat "
+            f"{'its value' if len(unknown) == 1 else 'their values'} as unknown."
         )
-    return f"All {len(entries)} parameters are determined by the data."
+    return f"The runs determine all {len(entries)} parameters."
 
 
 def _given(result: Entry) -> str:
@@ -280,7 +282,7 @@ def _given(result: Entry) -> str:
     used = [name for name, entry in entries.items() if (entry.get("prior") or {}).get("used")]
     if not used:
         return ""
-    return f"The values given for {_list(used)} were used, and the intervals include them."
+    return f"The intervals include the given knowledge (known values, nameplate) of {_list(used)}."
 
 
 def _loop(result: Entry) -> str:
@@ -288,24 +290,24 @@ def _loop(result: Entry) -> str:
     if ends is None:
         return ""
     cold, hot = ends
-    told = {
+    changes = {
         "rise_time_s": f"the rise time from {_median(cold['rise_time_s'])} to "
         f"{_median(hot['rise_time_s'])} s",
         "steady_state": f"the final value from {_median(cold['steady_state'])} to "
         f"{_median(hot['steady_state'])} of the reference",
     }
-    left_open = [name for name in told if _is_left_open(result, ends, name)]
-    lead = f"With the controller {cold['controller']} in a unity speed loop"
-    if len(left_open) == len(told):
+    left_open = [name for name in changes if _is_left_open(result, ends, name)]
+    lead = f"With the controller {cold['controller']} and unity feedback of the speed"
+    if len(left_open) == len(changes):
         return (
-            f"{lead}, these runs do not determine how fast it answers and what it settles at: what "
-            "is shown for it is no prediction."
+            f"{lead}, these runs do not determine the rise time and the final value; the values "
+            "shown are not predictions."
         )
     sentence = (
-        f"{lead}, going from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
-        f"takes {_list([told[name] for name in reversed(told) if name not in left_open])}"
+        f"{lead}, heating from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
+        f"changes {_list([changes[name] for name in reversed(changes) if name not in left_open])}"
     )
-    words = {"rise_time_s": "how fast it answers", "steady_state": "what it settles at"}
+    words = {"rise_time_s": "the rise time", "steady_state": "the final value"}
     return "; these runs do not determine ".join([sentence, *(words[n] for n in left_open)]) + "."
 
 
@@ -354,6 +356,10 @@ def _median(entry: Entry | None) -> str:
     if len(written.median) > 6:
         return number_text(entry["median"], 3)
     return written.median + written.power
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
 
 
 def _list(words: Sequence[str]) -> str:

@@ -73,8 +73,8 @@ def _channel(
     shown = [("measured", "measured", measured), ("simulated", "after", after)]
     left = [("residual", "after", measured - after)]
     if before is not None:
-        shown.insert(1, ("declared model", "before", before))
-        left.insert(0, ("residual of the declared model", "before", measured - before))
+        shown.insert(1, ("nominal model", "before", before))
+        left.insert(0, ("residual of the nominal model", "before", measured - before))
     return [
         _panel(run.time, (name, unit), shown, buckets, after) | {"tall": True},
         _panel(run.time, (f"{name} residual", unit), left, buckets) | {"noise": noise},

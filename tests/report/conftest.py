@@ -275,7 +275,7 @@ def _story(run: RunTraces) -> Story:
         run.name, "missing torque", "N m", run.time, smooth, smooth - 8e-4, smooth + 8e-4
     )
     return Story(
-        sentences=("A torque against the motion is missing in the mechanical equation.",),
+        sentences=("The mechanical equation lacks a torque that opposes the motion.",),
         terms=(term, voltage),
         traces=(trace,),
         candidates=(
@@ -286,10 +286,10 @@ def _story(run: RunTraces) -> Story:
             ),
             Candidate(
                 "brush_drop", "electrical", 0.02, 0.01, 0.0, "ruled out",
-                "made the runs left out worse",
+                "not supported by the validation runs",
             ),
         ),
-        remaining=("Nothing that the data could show remains.",),
+        remaining=("The residual is white noise.",),
     )  # fmt: skip
 
 

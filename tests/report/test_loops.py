@@ -24,7 +24,7 @@ def test_each_temperature_has_a_column_for_each_way_of_telling(result: dict[str,
     (comparison,) = loop_comparisons(result)
 
     assert comparison.temperatures == ("25 °C", "125 °C")
-    assert comparison.ways == ("declared model", "final model", "simulated with its effects")
+    assert comparison.ways == ("nominal model", "final model", "final model, effects simulated")
     assert {len(cells) for _, _, cells in comparison.rows} == {6}
     assert comparison.rows[0][0] == "Rise time, 10–90 %"
 
@@ -51,7 +51,7 @@ def test_effects_of_the_log_leave_two_columns(result: dict[str, Any]) -> None:
 
     (comparison,) = loop_comparisons(result)
 
-    assert comparison.ways == ("declared model", "final model")
+    assert comparison.ways == ("nominal model", "final model")
     assert comparison.remark == ""
 
 

@@ -37,12 +37,12 @@ def result(off: bool = True) -> dict[str, Any]:
     relative = {"q05": 0.105, "median": 0.11, "q95": 0.115}
     return {
         "diagnosis": {
-            "residual": {"sentence": "Something is missing."},
+            "residual": {"sentence": "The model does not explain the current."},
             "trace": {},
             "remaining": {"sentence": "Nothing is missing."},
             "shifts": {"b": {"relative": relative, "off": off}},
         },
-        "warnings": ["the current lacks something there"],
+        "warnings": ["the model does not explain the current of the training runs"],
     }
 
 
@@ -59,9 +59,13 @@ def test_a_shift_is_told_with_its_interval_and_its_cause() -> None:
 
     assert story is not None
     told = " ".join(story.sentences)
-    assert "b was 11 % too high (10.5 to 11.5 %), because the coulomb friction was in it" in told
+    assert "The nominal model omits coulomb friction" in told
+    assert "b is 11 % too high (10.5 to 11.5 %)" in told
     assert "viscous temperature (3 %)" in told
-    assert story.remaining[0] == "Nothing is missing."
+    assert story.remaining == (
+        "Nothing is missing.",
+        "The model does not explain the current of the training runs.",
+    )
 
 
 def test_a_shift_that_is_none_is_not_told() -> None:
@@ -80,7 +84,7 @@ def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
 
     assert story is not None
     told = " ".join(story.sentences)
-    assert "Nothing in the catalogue explains what the electrical equation lacks" in told
+    assert "No effect of the catalogue explains the missing voltage of the electrical" in told
     assert "a curve over current and speed" in told
     assert story.candidates[0].equation == "electrical"
 
@@ -109,15 +113,15 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
         "brush_drop": "ruled out",
     }
     reasons = {candidate.name: candidate.reason for candidate in story.candidates}
-    assert "given up" in reasons["quadratic_drag"]
+    assert "replaced by another effect" in reasons["quadratic_drag"]
 
 
 @pytest.mark.parametrize(
     ("gates", "chosen", "words"),
     [
-        (PASSED, True, "explains most"),
+        (PASSED, True, "reduces the error most"),
         (CHANCE, False, "not significant"),
-        (None, False, "screening"),
+        (None, False, "predicted gain"),
     ],
 )
 def test_every_candidate_has_a_reason(gates: Gates | None, chosen: bool, words: str) -> None:

@@ -31,9 +31,9 @@ def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -
 @pytest.mark.parametrize(
     ("ratio", "verdict", "tone"),
     [
-        (1.00, "as close as the sensors can tell", "good"),
-        (1.06, "a small part of the error is more than sensor noise", "fair"),
-        (3.00, "something is at work that the model does not contain", "bad"),
+        (1.00, "the residual does not exceed the sensor noise", "good"),
+        (1.06, "a small part of the residual exceeds the sensor noise", "fair"),
+        (3.00, "the model lacks an effect of the motor or of a sensor", "bad"),
     ],
 )
 def test_the_verdict_follows_the_noise_ratio(
@@ -50,8 +50,8 @@ def test_a_good_ratio_is_no_praise_when_the_residual_is_not_white(result: dict[s
     """Noise estimated from the residual makes the ratio 1 for any model; colour gives it away."""
     told = " ".join(summary_sentences(result, coloured=["speed"]))
 
-    assert "as close as the sensors can tell" not in told
-    assert "the residual of speed is not white" in told
+    assert "does not exceed the sensor noise" not in told
+    assert "the residual of the speed is not white" in told
     assert key_figures(result, coloured=["speed"])[1].tone == "fair"
 
 
@@ -62,7 +62,7 @@ def test_runs_that_were_not_fitted_decide(result: dict[str, Any]) -> None:
 
     result["errors"]["after"]["validation"] = None
 
-    assert "On the training runs the simulation error over the sensor noise is 7.00" in " ".join(
+    assert "On the training runs, the ratio of RMSE to sensor noise is 7.00" in " ".join(
         summary_sentences(result)
     )
 
@@ -78,7 +78,7 @@ def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[
     """There is nothing to compare."""
     result["feedback"] = result["feedback"][:1]
 
-    assert "takes the final value" not in " ".join(summary_sentences(result))
+    assert "changes the final value" not in " ".join(summary_sentences(result))
 
 
 def test_a_shift_is_taken_relative_to_the_final_value(make_report: MakeReport) -> None:
@@ -123,8 +123,8 @@ def test_a_run_that_was_fitted_too_is_no_check(result: dict[str, Any]) -> None:
 
     told = " ".join(summary_sentences(result | {"runs": training + copies}))
 
-    assert "given to check it had been fitted too, so nothing checks it" in told
-    assert "had not seen" not in told
+    assert "identical to training runs, so there is no independent validation" in told
+    assert "not used in the fit" not in told
     assert "On the training runs" in told
 
 
@@ -136,7 +136,7 @@ def test_one_copy_among_runs_left_out_is_counted(result: dict[str, Any]) -> None
 
     told = " ".join(summary_sentences(result | {"runs": [*training, *left_out, copy]}))
 
-    assert "1 of which it had been fitted to as well" in told
+    assert "1 of these runs is identical to training runs" in told
     assert "On the validation runs" in told
 
 
@@ -156,8 +156,8 @@ def test_a_loop_of_a_motor_that_was_not_measured_is_no_prediction(result: dict[s
 
     told = " ".join(summary_sentences(result))
 
-    assert "these runs do not determine how fast it answers and what it settles at" in told
-    assert "takes the final value" not in told
+    assert "these runs do not determine the rise time and the final value" in told
+    assert "changes the final value" not in told
     assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
 
 
@@ -168,8 +168,8 @@ def test_what_the_runs_tell_of_a_loop_is_told(result: dict[str, Any]) -> None:
 
     told = " ".join(summary_sentences(result))
 
-    assert "takes the final value from" in told
-    assert "; these runs do not determine how fast it answers." in told
+    assert "changes the final value from" in told
+    assert "; these runs do not determine the rise time." in told
     assert "the rise time from" not in told
 
 
@@ -179,7 +179,7 @@ def test_a_loop_that_does_not_need_what_is_unknown_is_told(result: dict[str, Any
 
     told = " ".join(summary_sentences(result))
 
-    assert "takes the final value from" in told
+    assert "changes the final value from" in told
     assert "the rise time from" in told
     assert "these runs do not determine" not in told
 
@@ -195,4 +195,6 @@ def test_values_that_were_used_are_named(result: dict[str, Any], is_used: bool) 
 
     words = " ".join(summary_sentences(result))
 
-    assert ("The values given for Kt25 and J were used" in words) is is_used
+    assert (
+        "The intervals include the given knowledge (known values, nameplate) of Kt25 and J" in words
+    ) is is_used

@@ -38,8 +38,8 @@ def correlation_figure(
     loud = "stem before" if is_before else "stem loud"
     body += _stems(frame, found, ~outside, "stem") + _stems(frame, found, outside, loud)
     described = (
-        f"{100.0 * found.outside:.1f} % of {lags.size} lags leave the band; "
-        f"{100.0 * (1.0 - found.level):.0f} % would by chance."
+        f"{100.0 * found.outside:.1f} % of {lags.size} lags lie outside the band; "
+        f"{100.0 * (1.0 - found.level):.0f} % expected for white noise."
     )
     return svg(460, 196, title, described, body)
 

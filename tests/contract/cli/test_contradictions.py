@@ -80,9 +80,9 @@ def test_a_forced_fit_is_marked(
     assert result["checks"][0]["code"] == "reversed_channel"
     assert result["warnings"][0].startswith("fitted by force although the runs contradict")
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "The runs contradict physics or each other" in report
-    assert "as close as the sensors can tell" not in report
-    assert "parameters are determined by the data" not in report
+    assert "The runs contradict the motor equations or each other" in report
+    assert "does not exceed the sensor noise" not in report
+    assert not re.search(r"The runs determine all \d+ parameters", report)
     assert "Warning: fitted by force" in capsys.readouterr().out
 
 

@@ -168,7 +168,7 @@ def test_a_run_that_is_checked_on_its_own_samples_is_no_check(
 
     assert "run1.csv, hold the same samples" in told
     shown = capsys.readouterr().out
-    assert "so nothing checks it" in shown
-    assert "had not seen" not in shown
+    assert "so there is no independent validation" in shown
+    assert "not used in the fit" not in shown
     runs = json.loads((tmp_path / "out" / "result.json").read_text())["runs"]
     assert [run["same_as"] for run in runs] == [None, 0]
