@@ -76,9 +76,9 @@ def test_what_the_nominal_model_lacks_is_a_warning_though_no_effect_was_searched
         str(identify([run], (), options).result["warnings"]) for run in (RUN, dropped)
     )
 
-    assert "times its noise" not in sound
-    assert "the current of the training runs is off by" in lacking
-    assert "and no effect was searched" in lacking
+    assert "times the sensor noise" not in sound
+    assert "the nominal model does not explain the current of the training runs" in lacking
+    assert "run the effect search (fit without --no-effects)" in lacking
 
 
 def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:

@@ -58,7 +58,7 @@ Array = NDArray[np.float64]
 _NOTHING = 0.9
 """NRMSE above which a model explains nothing of a channel [-]."""
 _BEYOND_NOISE = 2.0
-_TOLD = 12
+_MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
 
@@ -147,9 +147,10 @@ def _missed(findings: Findings) -> list[str]:
     """Warnings on channels that the final model does not explain although they exceed the noise."""
     errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
     return [
-        f"the model explains nothing of the {channel} of the training runs (its error is "
-        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % of the movement, {entry['noise_ratio']:.3g} "
-        "times the noise), so no parameter of it is taken as determined: check the runs"
+        f"the model does not explain the {channel} of the training runs: the NRMSE is "
+        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the RMSE is "
+        f"{entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as identified; "
+        "check signs, units and columns of the runs"
         for channel, entry in errors.items()
         if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
     ]
@@ -170,8 +171,8 @@ def _missing(findings: Findings) -> list[str]:
             if ratio is not None and checks:
                 off = max(ratio, checks[0].noise_ratio)
                 messages.append(
-                    f"the {channel} of the {role} runs is off by {off:.2f} times its noise: the "
-                    "model lacks something there"
+                    f"the model does not explain the {channel} of the {role} runs: the residual is "
+                    f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
     odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
     return (messages or [findings.after.sentence]) + odd
@@ -180,8 +181,9 @@ def _missing(findings: Findings) -> list[str]:
 def _unsearched(findings: Findings) -> list[str]:
     """Warnings on channels whose error exceeds the noise when no effect search was made."""
     return [
-        f"the {channel} of the {role} runs is off by {entry['noise_ratio']:.3g} times its noise: "
-        "the model lacks something, which its parameters make up for, and no effect was searched"
+        f"the nominal model does not explain the {channel} of the {role} runs: the RMSE is "
+        f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
+        "parameters are biased; run the effect search (fit without --no-effects)"
         for role, simulated in findings.simulated["after"].items()
         for channel, entry in (_errors(simulated, findings.noise) or {}).items()
         if (entry["noise_ratio"] or 0.0) > NEAR_NOISE
@@ -304,23 +306,25 @@ def _temperatures(findings: Findings) -> list[str]:
     found = estimated_temperatures(findings.final, unseen)
     if not found:
         return []
-    told = ", ".join(f"{name} ({value:.1f} degC)" for name, value in [*found.items()][:_TOLD])
-    told += f" and {len(found) - _TOLD} more" if len(found) > _TOLD else ""
+    estimates = ", ".join(
+        f"{name} ({value:.1f} degC)" for name, value in [*found.items()][:_MOST_NAMED]
+    )
+    estimates += f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
     training = findings.campaign.training_runs
-    by = "the other runs"
+    reference = "the other runs"
     if all(run.temperature is None for run in training):
-        by = f"{training[0].name}, called {REFERENCE_TEMPERATURE_DEGC:g} degC"
-        by += ", and the usual coefficient of a winding"
+        reference = f"{training[0].name}, which is assumed to be at "
+        reference += f"{REFERENCE_TEMPERATURE_DEGC:g} degC, and the usual coefficient of a winding"
     messages = [
-        f"the temperature was not logged in {told}: each run was taken at the one that its "
-        f"resistance and torque constant have by {by}"
+        f"the temperature was not logged in {estimates}: the temperature in brackets was "
+        f"estimated from resistance and torque constant relative to {reference}"
     ]
     beyond = [name for name, value in found.items() if not COLDEST < value < HOTTEST]
     if beyond:
         messages.append(
-            f"no heat explains {', '.join(beyond[:_TOLD])}: a winding there would have to be "
-            f"outside {COLDEST:g} to {HOTTEST:g} degC; check the gain of the current sensor and "
-            "the leads of these runs, or log their temperature"
+            f"implausible winding temperature in {', '.join(beyond[:_MOST_NAMED])}: resistance and "
+            f"torque constant require a value outside {COLDEST:g} to {HOTTEST:g} degC; check the "
+            "gain of the current sensor and the leads of these runs, or log their temperature"
         )
     return messages
 
@@ -359,6 +363,6 @@ def _undetermined(findings: Findings) -> list[str]:
     if not unknown:
         return []
     return [
-        f"the runs do not determine {', '.join(unknown)}: the intervals given are wide and "
-        "rest on general knowledge of motors"
+        f"the runs do not determine {', '.join(unknown)}: the intervals are wide and come mainly "
+        "from the general priors; the table of parameters in the report gives the reasons"
     ]

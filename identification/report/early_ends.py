@@ -11,11 +11,11 @@ from identification.selection.outcome import Outcome
 
 __all__ = ["early_ends"]
 
-_STAND_INS: Final[dict[Source, str]] = {
+_SUBSTITUTES: Final[dict[Source, str]] = {
     "chain": "the intervals may be too narrow",
-    "importance": "the draws come from importance sampling in its place, which is reliable here",
-    "normal": "the draws are those of the normal approximation in its place, whose intervals are "
-    "rough where parameters are near a bound or strongly confounded",
+    "importance": "the draws come from importance sampling instead, which is reliable here",
+    "normal": "the draws come from the normal approximation instead, which is inaccurate for "
+    "parameters near a bound and for strongly confounded parameters",
 }
 
 
@@ -39,14 +39,13 @@ def early_ends(
     messages = []
     if not final.converged:
         messages.append(
-            "the fit stopped before it converged; its values are the best found, and its intervals "
-            "may be too narrow"
+            "the fit stopped before it converged; the values are the best that it found, and the "
+            "intervals may be too narrow"
         )
     if outcome is not None and not outcome.complete:
         messages.append(
-            f"the search for effects stopped at {limit or f'the budget of --effort {effort}'}; "
-            "there may be effects that it did not reach, and alternatives to those it "
-            f"names{_remedy(effort, limit)}"
+            f"the effect search stopped at {limit or f'the budget of --effort {effort}'} before it "
+            f"was complete; effects and alternatives may be missing{_remedy(effort, limit)}"
         )
     if sample is not None and not sample.convergence.reached:
         messages.append(_unconverged(sample, effort, limit))
@@ -59,8 +58,8 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> str:
         f"the sampler did not converge: it stopped after {found.steps} steps, "
         f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
         f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; "
-        + _STAND_INS[sample.source]
-        + (f"; it met {limit}" if limit else "")
+        + _SUBSTITUTES[sample.source]
+        + (f"; it stopped at {limit}" if limit else "")
         + _remedy(effort, limit)
     )
 
@@ -68,7 +67,7 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> str:
 def _remedy(effort: str, limit: str) -> str:
     """Advice for a stage that its budget or the time limit stopped."""
     if limit:
-        return "; allow more time"
+        return "; raise --time-limit"
     if effort == "thorough":
-        return "; shorter or fewer runs need less"
-    return "; --effort thorough allows ten times as much"
+        return "; use shorter or fewer runs"
+    return "; --effort thorough allows ten times as many operations"

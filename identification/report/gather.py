@@ -230,17 +230,18 @@ def _reasons(findings: Findings) -> dict[str, str]:
     if np.ptp(temperature) < 3.0:
         for name in ("alpha_Ra", "alpha_Kt"):
             reasons[name] = (
-                f"the runs span {np.ptp(temperature):.1f} K; a coefficient needs runs at "
-                "different temperatures"
+                f"the temperature span of the runs is {np.ptp(temperature):.1f} K; the coefficient "
+                "requires runs at different temperatures"
             )
         if abs(float(np.mean(temperature)) - 25.0) > 5.0:
             for name in ("Ra25", "Kt25"):
                 reasons[name] = (
                     "all runs are at one temperature away from 25 degC, so the value at 25 degC "
-                    "rests on the temperature coefficient of usual materials"
+                    "depends on the general prior of the temperature coefficient"
                 )
     if values["L"] / values["Ra25"] < 0.3 * interval:
         reasons["L"] = (
-            f"the electrical time constant is far below the sample interval of {interval:.3g} s"
+            "the electrical time constant is much shorter than the sample interval of "
+            f"{1e3 * interval:.3g} ms"
         )
     return reasons

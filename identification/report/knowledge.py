@@ -90,15 +90,17 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
     given = f"{prior.value:.4g} {prior.unit} (sd {prior.sd:.2g})"
     if (prior.name, prior.origin) == ("b", NAMEPLATE):
         given = f"at most {prior.value:.4g} {prior.unit}"
-    apart = f"{abs(one.distance):.3g} combined standard deviations apart (limit {LIMIT:.2g})"
-    if one.unfitted:
-        apart = "and no fit was found with it and the other known values"
-    sentence = (
-        f"{prior.name} is {given} by {prior.origin} and {one.estimate:.4g} {prior.unit} (sd "
-        f"{one.sd:.2g}) by the runs, {apart}: the runs were followed and the value was "
-        "not used; check it"
+    apart = (
+        f"the difference is {abs(one.distance):.3g} combined standard deviations (limit "
+        f"{LIMIT:.2g})"
     )
-    lag = "a filter or delay of the current sensor in the runs looks like a larger L"
+    if one.unfitted:
+        apart = "no fit with it and the other known values succeeded"
+    sentence = (
+        f"{prior.name} is {given} by {prior.origin}, but {one.estimate:.4g} {prior.unit} (sd "
+        f"{one.sd:.2g}) by the runs; {apart}; the fit did not use the given value; check it"
+    )
+    lag = "a filter or delay of the current sensor also increases the estimated L"
     lags = [lag] if prior.name == "L" and one.estimate > prior.value else []
     return "; ".join([sentence, *lags, *_units(one, runs[0])])
 
@@ -121,9 +123,7 @@ def _units(one: Comparison, run: Run) -> list[str]:
         logged = f"if {channel} is in {unit.name} in the runs, correct it with --map '{words}'"
         found.append((abs(ratio - math.log(unit.factor)), logged))
         if one.prior.origin == NAMEPLATE and unit.name in _ON_PLATES:
-            typed = (
-                f"if a {quantity} of the nameplate is in {unit.name}, write {unit.name} behind it"
-            )
+            typed = f"if a {quantity} of the nameplate is in {unit.name}, append {unit.name} to it"
             found.append((abs(ratio + math.log(unit.factor)), typed))
     off, sentence = min(found)
     return [sentence] if off < _CLOSE else []

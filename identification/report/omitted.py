@@ -86,9 +86,9 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
     torques = [term.name for term in final.simulator.model.terms if term.name in _ONE_TORQUE]
     if torques and turns_one_way(final.simulator.records):
         messages.append(
-            f"the motor turns in one direction only, where dry friction and a load torque are one "
-            f"constant torque: {' and '.join(torques)} may be either, or both; record runs in both "
-            "directions to tell them apart"
+            "the motor turns in one direction only, so Coulomb friction and a load torque are the "
+            f"same constant torque: {' and '.join(torques)} may be either, or the sum of both; "
+            "record runs in both directions to separate them"
         )
     return messages
 
@@ -102,28 +102,28 @@ def _confounded(final: Fit, term: OmittedTerm) -> str:
     low = final.coordinates.values(np.clip(moved, final.coordinates.lower, np.inf))
     less = float(low[final.coordinates.names.index(name)])
     factor, unit = (1e3, "mH") if name == "L" else (1.0, DECLARED_PARAMETERS[name].unit)
-    says = f"{name} is {factor * values[name]:.3g} {unit} only if there is no"
+    value = f"{factor * values[name]:.3g} {unit}"
     is_better = term.time is not None and (term.gain or 0.0) > (term.chance or 0.0)
-    says_so = "the runs are explained better by" if is_better else "the runs do not exclude"
-    found = f"{says_so} {name} = {factor * less:.3g} {unit}"
+    verdict = "the runs fit better with" if is_better else "the runs do not exclude"
+    found = f"{verdict} {name} = {factor * less:.3g} {unit}"
     if term.time is not None:
-        found += f" with a time constant of {1e3 * term.time:.3g} ms in the sensor"
+        found += f" and a sensor time constant of {1e3 * term.time:.3g} ms"
     if name == "L":
         lag = 1e3 * values["L"] / values["Ra25"]
         return (
-            f"{says} lag in the current sensor ({term.name}): the lag of {lag:.3g} ms in the "
-            f"current is that of L or of the sensor, and {found}; measure L, as with an LCR meter, "
-            "and give --known L=VALUE, or log the current without its filter and at a higher rate"
+            f"L is confounded with a lag of the current sensor ({term.name}): without such a lag, "
+            f"L is {value} (L / Ra = {lag:.3g} ms), but {found}; measure L with an LCR meter and "
+            "give --known L=VALUE, or log the unfiltered current at a higher sample rate"
         )
     if name == "J":
         return (
-            f"{says} lag in the speed sensor ({term.name}): {found}; give --known J=VALUE, or log "
-            "the speed without its filter"
+            f"J is confounded with a lag of the speed sensor ({term.name}): without such a lag, J "
+            f"is {value}, but {found}; give --known J=VALUE, or log the unfiltered speed"
         )
     return (
-        f"{says} dry friction or load torque: the motor turns in one direction only, where a "
-        f"constant torque and b w look alike, and {found}; record runs in both directions and at "
-        "several speeds, or give --known b=VALUE"
+        f"b is confounded with Coulomb friction and load torque, because the motor turns in one "
+        f"direction only: without them, b is {value}, but {found}; record runs in both directions "
+        "and at several speeds, or give --known b=VALUE"
     )
 
 

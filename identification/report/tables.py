@@ -172,7 +172,7 @@ def _parameter_row(
 ) -> ParameterRow:
     known = DECLARED_PARAMETERS.get(name)
     is_identified = bool(entry["identified"])
-    reason = "" if is_identified else data.reasons.get(name, "the data do not determine it")
+    reason = "" if is_identified else data.reasons.get(name, "the runs do not determine it")
     if origin := known_only_from(entry):
         is_identified, reason = False, f"from {origin}, not from the runs"
     return ParameterRow(

@@ -40,10 +40,11 @@ def worse_warnings(
         for channel, name in enumerate(_CHANNELS):
             if final[channel] > _WORSE * max(nominal[channel], noise[channel]):
                 found.append(
-                    f"{_CODE}: {run}: with {', '.join(effects)} the error of the {name} is "
-                    f"{final[channel] / noise[channel]:.3g} times the noise, with the nominal "
-                    f"model {nominal[channel] / noise[channel]:.3g} times: predict this run with "
-                    "--declared, or give it as a training run, so that what it lacks is found"
+                    f"{_CODE}: {run}: with {', '.join(effects)} the RMSE of the {name} is "
+                    f"{final[channel] / noise[channel]:.3g} times the sensor noise, with the "
+                    f"nominal model {nominal[channel] / noise[channel]:.3g} times; predict this "
+                    "run with --declared, or add it to the training runs, so that the search can "
+                    "find the missing effect"
                 )
     return found
 

@@ -72,8 +72,8 @@ def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str
 
     assert identified(fit, share)["L"]
     assert not is_identified(fit, "L")
-    assert "only if there is no lag in the current sensor" in message
-    assert "the runs are explained better by L = " in message
+    assert "confounded with a lag of the current sensor" in message
+    assert "the runs fit better with L = " in message
     assert "--known L=VALUE" in message
 
 
@@ -172,7 +172,7 @@ def test_constant_torque_of_one_direction_is_friction_or_load(
     found = confounded_warnings(fit, effective_share(fit), ())
 
     assert bool(found) == (direction == "forward")
-    assert all("dry friction and a load torque" in message for message in found)
+    assert all("Coulomb friction and a load torque" in message for message in found)
 
 
 def test_limit_is_the_quantile_of_one_in_a_thousand() -> None:

@@ -116,8 +116,8 @@ def test_wrong_value_is_the_first_warning_and_moves_nothing(
     assert entry["prior"]["identified_by_runs"] is True
     assert {k: v for k, v in entry.items() if k != "prior"} == servo["parameters"][name]
     assert result["warnings"][0].startswith(f"{name} is ")
-    assert "by --known and" in result["warnings"][0]
-    assert "the runs were followed and the value was not used" in result["warnings"][0]
+    assert "by --known, but" in result["warnings"][0]
+    assert "the fit did not use the given value" in result["warnings"][0]
 
 
 def test_value_within_chance_moves_a_well_determined_parameter_less_than_its_sd(
@@ -186,7 +186,7 @@ def test_nameplate_without_its_unit_is_found(servo_runs: list[Run], servo: dict[
     """3249 typed for rad/s; the answer is that of the runs."""
     result = quick(servo_runs, nameplate=PLATE.replace("rpm", ""))
 
-    assert "if a speed of the nameplate is in rpm, write rpm behind it" in result["warnings"][0]
+    assert "if a speed of the nameplate is in rpm, append rpm to it" in result["warnings"][0]
     median = servo["parameters"]["J"]["median"]
     assert result["parameters"]["J"]["median"] == pytest.approx(median, rel=1e-6)
 

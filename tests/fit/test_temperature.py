@@ -150,6 +150,6 @@ def test_no_heat_explains_a_winding_hotter_than_its_insulation_bears() -> None:
     found = identify(runs, [at(190.0, 3, is_logged=False)], FAST)
 
     warnings: Any = found.result["warnings"]
-    assert any(text.startswith("no heat explains run3.csv") for text in warnings)
+    assert any(text.startswith("implausible winding temperature in run3.csv") for text in warnings)
     (told,) = [text for text in warnings if "was not logged" in text]
     assert float(told.split("run3.csv (")[1].split(" degC")[0]) <= 155.0
