@@ -119,8 +119,8 @@ def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
     caption = (
         f"{len(marks)} motors from {number_text(marks[0].median)} to "
         f"{number_text(marks[-1].median)} {unit}, "
-        f"{sum(mark.is_outlier for mark in marks)} of them stand out, "
-        f"{sum(mark.is_significant for mark in marks)} have moved significantly."
+        f"{sum(mark.is_outlier for mark in marks)} outliers, "
+        f"{sum(mark.is_significant for mark in marks)} with a significant drift."
     )
     return svg(_LEFT + _WIDTH + 14, bottom + room + 8, f"{name} over the fleet", caption, body)
 
@@ -239,13 +239,13 @@ def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> s
     parts = []
     for mark, x in zip(marks, across, strict=True):
         value = interval_text(mark.median, mark.q05, mark.q95)
-        told = f"{mark.motor}: {value.median} ({value.low} … {value.high}){value.power} {unit}"
+        title = f"{mark.motor}: {value.median} ({value.low} … {value.high}){value.power} {unit}"
         if mark.score is not None:
-            told += f"; {mark.score:+.1f} robust sd from the fleet"
+            title += f"; {mark.score:+.1f} robust sd from the fleet median"
         if mark.drift is not None and mark.drift.sds is not None:
-            told += f"; moved by {mark.drift.sds:+.1f} combined sd"
+            title += f"; drift {mark.drift.sds:+.1f} combined sd"
         parts.append(
             f'<rect class="hover" x="{x - width / 2:.2f}" y="{_TOP:.1f}" width="{width:.2f}" '
-            f'height="{bottom - _TOP:.1f}"><title>{escape(told)}</title></rect>'
+            f'height="{bottom - _TOP:.1f}"><title>{escape(title)}</title></rect>'
         )
     return "".join(parts)

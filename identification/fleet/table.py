@@ -83,8 +83,8 @@ class MissingParquet(InputError):
 
     def __init__(self) -> None:
         super().__init__(
-            "Parquet needs pyarrow, which is not installed; install motorid[parquet], or take the "
-            "CSV"
+            "Parquet requires pyarrow, which is not installed; install it with pip install "
+            "'motorid[parquet]', or use the CSV table"
         )
 
 

@@ -70,4 +70,4 @@ class Attempts:
 
 def _remark(name: str, error: Exception) -> str:
     why = str(error) or type(error).__name__
-    return f"The {name} cannot be drawn from these values ({why}); result.json holds the numbers."
+    return f"The {name} cannot be drawn for these values ({why}); result.json contains the numbers."

@@ -35,81 +35,84 @@ CONFUSIONS: Final = (
         ("brush_drop",),
         ("Ra25",),
         "brush drop and armature resistance",
-        "Away from the knee a drop of constant size and a resistance differ only by where the "
-        "line of voltage over current meets zero. Runs must take the current through the knee, in "
-        "both directions. Where the voltage is logged as commanded, the dead time of the output "
-        "stage takes a voltage with the sign of the current, which is the law of a brush drop, and "
-        "leads and switches are in series with the armature: only a voltage measured at the "
-        "terminals parts these. A supply that sags behind a chopper goes with the square of the "
-        "voltage as well; it is told apart and called unlisted.",
+        "At currents above the knee, a constant drop and a resistance differ only in the "
+        "intercept of voltage over current. The runs must cross the knee in both directions of "
+        "the current. If the logged voltage is the commanded one, the dead time of the output "
+        "stage causes a voltage with the sign of the current, as a brush drop does, and leads "
+        "and switches are in series with the armature; only the voltage measured at the "
+        "terminals separates these. The voltage lost in a sagging chopper supply is "
+        "proportional to the current and to the square of the commanded voltage; it is "
+        "distinguishable and reported as unlisted.",
     ),
     Confusion(
         ("coulomb_friction", "stribeck_friction", "quadratic_drag", "viscous_temperature"),
         ("b",),
-        "the shares of friction",
-        "Dry friction, its rise at low speed, viscous friction and drag are told apart by the "
-        "speeds of the runs: standstill and reversals for the first two, the highest speeds for "
-        "the last. Friction that grows with the load of the gear or bearing goes with the current "
-        "and passes for dry friction where load and direction change together.",
+        "components of friction",
+        "The speeds of the runs separate Coulomb friction, Stribeck friction, viscous friction "
+        "and drag: standstill and reversals determine the first two, the highest speeds the "
+        "last. Friction that is proportional to the load of a gear or bearing depends on the "
+        "current and appears as Coulomb friction if load and direction change together.",
     ),
     Confusion(
         ("flux_saturation", "demagnetization", "magnet_lag"),
         ("Kt25", "alpha_Kt"),
-        "three ways to lose torque constant",
-        "Saturation follows the current at once and alike in both directions, demagnetisation "
-        "stays after one hot moment, and the temperature coefficient comes back when the magnet "
-        "cools. Runs must cool down again after the hottest one, and change the current at one "
-        "temperature.",
+        "three causes of a lower torque constant",
+        "Flux saturation follows the current without delay and equally in both directions, "
+        "demagnetisation is permanent after a single temperature peak, and the change by the "
+        "temperature coefficient reverses when the magnet cools. The runs must include cooling "
+        "after the hottest run, and different currents at one temperature.",
     ),
     Confusion(
         ("self_heating", "winding_lag", "resistance_curvature"),
         ("alpha_Ra",),
-        "three ways for the resistance to leave its line",
-        "Own losses, a lag of the thermometer and a second-order law of the metal part by runs "
-        "with strong current at a steady temperature, by fast heating, and by a wide range of "
-        "temperature.",
+        "three causes of a resistance that is not linear in the logged temperature",
+        "Self-heating is determined by runs with high current at constant logged temperature, a "
+        "lag of the thermometer by fast heating, and the second-order temperature coefficient by "
+        "a wide temperature range.",
     ),
     Confusion(
         ("channel_delay", "current_filter", "speed_filter", "input_hold", "inductance_saturation"),
         ("L",),
-        "delay, filter, voltage between samples and inductance",
-        "All of them hold a response back by less than a few samples. Only samples closer than "
-        "the electrical time constant, and steps of both small and large size, part them.",
+        "delay, filter, inter-sample behaviour and inductance",
+        "Each of them delays a response by less than a few samples. Only a sample interval "
+        "shorter than the electrical time constant, together with steps of small and large size, "
+        "separates them.",
     ),
     Confusion(
         ("current_offset", "load_torque"),
         (),
         "zero error of the current and constant load",
-        "With a constant torque constant both are a constant torque. They part where temperature "
-        "changes the constant, or where the voltage balance shows the current.",
+        "If the torque constant does not change, both act as a constant torque. They are "
+        "separable if the torque constant changes with temperature, or if the voltage balance "
+        "determines the current.",
     ),
     Confusion(
         ("voltage_offset", "speed_offset"),
         (),
         "zero errors of voltage and speed",
-        "An offset of the speed is a constant back-EMF, which is a constant voltage. Viscous "
-        "friction and standstill part them.",
+        "An offset of the speed is a constant back-EMF and therefore a constant voltage. Viscous "
+        "friction and standstill separate the two.",
     ),
     Confusion(
         ("load_step", "inertia_change"),
         ("J",),
-        "what happens in one run alone",
-        "A load that came and went and another inertia are told apart by whether the torque "
-        "follows the acceleration. One run cannot say whether the next will have it.",
+        "effects that occur in a single run",
+        "The torque of an added inertia is proportional to the acceleration, the torque of a "
+        "load step is not. A single run does not show whether the next run will have the effect.",
     ),
     Confusion(
         (),
         ("b",),
         "viscous friction and eddy-current loss",
-        "Both brake in proportion to speed. They are the same law and cannot be separated; b holds "
-        "both.",
+        "Both give a braking torque proportional to speed. The laws are identical and cannot be "
+        "separated; b is their sum.",
     ),
     Confusion(
         (),
         ("Kt25", "J", "b"),
-        "the scale of torque",
-        "A common factor on torque, inertia and friction changes nothing that is logged. The "
-        "back-EMF constant is therefore taken for the torque constant.",
+        "common factor of torque",
+        "A common factor of torque, inertia and friction changes no logged signal. The torque "
+        "constant is therefore set equal to the back-EMF constant.",
     ),
 )
 """Known confounded effects; entries without an effect concern every motor."""

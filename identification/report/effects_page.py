@@ -42,33 +42,33 @@ _ROWS: Final = 4000
 _HEAD: Final = """\
 # Effects
 
-What motorid looks for beside the declared model, by the names that stand in a result.
-This page is written by `python -m identification.report.effects_page` from the classes in \
+The effect types that motorid searches for in addition to the nominal model, with their names in \
+result.json.
+`python -m identification.report.effects_page` generates this page from the classes in \
 `identification/effects/`.
 
-A name is a kind and not one formula: a law has a shape parameter where real motors \
-differ from the textbook.
-Each effect adds its term to one of the two balances,
+An effect type is a family of laws and not a single formula: shape parameters cover the deviation \
+of real motors from the textbook law.
+Each effect adds a voltage or a torque to one of the two balances,
 
 ```text
 L di/dt = v - Ra(T) i - Kt(T) w + voltage          Ra(T) = Ra25 (1 + alpha_Ra (T - 25))
 J dw/dt = Kt(T) i - b w + torque                   Kt(T) = Kt25 (1 + alpha_Kt (T - 25))
 ```
 
-changes one of their coefficients or the temperature in them, or stands between the motor and \
-the log.
-A [decision](adr/0008-three-gates-for-an-effect.md) says what an effect has to pass before \
-it is named.
-What passes in none of the forms below is called `unlisted`: a smooth curve of \
-the missing voltage or torque over the signals that show it best stands in for it.
-One physical law is called so as well: the supply of a chopper that sags, where the voltage is \
-logged as it was commanded, v = -R_s (v / v_0)^2 i.
+changes a coefficient or its temperature, or acts in a sensor.
+[Decision 0008](adr/0008-three-gates-for-an-effect.md) defines the acceptance criteria of an \
+effect.
+If no effect type meets them, the search may fit the effect `unlisted`: a smooth curve of the \
+missing voltage or torque over the signals that it depends on most.
+One physical law has the name `unlisted` as well: a sagging chopper supply if the logged voltage \
+is the commanded one, v = -R_s (v / v_0)^2 i.
 
-Priors scale with the signals and the declared fit of the runs at hand.
-Those below are of an example: a servo motor with Ra25 {Ra25:g} ohm, Kt25 {Kt25:g} N m/A and \
-J {J:g} kg m^2, run at {voltage} V, {current} A and {speed} rad/s (root mean squares) for \
-{duration} s, a sample every {interval:g} ms.
-A prior "x / 2" has its logarithm normal with a factor of two as one standard deviation.
+Priors scale with the signals of the runs and with the fit of the nominal model.
+The priors below belong to an example: a servo motor with Ra25 {Ra25:g} ohm, Kt25 {Kt25:g} N m/A \
+and J {J:g} kg m^2; runs with RMS values of {voltage} V, {current} A and {speed} rad/s, a \
+duration of {duration} s and a sample interval of {interval:g} ms.
+A prior "x / f" is log-normal with median x; one standard deviation is a factor of f.
 """
 
 
@@ -84,11 +84,11 @@ def effects_page(survey: Survey) -> str:
         current=_number(survey.current), speed=_number(survey.speed),
         duration=_number(survey.duration), interval=1e3 * survey.interval,
     )  # fmt: skip
-    index = ["| effect | equation | drivers | what it is |", "|---|---|---|---|"]
+    index = ["| effect | equation | drivers | description |", "|---|---|---|---|"]
     sections = []
     for name, kind in CATALOGUE.items():
         text, formulas, remark = _told(kind)
-        drivers = ", ".join(kind.drivers) or "none: a constant"
+        drivers = ", ".join(kind.drivers) or "none (constant)"
         index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {text} |")
         sections.append(_section(name, kind, survey, (text, formulas, remark)))
     return "\n".join([head, *index, "", *sections, _confusions()])
@@ -161,7 +161,7 @@ def _section(name: str, kind: Any, survey: Survey, told: tuple[str, list[str], s
         lines += ["", "```text", *formulas, "```"]
     if remark:
         lines += ["", remark]
-    lines += ["", f"Equation: {kind.equation}. Drivers: {drivers or 'none, it is a constant'}."]
+    lines += ["", f"Equation: {kind.equation}. Drivers: {drivers or 'none (constant)'}."]
     lines.append(f"Source: {kind.source}.")
     candidates = kind.candidates(survey)
     parameters = candidates[0].term.parameters if candidates else ()
@@ -169,11 +169,11 @@ def _section(name: str, kind: Any, survey: Survey, told: tuple[str, list[str], s
         lines += ["", "| parameter | unit | meaning | prior | bounds |", "|---|---|---|---|---|"]
         lines += [_row(parameter) for parameter in parameters]
     else:
-        lines += ["", "It has no parameters."]
+        lines += ["", "No parameters."]
     states = candidates[0].term.states if candidates else ()
     if states:
         words = ", ".join(f"{state.name} [{state.unit}]" for state in states)
-        lines += ["", f"It brings states of its own, free at the start of each record: {words}."]
+        lines += ["", f"Additional states, with a free initial value in each record: {words}."]
     return "\n".join([*lines, ""])
 
 
@@ -211,11 +211,12 @@ def _confusions() -> str:
     lines = [
         "## Known confusions",
         "",
-        "Physics sets these limits, and no method removes them.",
-        "A report says those that concern what it found, and names what the runs cannot part as "
-        "alternatives with their probabilities.",
+        "Confounded effects and parameters: they change the logged signals in nearly the same way.",
+        "These limits are physical; no method removes them.",
+        "A report lists those that concern its effects, and gives alternatives that the runs "
+        "cannot separate with their probabilities.",
         "",
-        "| what is taken for what | effects | parameters | what tells them apart |",
+        "| confounded quantities | effects | parameters | how to separate them |",
         "|---|---|---|---|",
     ]
     for confusion in CONFUSIONS:

@@ -106,7 +106,7 @@ def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
     values = _wrapped(driver, found)
     carrier = carrier_of(term)
     turned = -np.sign(found.drivers[carrier]) if carrier else np.ones(values.size)
-    words = f"{WORDS[column]} against the {AGAINST[column]}" if carrier else WORDS[column]
+    words = f"{WORDS[column]} opposing the {AGAINST[column]}" if carrier else WORDS[column]
     effects = found.effects[term.name][:, :, column] * turned
     bins = _Bins(values)
     curve = _spread([bins.means(effect) for effect in effects])

@@ -45,9 +45,13 @@ def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     if not names:
         return ""
     return (
-        f"{' and '.join(names).capitalize()} {'is' if len(names) == 1 else 'are'} in the log and "
-        "not in the motor, so there is no missing voltage or torque to draw."
+        f"{' and '.join(names).capitalize()} {_verb(names)} on the logged signals and "
+        "not in the motor, so there is no missing voltage or torque to plot."
     )
+
+
+def _verb(names: Sequence[str]) -> str:
+    return "acts" if len(names) == 1 else "act"
 
 
 def has_a_picture(term: AbstractTerm) -> bool:

@@ -238,7 +238,7 @@ def test_value_with_which_no_fit_is_found_is_not_used(
     entry = result["parameters"]["Kt25"]
     assert entry.pop("prior")["used"] is False
     assert entry == servo["parameters"]["Kt25"]
-    assert "and no fit was found with it and the other known values" in result["warnings"][0]
+    assert "no fit with it and the other known values succeeded" in result["warnings"][0]
 
 
 def test_known_coefficient_of_runs_without_temperature_is_not_drawn_anew(

@@ -167,5 +167,5 @@ def test_parquet_says_what_to_install_where_it_is_absent(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(builtins, "__import__", without)
 
-    with pytest.raises(MissingParquet, match=r"install motorid\[parquet\], or take the CSV"):
+    with pytest.raises(MissingParquet, match=r"pip install 'motorid\[parquet\]', or use the CSV"):
         parquet_bytes(rows_of(fleet(1)))

@@ -151,4 +151,6 @@ def test_an_effect_of_the_log_has_a_sentence_and_no_picture(declared: Fit) -> No
 
     assert missing_terms(path.final, path.everywhere) == []
     assert missing_traces(path, path.everywhere, ["a", "b", "c"]) == []
-    assert "in the log and not in the motor" in undrawn_sentence(path.final.simulator.model.terms)
+    assert "on the logged signals and not in the motor" in undrawn_sentence(
+        path.final.simulator.model.terms
+    )

@@ -44,12 +44,12 @@ def missing_term_figure(term: MissingTerm) -> str:
         body += line(frame, term.grid, middle, "line after")
     if size <= _FEW:
         body += dots(frame, across[inside], up[inside], kind)
-    fitted = f", with {term.effect} fitted to it" if term.effect else ""
+    fitted = f", with the fitted {term.effect}" if term.effect else ""
     return svg(
         460,
         246,
-        f"{term.quantity} against {term.driver}",
-        f"{term.quantity} of the {term.equation} equation against {term.driver}{fitted}.",
+        f"{term.quantity} versus {term.driver}",
+        f"{term.quantity} of the {term.equation} equation versus {term.driver}{fitted}.",
         body,
     )
 
