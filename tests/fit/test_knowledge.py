@@ -178,7 +178,7 @@ def test_nameplate_finds_runs_in_another_unit(
 
     result = quick(runs, nameplate=PLATE)
 
-    assert "by --nameplate and" in result["warnings"][0]
+    assert "by --nameplate, but" in result["warnings"][0]
     assert correction in result["warnings"][0]
 
 
