@@ -190,7 +190,7 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
     validation = (
         ""
         if found.gates.validation is None
-        else f" and {_change(found.gates.validation)} on the validation runs"
+        else f" and {_change(found.gates.validation, found.gates.training)} on the validation runs"
     )
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
@@ -215,8 +215,11 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
     return text
 
 
-def _change(fall: float) -> str:
-    return f"falls by {_percent(fall)}" if fall >= 0 else f"rises by {_percent(fall)}"
+def _change(fall: float, previous: float | None = None) -> str:
+    """Change of an error in words; the verb is omitted after a previous change of the same sign."""
+    if previous is not None and (fall >= 0) == (previous >= 0):
+        return f"by {_percent(fall)}"
+    return f"{'falls' if fall >= 0 else 'rises'} by {_percent(fall)}"
 
 
 def _percent(fall: float) -> str:

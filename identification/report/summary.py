@@ -104,9 +104,9 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
     return [
         KeyFigure(label, "not determined", remark, "fair")
         if _is_left_open(result, ends, key)
-        else KeyFigure(label, f"{_median(cold[key])} → {_median(hot[key])}{unit}", remark)
+        else KeyFigure(label, _pair(cold[key], hot[key], " → ", unit), remark)
         for key, label, unit in (
-            ("rise_time_s", "Rise time", " s"),
+            ("rise_time_s", "Rise time", "s"),
             ("steady_state", "Final value", ""),
         )
     ]
@@ -160,10 +160,10 @@ def _effects(result: Entry) -> str:
     for effect in result["effects"]:
         name = effect["name"].replace("_", " ")
         label = "driver" if len(effect["drivers"]) == 1 else "drivers"
-        details = [f"{label} {_list(effect['drivers'])}"] if effect["drivers"] else []
+        details = [f"{label}: {_list(effect['drivers'])}"] if effect["drivers"] else []
         details += [f"probability {probability_text(effect['probability'])}"]
         details += [
-            f"alternative {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
+            f"alternative: {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
             for item in effect["alternatives"]
         ]
         parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
@@ -291,10 +291,10 @@ def _loop(result: Entry) -> str:
         return ""
     cold, hot = ends
     changes = {
-        "rise_time_s": f"the rise time from {_median(cold['rise_time_s'])} to "
-        f"{_median(hot['rise_time_s'])} s",
-        "steady_state": f"the final value from {_median(cold['steady_state'])} to "
-        f"{_median(hot['steady_state'])} of the reference",
+        "rise_time_s": "the rise time from "
+        + _pair(cold["rise_time_s"], hot["rise_time_s"], " to ", "s"),
+        "steady_state": "the final value from "
+        + _pair(cold["steady_state"], hot["steady_state"], " to ", "of the reference"),
     }
     left_open = [name for name in changes if _is_left_open(result, ends, name)]
     lead = f"With the controller {cold['controller']} and unity feedback of the speed"
@@ -349,12 +349,21 @@ def _cold_and_hot(feedback: Sequence[Entry]) -> tuple[Entry, Entry] | None:
     return (ordered[0], ordered[-1]) if len(ordered) > 1 else None
 
 
-def _median(entry: Entry | None) -> str:
+def _pair(cold: Entry | None, hot: Entry | None, between: str, unit: str) -> str:
+    """Two medians with their unit; times below 1 s in milliseconds."""
+    medians = [entry["median"] for entry in (cold, hot) if entry]
+    is_short = unit == "s" and all(median is not None and median < 1.0 for median in medians)
+    factor, shown = (1e3, "ms") if is_short else (1.0, unit)
+    return f"{_median(cold, factor)}{between}{_median(hot, factor)} {shown}".rstrip()
+
+
+def _median(entry: Entry | None, factor: float) -> str:
     if entry is None:
         return UNKNOWN
-    written = interval_text(entry["median"], entry["q05"], entry["q95"])
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    written = interval_text(*(None if end is None else factor * end for end in ends))
     if len(written.median) > 6:
-        return number_text(entry["median"], 3)
+        return number_text(factor * entry["median"], 3)
     return written.median + written.power
 
 

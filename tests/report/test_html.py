@@ -171,8 +171,8 @@ def test_the_report_contains_its_parts(clean: str, words: str) -> None:
     "words",
     [
         "Effect search",
-        "coulomb friction in the mechanical equation (driver speed",
-        "alternative viscous temperature 0.9 %",
+        "coulomb friction in the mechanical equation (driver: speed",
+        "alternative: viscous temperature 0.9 %",
         "ruled out",
         "not supported by the validation runs",
         "The residual is white noise.",
