@@ -87,7 +87,7 @@ def effects_page(survey: Survey) -> str:
     index = ["| effect | equation | drivers | description |", "|---|---|---|---|"]
     sections = []
     for name, kind in CATALOGUE.items():
-        text, formulas, remark = _told(kind)
+        text, formulas, remark = _documentation(kind)
         drivers = ", ".join(kind.drivers) or "none (constant)"
         index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {text} |")
         sections.append(_section(name, kind, survey, (text, formulas, remark)))
@@ -129,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_text(Path(given[0]) if given else PAGE, effects_page(example_survey()))
 
 
-def _told(kind: Any) -> tuple[str, list[str], str]:
+def _documentation(kind: Any) -> tuple[str, list[str], str]:
     """First sentence, formulas and remaining text of a class docstring."""
     whole = inspect.cleandoc(kind.__doc__ or "")
     body = re.split(r"^Args:|^Source:", whole, maxsplit=1, flags=re.MULTILINE)[0].strip()
@@ -153,8 +153,10 @@ def _told(kind: Any) -> tuple[str, list[str], str]:
 _FORMULA: Final = re.compile(r"(=|->).*\[[^\]]+\]\s*$")
 
 
-def _section(name: str, kind: Any, survey: Survey, told: tuple[str, list[str], str]) -> str:
-    text, formulas, remark = told
+def _section(
+    name: str, kind: Any, survey: Survey, documentation: tuple[str, list[str], str]
+) -> str:
+    text, formulas, remark = documentation
     drivers = ", ".join(kind.drivers)
     lines = [f"## {name}", "", text]
     if formulas:

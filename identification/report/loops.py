@@ -23,7 +23,7 @@ METRICS: Final = {
     "phase_margin_deg": "Phase margin",
     "gain_margin_db": "Gain margin",
 }
-_TOLD: Final = {
+_LABELS: Final = {
     "feedback_before": "nominal model",
     "feedback": "final model",
     "feedback_nonlinear": "final model, effects simulated",
@@ -55,23 +55,23 @@ class LoopComparison:
 
 def loop_comparisons(result: Entry) -> list[LoopComparison]:
     """One comparison per controller; empty if only one model has metrics."""
-    told = {key: words for key, words in _TOLD.items() if result.get(key)}
-    if len(told) < 2:
+    labels = {key: words for key, words in _LABELS.items() if result.get(key)}
+    if len(labels) < 2:
         return []
     controllers = dict.fromkeys(str(entry["controller"]) for entry in result["feedback"])
-    return [_comparison(controller, result, told) for controller in controllers]
+    return [_comparison(controller, result, labels) for controller in controllers]
 
 
-def _comparison(controller: str, result: Entry, told: Mapping[str, str]) -> LoopComparison:
+def _comparison(controller: str, result: Entry, labels: Mapping[str, str]) -> LoopComparison:
     found = {
         key: {
             float(entry["temperature_degC"]): entry
             for entry in result[key]
             if entry["controller"] == controller
         }
-        for key in told
+        for key in labels
     }
-    kept = [key for key in told if found[key]]
+    kept = [key for key in labels if found[key]]
     temperatures = sorted(found["feedback"])
     cells = [found[key].get(t, {}) for t in temperatures for key in kept]
     rows = []
@@ -84,7 +84,7 @@ def _comparison(controller: str, result: Entry, told: Mapping[str, str]) -> Loop
     return LoopComparison(
         controller=controller,
         temperatures=tuple(f"{t:g} °C" for t in temperatures),
-        ways=tuple(told[key] for key in kept),
+        ways=tuple(labels[key] for key in kept),
         rows=tuple(rows),
         remark=_remark(list(found.get("feedback_nonlinear", {}).values())),
     )
