@@ -37,13 +37,13 @@ class Admission:
         """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}
         forced = [
-            f"fitted by force although the runs contradict physics or each other, so no number of "
-            f"this result is to be relied on: {f}"
+            f"do not rely on this result: it was fitted with --force although the runs contradict "
+            f"physics or each other: {f}"
             for f in self.findings
             if f.severity == "refuse" and f.file not in left_out
         ]
         aside = [
-            f"set aside, and neither fitted nor checked on: {f}"
+            f"run set aside (neither fitted nor used for validation): {f}"
             for f in self.findings
             if f.severity == "refuse" and f.file in left_out
         ]
@@ -93,11 +93,11 @@ def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryR
     count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
     ways = "correct the runs"
     if not options.set_aside and any(f.separable for f in findings):
-        ways += ", leave the runs named out with --set-aside"
+        ways += ", exclude the named runs with --set-aside"
     elif options.set_aside:
-        ways += " (too few are left to set any aside)"
+        ways += " (--set-aside cannot resolve this, because too few runs remain)"
     text = "; ".join(f"({k}) {finding}" for k, finding in enumerate(findings, 1))
     return ContradictoryRuns(
-        f"{count} in the runs; {ways}, or go on with --force: {text}",
+        f"{count} in the runs; {ways}, or fit them anyway with --force: {text}",
         [finding.entry() for finding in findings],
     )

@@ -109,9 +109,9 @@ def _idle(run: Run, share: float) -> Finding:
         "suspect",
         run.name,
         None,
-        "the motor hardly moves in it, so it says nothing; leave it out, or check that the drive "
-        "was on",
-        "movement over that of the other runs",
+        "the motor hardly moves, so the run carries no information; omit it, or check that the "
+        "drive was on",
+        "standard deviation of the signals relative to the other runs",
         share,
         _DRIVEN,
     )
@@ -131,9 +131,9 @@ def _unexplained(run: Run, signals: Signals) -> list[Finding]:
             "refuse",
             run.name,
             "voltage_V",
-            "is not what current and speed say (v = R i + K w): check that the channels are of one "
-            "motor and of one time, and that the voltage is the one at its terminals",
-            "unexplained share of the voltage",
+            "current and speed do not explain it (v = R i + K w); check that all channels belong "
+            "to one motor and one recording, and that it is the voltage at the motor terminals",
+            "unexplained fraction of the voltage variance",
             missed,
             _UNEXPLAINED,
         )

@@ -191,19 +191,19 @@ def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
     if named is not None:
         return _scale_finding(e, *named, constant)
     far_constant = abs(math.log(e.constant / constant)) > _CONSTANT
-    name, value, usual, limit = (
-        ("Kt", e.constant, constant, _CONSTANT)
+    name, unit, value, usual, limit = (
+        ("Kt", "V s/rad", e.constant, constant, _CONSTANT)
         if far_constant
-        else ("Ra", e.resistance, resistance, _RESISTANCE)
+        else ("Ra", "ohm", e.resistance, resistance, _RESISTANCE)
     )
     return Finding(
         "foreign_motor",
         "refuse",
         e.run.name,
         None,
-        f"is not of the motor of the other runs, or a channel is scaled otherwise: {name} of this "
-        f"run alone is {value:.3g}, of the others {usual:.3g}; leave it out, or correct the scale",
-        f"{name} over that of the others",
+        f"another motor or a wrong channel scale: {name} is {value:.3g} {unit} in this run and "
+        f"{usual:.3g} {unit} in the other runs; omit the run, or correct the scale",
+        f"{name} relative to the other runs",
         value / usual,
         math.exp(limit if value > usual else -limit),
     )
@@ -226,14 +226,14 @@ def _scale(e: Estimate, constant: float, resistance: float) -> tuple[str, float,
 
 
 def _scale_finding(e: Estimate, channel: str, s: float, unit: str, constant: float) -> Finding:
-    kind = f", as of values in {unit}" if unit else ""
+    kind = f"; the values are probably in {unit}" if unit else ""
     return Finding(
         "scaled_channel",
         "refuse",
         e.run.name,
         channel,
-        f"is {s:.4g} times what the other runs say{kind}",
-        "Kt over that of the others" if channel != "current_A" else "factor",
+        f"the values are {s:.4g} times those expected from the other runs{kind}",
+        "Kt relative to the other runs" if channel != "current_A" else "scale factor",
         e.constant / constant if channel != "current_A" else s,
         math.exp(math.copysign(_CONSTANT, math.log(e.constant / constant)))
         if channel != "current_A"
@@ -249,7 +249,7 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
         low = min(sound, key=lambda e: e.resistance)
         high = max(sound, key=lambda e: e.resistance)
     corrections: tuple[str, ...] = ()
-    hint = "give runs of one motor, recorded in the same units"
+    hint = "use runs of one motor, recorded in the same units"
     for one, other in ((low, high), (high, low)):
         named = _scale(one, other.constant, other.resistance)
         # A forgotten unit is usually a small one, so that the numbers are too large.
@@ -262,15 +262,19 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
         "refuse",
         "",
         None,
-        f"{low.run.name} (Kt {low.constant:.3g}, Ra {low.resistance:.3g}) and {high.run.name} "
-        f"(Kt {high.constant:.3g}, Ra {high.resistance:.3g}) contradict each other, and no "
-        f"majority tells which is right; {hint}",
-        "largest Kt over smallest",
+        f"{_described(low)} and {_described(high)} contradict each other, and no majority of the "
+        f"runs decides between them; {hint}",
+        "ratio of the largest Kt to the smallest",
         max(e.constant for e in sound) / min(e.constant for e in sound),
         math.exp(_CONSTANT),
         corrections,
         separable=False,
     )
+
+
+def _described(e: Estimate) -> str:
+    """Name of a run with its coefficients."""
+    return f"{e.run.name} (Kt {e.constant:.3g} V s/rad, Ra {e.resistance:.3g} ohm)"
 
 
 def _is_slow(e: Estimate, sound: Sequence[Estimate]) -> bool:
@@ -298,9 +302,9 @@ def _time_finding(e: Estimate, sound: Sequence[Estimate]) -> Finding:
         "refuse",
         e.run.name,
         "time_s",
-        f"the time runs {ratio:g} times as fast as in the other runs, as of values in {unit}: "
-        "sample interval and inertia are off by the same factor",
-        "interval over that of the others",
+        f"the values are {ratio:g} times too large, probably in {unit}: sample interval and "
+        "inertia exceed those of the other runs by this factor",
+        "sample interval relative to the other runs",
         e.interval / _median([o.interval for o in sound if o is not e]),
         ratio / math.exp(_TIME),
         (factor(e.run, "time_s", 1.0 / ratio),),

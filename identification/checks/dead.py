@@ -52,8 +52,8 @@ def copied_findings(run: Run, signals: Signals) -> list[Finding]:
                         "refuse",
                         run.name,
                         second,
-                        f"holds the same numbers as {first}; export the right signal",
-                        "equal samples",
+                        f"has the same samples as {first}; export the correct signal",
+                        "number of equal samples",
                         float(one.size),
                         0.0,
                     )
@@ -84,15 +84,15 @@ def dead_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def _dead(run: Run, column: str | None, others: str, explained: float) -> Finding:
-    subject = "" if column else "neither current_A nor speed_rad_s answers: "
+    subject = "" if column else "current_A and speed_rad_s: "
     return Finding(
         "dead_sensor",
         "refuse",
         run.name,
         column,
-        f"{subject}it does not follow {others} at all, as of a sensor that is not connected or a "
-        "motor that was not driven; leave the run out, or measure again",
-        "explained share",
+        f"{subject}no response to {others}; probably a sensor is not connected or the motor was "
+        "not driven; omit the run, or repeat the measurement",
+        "explained fraction of the variance",
         explained,
         _FOLLOWS,
     )
@@ -153,9 +153,10 @@ def stuck_findings(run: Run, signals: Signals) -> list[Finding]:
                     "refuse",
                     run.name,
                     column,
-                    f"stands at {value:.6g} for {stop - start} samples from "
-                    f"{signals.time[start]:.6g} s on while the others go on; cut the file there",
-                    "error of the voltage balance there over elsewhere",
+                    f"is constant at {value:.6g} for {stop - start} samples from "
+                    f"{signals.time[start]:.6g} s while the other channels change; cut the file "
+                    "there",
+                    "RMS error of the voltage balance relative to the other samples",
                     ratio,
                     _STUCK,
                 )

@@ -59,10 +59,10 @@ def jump_findings(run: Run) -> list[Finding]:
             "refuse",
             run.name,
             "temperature_degC",
-            f"jumps by {step[worst]:.3g} K between two samples at {run.time[worst]:.6g} s, "
-            f"{jumps.size} jumps in all, as of a loose thermometer; correct it, or leave the "
-            "channel out",
-            "K per s",
+            f"jumps by {step[worst]:.3g} K between two samples at {run.time[worst]:.6g} s "
+            f"(number of jumps: {jumps.size}); probably the thermometer has a loose contact; "
+            "correct the values, or omit the channel",
+            "rate [K/s]",
             float(rate[worst]),
             _JUMP_K_S,
             (left_out(run, "temperature_degC"),),
@@ -101,12 +101,12 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
     fahrenheit = (logged - 32.0) / 1.8
     mended = math.log(e.raw_resistance / (1.0 + _COPPER * (fahrenheit - _REFERENCE))) - middle
     if abs(mended) < min(max(0.03, spread), 0.4 * abs(off)):
-        kind = f"in degrees Fahrenheit ({fahrenheit:.3g} degC)"
+        kind = f"the values are probably in degrees Fahrenheit ({fahrenheit:.3g} degC)"
         word = other_unit(e.run, "temperature_degC", "degF")
         return _finding(e, "wrong_unit", at, kind, word)
     others_move = all(np.ptp(_temperature(o)) > 0.0 for o in sound if o is not e)
     if np.ptp(e.run.temperature) == 0.0 and others_move:
-        kind = "a thermometer that stands still"
+        kind = "the thermometer is probably stuck"
         return _finding(e, "stuck_sensor", at, kind, left_out(e.run, "temperature_degC"))
     return None
 
@@ -132,9 +132,9 @@ def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str)
         "refuse",
         e.run.name,
         "temperature_degC",
-        f"is {at.logged:.4g} degC on average where the resistance of this run, by the other runs, "
-        f"says about {at.felt:.3g} degC: it is {kind}",
-        "ln of Ra25 over that of the others",
+        f"the logged mean is {at.logged:.4g} degC, but the resistance of this run corresponds to "
+        f"{at.felt:.3g} degC according to the other runs; {kind}",
+        "logarithm of Ra25 relative to the other runs",
         at.off,
         math.copysign(at.limit, at.off),
         (correction,),
@@ -164,9 +164,10 @@ def _common(sound: Sequence[Estimate]) -> list[Finding]:
             "suspect",
             "",
             "temperature_degC",
-            f"may be in degrees Fahrenheit in all runs: the resistance rises by {coefficient:.4f} "
-            f"per logged degree, and copper by 0.0039 per K, which is {celsius:.4f} if it is",
-            "coefficient of the winding [1/K]",
+            "may be in degrees Fahrenheit in all runs: the temperature coefficient of the "
+            f"resistance is {coefficient:.4f} per logged degree (copper: 0.0039 1/K), and "
+            f"{celsius:.4f} 1/K if the values are in degrees Fahrenheit",
+            "temperature coefficient of the resistance [1/K]",
             float(coefficient),
             _FAHRENHEIT[1],
             (word,),

@@ -143,18 +143,21 @@ def _finding(run: Run, best: _Hypothesis, before: _Judged, after: _Judged) -> Fi
     if best.code == "reversed_channel":
         channel = best.channels[0]
         message = (
-            "has the opposite sign of what the voltage balance v = R i + K w of a motor asks for"
+            "has the wrong sign: a coefficient of the voltage balance v = R i + K w is negative"
         )
         corrections: tuple[str, ...] = (factor(run, channel, -1.0),)
     else:
         first, second = best.channels
         channel = first
-        message = f"{first} and {second} stand in each other's column: only exchanged is it a motor"
+        message = (
+            f"{first} and {second} are exchanged: the equations of a motor hold only with the two "
+            "columns swapped"
+        )
         corrections = exchange(run, first, second)
     if before.turned < 0.0:
-        statistic, value, limit = "share of the voltage", before.turned, -_SHARE
+        statistic, value, limit = "negative term relative to the voltage", before.turned, -_SHARE
     else:
-        statistic, value, limit = "unexplained", before.missed, after.missed / _BETTER
+        statistic, value, limit = "unexplained fraction", before.missed, after.missed / _BETTER
     return Finding(
         best.code, "refuse", run.name, channel, message, statistic, value, limit, corrections
     )
@@ -166,9 +169,9 @@ def _suspicion(run: Run, judged: _Judged) -> Finding:
         "suspect",
         run.name,
         "speed_rad_s",
-        "has the opposite sign of what the torque balance K i = J dw/dt + b w of a motor asks for, "
-        "in which inertia and friction are negative",
-        "unexplained share of the current",
+        "may have the wrong sign: in the torque balance K i = J dw/dt + b w, inertia and friction "
+        "are negative",
+        "unexplained fraction of the current variance",
         judged.mechanical,
         _HOLDS,
         (factor(run, "speed_rad_s", -1.0),),

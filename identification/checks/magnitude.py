@@ -60,10 +60,10 @@ def _finding(run: Run, name: str, before: float, after: float) -> Finding:
         "refuse",
         run.name,
         name,
-        "holds magnitudes: it keeps one sign while the drive reverses, and the voltage balance "
-        "holds only with the sign put back; log the signed value, since no motor can be "
-        "identified from a magnitude",
-        "unexplained share of the voltage",
+        "contains magnitudes: it keeps one sign while the voltage reverses, and the voltage "
+        "balance holds only with the sign restored; log the signed value, a motor cannot be "
+        "identified from magnitudes",
+        "unexplained fraction of the voltage variance",
         before,
         max(after / _BETTER, _MISSED),
     )

@@ -76,9 +76,9 @@ def _fast(run: Run, speed: float, tip: float, constant: float) -> Finding:
         "",
         "speed_rad_s",
         f"reaches {speed:.4g} rad/s ({speed * 30 / math.pi:.3g} rpm) at a Kt of {constant:.3g} "
-        "V s/rad, fast for a motor of this torque; if it is in rpm, Kt is 9.55 times larger "
-        "(compare Kt = Ke with the data sheet)",
-        "estimated speed of the rotor's surface [m/s]" if tip > _TIP_M_S else "speed [rad/s]",
+        "V s/rad, too fast for a motor of this torque; if the values are in rpm, Kt is 9.55 times "
+        "larger (compare Kt = Ke with the data sheet)",
+        "estimated surface speed of the rotor [m/s]" if tip > _TIP_M_S else "speed [rad/s]",
         tip if tip > _TIP_M_S else speed,
         _TIP_M_S if tip > _TIP_M_S else _FAST_RAD_S,
         (_everywhere(run, other_unit(run, "speed_rad_s", "rpm")),),
@@ -92,9 +92,9 @@ def _light(run: Run, ratio: float) -> Finding:
         "suspect",
         "",
         "current_A",
-        "is large for the inertia that it moves: a rotor for this torque would be heavier; if it "
-        "is in mA, Ra is 1,000 times larger, and J, b and L with the torque 1,000 times smaller",
-        "inertia over that of a rotor for this torque",
+        "is too large for the identified inertia: a rotor for this torque has a larger one; if "
+        "the values are in mA, Ra and L are 1,000 times larger, and J and b 1,000 times smaller",
+        "inertia relative to a typical rotor of this torque",
         ratio,
         _LIGHT,
         (_everywhere(run, factor(run, "current_A", 1e-3)),),
@@ -108,8 +108,8 @@ def _slow(run: Run, slowness: float) -> Finding:
         "suspect",
         "",
         "time_s",
-        f"may be in ms: the mechanical time constant comes out as {slowness:.3g} s, which only a "
-        "motor with a heavy flywheel has",
+        f"may be in ms: the mechanical time constant is {slowness:.3g} s, as of a motor with a "
+        "heavy flywheel",
         "mechanical time constant [s]",
         slowness,
         _SLOW_S,
@@ -126,9 +126,9 @@ def _short(runs: Sequence[Run]) -> list[Finding]:
             "suspect",
             run.name,
             None,
-            f"has {run.rows} samples where the others have about {rows:.0f}; "
-            "check whether the file was cut off",
-            "samples over those of the others",
+            f"has {run.rows} samples, the median of all runs is {rows:.0f}; "
+            "check whether the file is complete",
+            "number of samples relative to the median",
             run.rows / rows,
             _SHORT,
         )

@@ -54,16 +54,17 @@ def shifted_findings(run: Run, signals: Signals) -> list[Finding]:
     if missed > _LEFT * before or abs(shift) < _LEAST:
         return []
     interval = float(np.median(np.diff(signals.time)))
-    word = "late" if shift > 0 else "early"
+    samples = abs(shift) * length
+    sense, advice = ("lags", "earlier") if shift > 0 else ("leads", "later")
     return [
         Finding(
             "shifted_channel",
             "refuse",
             run.name,
             name,
-            f"is about {abs(shift) * length} samples ({abs(shift) * length * interval:.3g} s) too "
-            f"{word} against the others; log all channels by one clock, or shift the column",
-            "unexplained share of the voltage",
+            f"{sense} the other channels by about {samples} samples ({samples * interval:.3g} s); "
+            f"log all channels with one clock, or shift the column to {advice} times",
+            "unexplained fraction of the voltage variance",
             before,
             missed / _LEFT,
         )

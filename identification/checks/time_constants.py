@@ -68,9 +68,9 @@ def _electrical(time: float, longest: float) -> Finding:
         "suspect",
         "",
         "current_A",
-        f"L / Ra is {1e3 * time:.3g} ms, longer than motors of this size have: a filter or delay "
-        "of the current sensor, a choke in the leads or a wrong sample clock would explain it; "
-        "measure L with an LCR meter and give --known L=VALUE",
+        f"L / Ra is {1e3 * time:.3g} ms, expected at most {1e3 * longest:.3g} ms for a motor of "
+        "this size; possible causes: a filter or delay of the current sensor, a choke in the "
+        "leads, a wrong sample clock; measure L with an LCR meter and give --known L=VALUE",
         "electrical time constant [s]",
         time,
         longest,
@@ -81,19 +81,19 @@ def _electrical(time: float, longest: float) -> Finding:
 def _mechanical(time: float) -> Finding:
     is_short = time < _MECHANICAL_S[0]
     why = (
-        "shorter than bare rotors have: a wrong unit or sample clock, or a current in another "
-        "scale than A"
+        f"expected at least {1e3 * _MECHANICAL_S[0]:.3g} ms for a rotor without load; possible "
+        "causes: a wrong unit, a wrong sample clock, a current that is not in A"
         if is_short
-        else "longer than that of a rotor with nine times its own inertia: the inertia of a gear, "
-        "flywheel or load, or a wrong sample clock"
+        else f"expected at most {1e3 * _MECHANICAL_S[1]:.3g} ms; possible causes: the inertia of a "
+        "gear, flywheel or load, a wrong sample clock"
     )
     return Finding(
         "mechanical_time_constant",
         "suspect",
         "",
         "speed_rad_s",
-        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why} would explain it; compare J with the data "
-        "sheet and give --known J=VALUE",
+        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why}; compare J with the data sheet and give "
+        "--known J=VALUE",
         "mechanical time constant [s]",
         time,
         _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],

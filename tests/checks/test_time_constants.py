@@ -51,7 +51,7 @@ def test_lag_of_a_sensor_in_the_inductance_is_said(factor: float) -> None:
     assert "--known L=VALUE" in found.message
 
 
-@pytest.mark.parametrize(("factor", "word"), [(0.01, "bare rotors"), (100.0, "gear")])
+@pytest.mark.parametrize(("factor", "word"), [(0.01, "rotor without load"), (100.0, "gear")])
 def test_inertia_far_from_that_of_a_rotor_is_said(factor: float, word: str) -> None:
     """A 3863 CR has 4.8 ms by its data sheet: 0.05 ms and 0.5 s are not of a rotor."""
     resistance, constant, inertia, inductance = DATA_SHEETS["Faulhaber 3863H024CR"]

@@ -33,7 +33,7 @@ def test_the_correction_that_a_refusal_proposes_can_be_typed(
     """One line, exit status 2, nothing written; with its words the same runs are fitted."""
     assert main(["fit", *flipped, "--out", str(tmp_path / "no"), *FAST]) == 2
     [line] = capsys.readouterr().err.splitlines()
-    assert "wrong.csv, column current_A: has the opposite sign" in line
+    assert "wrong.csv, column current_A: has the wrong sign" in line
     assert not (tmp_path / "no" / "result.json").exists()
     [words] = re.findall(r"--map '([^']*)'", line)
 
@@ -65,7 +65,9 @@ def test_a_run_that_contradicts_is_set_aside_and_said(flipped: list[str], tmp_pa
     alone = fitted(tmp_path / "alone", flipped[0], flipped[2])
 
     assert [run["file"] for run in result["set_aside"]] == ["wrong.csv"]
-    assert result["warnings"][0].startswith("set aside, and neither fitted nor checked on: wrong")
+    assert result["warnings"][0].startswith(
+        "run set aside (neither fitted nor used for validation): wrong"
+    )
     assert result["parameters"] == alone["parameters"]
     assert result["forced"] is False
 
@@ -78,12 +80,14 @@ def test_a_forced_fit_is_marked(
 
     assert result["forced"] is True
     assert result["checks"][0]["code"] == "reversed_channel"
-    assert result["warnings"][0].startswith("fitted by force although the runs contradict")
+    assert result["warnings"][0].startswith(
+        "do not rely on this result: it was fitted with --force although the runs contradict"
+    )
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "The runs contradict the motor equations or each other" in report
     assert "does not exceed the sensor noise" not in report
     assert not re.search(r"The runs determine all \d+ parameters", report)
-    assert "Warning: fitted by force" in capsys.readouterr().out
+    assert "Warning: do not rely on this result" in capsys.readouterr().out
 
 
 def test_a_mapping_of_a_file_that_is_not_given_is_refused(
