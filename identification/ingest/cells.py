@@ -85,10 +85,10 @@ def expected_instead(cell: str, unit: str) -> str:
     """Message for a cell that is not a number: the fault and the fix."""
     wrong = f"{quoted(cell)} is not a number"
     if is_clock(cell):
-        return f"{wrong}; dates and clock times are not read, write the time in seconds"
+        return f"{wrong}; dates and clock times are not supported, write the time in seconds"
     if "," in cell and re.fullmatch(r"[+-]?[\d.,' ]+", cell):
         return (
-            f"{wrong} here; write one decimal sign throughout the file "
-            "and no signs between thousands"
+            f"{wrong} in this file; use one decimal sign throughout the file "
+            "and no thousands separators"
         )
     return f"{wrong}; expected a plain number in {unit}"

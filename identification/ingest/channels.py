@@ -109,8 +109,8 @@ def _mapped(entry: ChannelMapping, columns: list[Column], file: str) -> Channel:
     matches = [column for column in columns if column.is_called(title)]
     if not matches:
         raise MappingError(
-            f"the mapping of {entry.channel} names the column {quoted(title)}; "
-            f"there are {listed(column.title for column in columns)}",
+            f"there is no column {quoted(title)}, to which the mapping assigns {entry.channel}; "
+            f"the file has {listed(column.title for column in columns)}",
             file=file,
             value=title,
         )
@@ -132,8 +132,8 @@ def _mapped_unit(entry: ChannelMapping, column: Column, file: str) -> Unit:
     header = column.unit
     if header is not None and header.quantity == si.quantity and header != si:
         raise AmbiguousUnit(
-            f"the mapping scales {entry.channel} and the header says {header.name}; "
-            f'add "unit": "{header.name}" or "unit": "{si.name}" to say what the scaled cell is in',
+            f"the mapping scales {entry.channel}, and the header gives {header.name}; "
+            f'add "unit": "{header.name}" or "unit": "{si.name}" for the unit of the scaled cell',
             file=file,
             column=column.label,
         )
@@ -161,7 +161,7 @@ def _only(name: str, candidates: list[Column], file: str) -> Channel:
         if len({column.title for column in candidates}) == 1:
             raise _duplicate(candidates, file)
         raise AmbiguousColumn(
-            f"{listed(column.title for column in candidates)} may all be {name}; "
+            f"{listed(column.title for column in candidates)} are all possible for {name}; "
             f"choose one with a mapping such as {_example(name, candidates[0])}",
             file=file,
             column=candidates[0].label,
@@ -176,13 +176,13 @@ def _unit(name: str, column: Column, file: str) -> Unit:
     if column.has_disputed_unit:
         raise AmbiguousUnit(
             f"the header gives two units, {listed(column.unit_texts)}; "
-            f"say which with a mapping such as {_example(name, column)}",
+            f"choose one with a mapping such as {_example(name, column)}",
             file=file,
             column=column.label,
         )
     if not column.unit_texts:
         raise AmbiguousUnit(
-            f"this may be {name} and has no unit; expected one of {accepted} in the header, "
+            f"the column may be {name}, but has no unit; expected one of {accepted} in the header, "
             f"or a mapping such as {_example(name, column)}",
             file=file,
             column=column.label,
@@ -192,9 +192,9 @@ def _unit(name: str, column: Column, file: str) -> Unit:
         raise _unknown_unit(name, column, accepted, file)
     if unit.quantity != quantity:
         raise WrongUnit(
-            f"{unit.name} is a unit of {unit.quantity} and {name} needs one of {quantity} "
-            f"({accepted}); if it is a sensor's output, type a mapping with "
-            f"{canonical_unit(name).name} per {unit.name}: "
+            f"{unit.name} is a unit of {unit.quantity}, and {name} needs a unit of {quantity} "
+            f"({accepted}); if the column is a sensor output, add a mapping with the sensor gain "
+            f"in {canonical_unit(name).name} per {unit.name}: "
             f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}',
             file=file,
             column=column.label,
@@ -206,10 +206,12 @@ def _unit(name: str, column: Column, file: str) -> Unit:
 def _unknown_unit(name: str, column: Column, accepted: str, file: str) -> RunFileError:
     text = column.unit_texts[0]
     other_case = unit_in_another_case(text)
-    hint = f"; if it means {other_case.name}, write it so" if other_case else ""
-    leave_out = f', or leave it out with {{"{name}": null}}' if name in OPTIONAL_CHANNELS else ""
+    hint = f" (case-sensitive; did you mean {other_case.name}?)" if other_case else ""
+    leave_out = (
+        f', or omit the channel with {{"{name}": null}}' if name in OPTIONAL_CHANNELS else ""
+    )
     return UnknownUnit(
-        f"the unit {quoted(text)} is not known{hint}; expected one of {accepted} for {name}, "
+        f"the unit {quoted(text)} is unknown{hint}; expected one of {accepted} for {name}, "
         f"or a mapping with a scale to {canonical_unit(name).name} such as "
         f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}{leave_out}',
         file=file,
@@ -231,8 +233,8 @@ def _missing(
     example = _example(first, similar[first][0] if similar[first] else None)
     return MissingColumn(
         f"no column for {', '.join(names)}; similar columns: {found}; the file has "
-        f"{listed(column.title for column in columns)}; log what is missing, "
-        f"or name the column with a mapping such as {example}",
+        f"{listed(column.title for column in columns)}; log the missing "
+        f"channel, or assign a column with a mapping such as {example}",
         file=file,
         column=names[0],
     )
@@ -241,7 +243,7 @@ def _missing(
 def _duplicate(columns: list[Column], file: str) -> RunFileError:
     places = ", ".join(str(column.index + 1) for column in columns)
     return DuplicateColumn(
-        f"the columns {places} have the same name; rename all but the one to use",
+        f"the columns {places} have the same name; rename all except the one to use",
         file=file,
         column=columns[0].label,
     )

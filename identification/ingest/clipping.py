@@ -32,9 +32,9 @@ _JOLT = 0.3
 _MANY_STAYS = 10
 _ORDER = 8
 _GROWTH = 1.5
-_LEFT_OUT = "a sensor at its limit does; these samples are left out"
-_TOLD = {
-    "voltage_V": "a drive at its limit does, which is no fault; it is taken as logged",
+_OMITTED = "probably because the sensor saturates; these samples are omitted"
+_TREATMENTS = {
+    "voltage_V": "probably because the drive is at its limit; the samples are used as logged",
 }
 """End of the warning for channels whose clipped samples are not left out of the fit."""
 
@@ -63,8 +63,8 @@ def find_clipped(
             warnings.append(
                 places.warning(
                     "clipped_channel",
-                    f"stands at its {word} value {limit:.6g} in {int(at_limit.sum())} samples, as "
-                    f"{_TOLD.get(name, _LEFT_OUT)}",
+                    f"stays at its {word} value {limit:.6g} in {int(at_limit.sum())} samples, "
+                    f"{_TREATMENTS.get(name, _OMITTED)}",
                     name,
                     int(np.argmax(at_limit)),
                 )

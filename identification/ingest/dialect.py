@@ -193,8 +193,8 @@ def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name:
     if unclear is not None:
         line, cell = unclear
         raise NotANumber(
-            f"{quoted(cell)} may be a decimal comma or a sign between thousands, and no other "
-            "number in the file tells; write it with a decimal point",
+            f"{quoted(cell)} is ambiguous: the comma may be a decimal comma or a thousands "
+            "separator, and no other number in the file decides it; use a decimal point",
             file=name,
             row=line.number,
             value=cell,
@@ -212,14 +212,14 @@ def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileEr
             cells = split_cells(line.text, delimiter)
             if sum(map(is_channel_name, cells)) >= 2:
                 return NoRows(
-                    f"a header ({listed(cells, 6)}) and no line of numbers below it; "
+                    f"no line of numbers below the header ({listed(cells, 6)}); "
                     "expected one line for each sample",
                     file=name,
                     row=line.number,
                 )
     return NoTable(
         f"no line with numbers in columns among the first {_PREVIEW_LINES} lines; expected a "
-        "header and then one line for each sample, cells parted by comma, semicolon, tab or blanks",
+        "header and one line for each sample, separated by comma, semicolon, tab or blank",
         file=name,
         row=lines[0].number if lines else None,
         value=lines[0].text[:80] if lines else None,

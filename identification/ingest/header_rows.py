@@ -88,8 +88,8 @@ class HeaderRows:
         for index, cell in enumerate(cells):
             if len(cell) > LONGEST_CELL:
                 raise HeaderTooLong(
-                    f"a header of {len(cell)} characters; expected at most {LONGEST_CELL}, "
-                    "shorten the name of the column",
+                    f"a header of {len(cell)} characters; expected at most {LONGEST_CELL}; "
+                    "shorten the column name",
                     file=self._name,
                     row=line.number,
                     column=str(index + 1),
@@ -122,7 +122,7 @@ class HeaderRows:
             return
         at = next((k for k, cell in enumerate(cells) if not self._is_number(cell)), 0)
         raise NotANumber(
-            f"{quoted(cells[at])} is not a number; expected a sample below the names",
+            f"{quoted(cells[at])} is not a number; expected a sample below the column names",
             file=self._name,
             row=line.number,
             column=plain(names[at]),
@@ -137,16 +137,16 @@ class HeaderRows:
         last = split_cells(lines[-1].text, self._delimiter) if lines else []
         if len(last) < 2 or not any(map(is_channel_name, last)):
             return NoHeader(
-                f"numbers begin here and no line above them names their {self._fields} columns; "
-                "add a line such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
+                f"the samples have no header that names their {self._fields} columns; "
+                "add a header such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
                 file=self._name,
                 row=self._sample.number,
             )
-        hint = "give each column one name"
+        hint = "write one name for each column"
         if self._delimiter == "," and self._fields + 1 >= 2 * len(last) - 1:
-            hint = "decimal commas need another delimiter, such as a semicolon"
+            hint = "decimal commas need another delimiter than the comma, such as a semicolon"
         return RaggedRow(
-            f"the samples have {self._fields} fields and the names above them {len(last)}; {hint}",
+            f"the samples have {self._fields} fields and the header has {len(last)}; {hint}",
             file=self._name,
             row=self._sample.number,
             value=self._fields,

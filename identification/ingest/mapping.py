@@ -94,7 +94,8 @@ def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[st
         content = mapping
     if not isinstance(content, Mapping):
         raise MappingError(
-            'a mapping is an object such as {"speed_rad_s": {"column": "n", "unit": "rpm"}}',
+            "the mapping is not a JSON object; expected for example "
+            '{"speed_rad_s": {"column": "n", "unit": "rpm"}}',
             file=file,
         )
     shared = _channels({k: v for k, v in content.items() if k != FILES}, file)
@@ -126,7 +127,10 @@ def _from_file(path: Path, name: str) -> object:
         reason = getattr(error, "strerror", None) or "the path is not valid"
         raise MappingError(f"the mapping cannot be opened ({reason})", file=name) from error
     if len(raw) > _LARGEST_FILE:
-        raise MappingError(f"a mapping of more than {_LARGEST_FILE} bytes", file=name)
+        raise MappingError(
+            f"the mapping has more than {_LARGEST_FILE} bytes; map only the channels of the motor",
+            file=name,
+        )
     try:
         return json.loads(raw.decode("utf-8-sig"), object_pairs_hook=_object_without_repeats)
     except (ValueError, RecursionError) as error:
@@ -167,11 +171,11 @@ def _channel(channel: object, entry: object, file: str | None) -> ChannelMapping
     name = str(channel)
     if entry is None:
         if name not in OPTIONAL_CHANNELS:
-            raise MappingError(f"{name} is needed and cannot be left out", file=file)
+            raise MappingError(f"{name} is required and cannot be omitted", file=file)
         return ChannelMapping(name, None)
     if not isinstance(entry, Mapping):
         raise MappingError(
-            f'{name} maps to {_shown(entry)}; expected {{"column": "header text"}}',
+            f'{name} is mapped to {_shown(entry)}; expected {{"column": "header text"}}',
             file=file,
             value=entry,
         )
@@ -182,7 +186,9 @@ def _channel(channel: object, entry: object, file: str | None) -> ChannelMapping
         )
     column = entry.get("column")
     if not isinstance(column, str) or not column.strip():
-        raise MappingError(f"{name} has no column; give its header text", file=file, value=column)
+        raise MappingError(
+            f'{name} has no column; add "column" with the header text', file=file, value=column
+        )
     return ChannelMapping(
         channel=name,
         column=column.strip(),
@@ -209,7 +215,7 @@ def _unit(channel: str, text: object, file: str | None) -> Unit | None:
         raise WrongUnit(
             f"the mapping gives {channel} the unit {unit.name} of {unit.quantity}; "
             f"expected one of {accepted_spellings(quantity)}, or no unit and a scale "
-            f"that leads to {canonical_unit(channel).name}",
+            f"to {canonical_unit(channel).name}",
             file=file,
             value=text,
         )
@@ -224,7 +230,7 @@ def _number(channel: str, key: str, value: object, file: str | None) -> float:
     is_denormal = 0.0 < abs(number) < sys.float_info.min
     if not math.isfinite(number) or is_denormal or (key == "scale" and number == 0.0):
         wanted = "a finite number other than 0" if key == "scale" else "a finite number"
-        wanted += ", of at least 2.2e-308 in size" if is_denormal else ""
+        wanted += ", of at least 2.2e-308 in magnitude" if is_denormal else ""
         raise MappingError(
             f"{channel} has the {key} {_shown(value)}; expected {wanted}",
             file=file,
@@ -248,7 +254,7 @@ def _refuse_shared_columns(mapping: dict[str, ChannelMapping], file: str | None)
         if entry.column in used:
             raise MappingError(
                 f"{used[entry.column]} and {channel} both map to the column "
-                f"{quoted(entry.column)}; name two columns",
+                f"{quoted(entry.column)}; map each channel to a column of its own",
                 file=file,
                 column=plain(entry.column),
             )

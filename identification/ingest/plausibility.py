@@ -102,7 +102,7 @@ def _refuse_kelvin(temperature: Array, places: Places) -> None:
     if _KELVIN[0] < low and high < _KELVIN[1]:
         raise places.error(
             AbsurdValue,
-            f"temperatures from {low:.4g} to {high:.4g} degC are those of a motor in kelvin; "
+            f"the temperatures from {low:.4g} to {high:.4g} degC are probably in kelvin; "
             f"give the unit in the header or with {_correction('temperature_degC', places, 'K')}",
             "temperature_degC",
             0,
@@ -119,8 +119,8 @@ def _check_bounds(name: str, signal: Array, places: Places) -> list[RunWarning]:
         value = float(signal[sample])
         raise places.error(
             AbsurdValue,
-            f"{value:.6g} {unit} is not what a brushed motor has; expected "
-            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}, {bounds.hint} Correct the "
+            f"{value:.6g} {unit} is impossible for a brushed motor; expected "
+            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}; {bounds.hint} Correct the "
             f"value, or the unit with {_correction(name, places, _OTHER_UNITS[name])}",
             name,
             sample,
@@ -145,8 +145,8 @@ def _check_movement(channels: dict[str, Array], places: Places) -> list[RunWarni
     return [
         places.warning(
             "constant_channel",
-            f"never moves: all samples are {signal[0] + 0.0:.6g}; "
-            "check that the sensor was connected, unless this is meant",
+            f"is constant: all samples are {signal[0] + 0.0:.6g}; "
+            "check that the sensor was connected, unless this is intended",
             name,
         )
         for name, signal in channels.items()
@@ -161,8 +161,8 @@ def _check_small_voltage(voltage: Array, places: Places) -> list[RunWarning]:
     return [
         places.warning(
             "suspicious_value",
-            f"never exceeds {largest:.4g} V, unusual for a motor that is driven; "
-            "is it in kilovolts, or the output of a divider?",
+            f"never exceeds {largest:.4g} V, unusual for a driven motor; "
+            "is it in kilovolts, or the output of a voltage divider?",
             "voltage_V",
         )
     ]
@@ -174,8 +174,8 @@ def _check_same(channels: dict[str, Array], places: Places) -> list[RunWarning]:
     return [
         places.warning(
             "identical_channels",
-            f"holds the same numbers as {places.columns.get(first, first)}; "
-            "check that the right signal was exported",
+            f"has the same samples as {places.columns.get(first, first)}; "
+            "check that the correct signal was exported",
             second,
         )
         for at, first in enumerate(names)
@@ -206,8 +206,8 @@ def _check_position(channels: dict[str, Array], time: Array, places: Places) -> 
         if abs(ratio / named - 1.0) < _RATIO_TOLERANCE:
             raise places.error(
                 AbsurdValue,
-                f"the position turns {ratio:.4g} times slower than the speed says, so the speed "
-                f"is in {unit}; give its unit in the header or in a mapping",
+                f"the integral of the speed is {ratio:.4g} times the change of position, so the "
+                f"speed is in {unit}; give its unit in the header or in a mapping",
                 "speed_rad_s",
                 0,
                 ratio,
@@ -218,7 +218,7 @@ def _check_position(channels: dict[str, Array], time: Array, places: Places) -> 
 def _position_warning(slope: float, places: Places) -> RunWarning:
     return places.warning(
         "position_disagrees",
-        f"turns {slope:.4g} times as far as the integral of the speed; "
-        "check the units, the sign and a gear between the two sensors",
+        f"the change of position is {slope:.4g} times the integral of the speed, expected 1; "
+        "check the units, the signs and the gear ratio between the two sensors",
         "position_rad",
     )

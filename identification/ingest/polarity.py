@@ -81,8 +81,8 @@ def check_polarity(channels: dict[str, Array], time: Array, places: Places) -> l
 def _unsigned_warning(name: str, places: Places) -> RunWarning:
     return places.warning(
         "unsigned_channel",
-        "keeps one sign while the drive reverses, and agrees with the other channels only with "
-        "a sign put back; log the signed value, a motor cannot be identified from a magnitude",
+        "keeps one sign while the voltage reverses, and agrees with the other channels only with "
+        "the sign restored; log the signed value, a motor cannot be identified from magnitudes",
         name,
     )
 
@@ -90,7 +90,7 @@ def _unsigned_warning(name: str, places: Places) -> RunWarning:
 def _reversed_warning(name: str, places: Places) -> RunWarning:
     return places.warning(
         "opposite_signs",
-        "has the opposite sign of what voltage and the other channel ask for; "
+        "has the wrong sign according to the voltage and the other channel; "
         "check the polarity of the three sensors",
         name,
     )

@@ -110,7 +110,7 @@ def _refuse_short(table: Table, layout: Layout, file: str) -> None:
         )
     if rows < FEWEST_ROWS:
         raise TooFewRows(
-            f"{rows} samples are too few to identify anything; expected at least {FEWEST_ROWS}",
+            f"{rows} samples are too few for an identification; expected at least {FEWEST_ROWS}",
             file=file,
             row=table.lines.line(rows - 1),
             value=rows,
@@ -167,8 +167,8 @@ def _filled(
     return np.interp(clock, clock[known], cells[known]), [
         places.warning(
             "interpolated_temperature",
-            f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is taken on "
-            f"straight lines between the {known.size} logged values",
+            f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is interpolated "
+            f"linearly between the {known.size} logged values",
             name,
             int(np.argmax(blank)),
         )
@@ -194,7 +194,7 @@ def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
         sample = int(wrong[0])
         raise places.error(
             AbsurdValue,
-            f"{cells[sample]:.6g} is too large once scaled; check the scale in the mapping",
+            f"{cells[sample]:.6g} is too large after scaling; check the scale in the mapping",
             channel.name,
             sample,
             float(cells[sample]),
@@ -212,17 +212,17 @@ def _header_warnings(
         similar = similar_columns("temperature_degC", spare)
         found = listed(column.title for column in similar) if similar else "no similar column"
         blank = "temperature_degC" in channels
-        why = "the temperature is blank throughout" if blank else f"no temperature ({found})"
+        why = "all temperatures are blank" if blank else f"no temperature column ({found})"
         warnings.append(
             places.warning(
                 "no_temperature",
-                f"{why}; the run is used at one unknown temperature and cannot tell "
-                "temperature coefficients",
+                f"{why}; the run is used at one unknown temperature, and the temperature "
+                "coefficients are not identifiable from it",
             )
         )
     if spare:
         titles = listed(column.title for column in spare)
-        warnings.append(places.warning("unused_columns", f"columns that were not used: {titles}"))
+        warnings.append(places.warning("unused_columns", f"columns not used: {titles}"))
     return warnings + _override_warnings(channels, places) + _gain_warnings(channels, places)
 
 
@@ -231,8 +231,8 @@ def _override_warnings(channels: dict[str, Channel], places: Places) -> list[Run
     return [
         places.warning(
             "unit_overridden",
-            f"the header says {header.name} and the mapping {channel.unit.name}; "
-            "the mapping was followed",
+            f"the header gives {header.name} and the mapping {channel.unit.name}; "
+            "the mapping is used",
             name,
         )
         for name, channel in channels.items()
@@ -250,9 +250,9 @@ def _gain_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarn
     return [
         places.warning(
             "unknown_gain",
-            f"the header says {header.name}, and {unit.name} come from the mapping alone: no run "
-            "can tell the gain of a current sensor, so Ra25, L, J, b and torques are known only up "
-            "to that gain",
+            f"the header gives {header.name}, and the mapping alone gives {unit.name}: the gain of "
+            "a current sensor is not identifiable, so an error of this gain scales Ra25, L, J, b "
+            "and the torques",
             "current_A",
         )
     ]
@@ -264,7 +264,7 @@ def _end_warnings(table: Table, places: Places) -> list[RunWarning]:
     return [
         RunWarning(
             code="truncated_last_row",
-            message="the last line is cut off, as by a loss of power; it was left out",
+            message="the last line is truncated, probably by a loss of power; it is omitted",
             file=places.file,
             row=table.cut_line,
         )

@@ -91,14 +91,14 @@ class CellReader:
     def _check_fields(self, line: str, cells: list[str], number: int) -> None:
         if line.count('"') % 2:
             raise UnclosedQuote(
-                "a quotation mark that is not closed on its line; remove it",
+                "a quotation mark is not closed on its line; remove it",
                 file=self._file,
                 row=number,
             )
         if len(cells) != self._layout.fields:
             raise RaggedRow(
-                f"{len(cells)} fields where the first sample has {self._layout.fields}; "
-                "write one line for each sample with a cell for each column",
+                f"the line has {len(cells)} fields, expected {self._layout.fields} as in the first "
+                "sample; write one line for each sample with a cell for each column",
                 file=self._file,
                 row=number,
                 value=len(cells),
@@ -108,7 +108,7 @@ class CellReader:
         """Reject blank rows above a sample; they may only end the table."""
         if self.blank_line is not None:
             raise MissingValue(
-                "all cells are blank; expected a sample, remove the line or fill it",
+                "all cells are blank; expected a sample; remove the line or fill it",
                 file=self._file,
                 row=self.blank_line,
             )
@@ -132,8 +132,8 @@ class CellReader:
         if channel.name in self._slow:
             return math.nan
         raise MissingValue(
-            f"a blank cell; expected a number in {channel.unit.name}, "
-            "only a temperature that is logged more slowly may be left blank",
+            f"the cell is blank; expected a number in {channel.unit.name} (only a temperature "
+            "that is logged at a lower rate may have blank cells)",
             file=self._file,
             row=line,
             column=channel.column.label,
@@ -152,8 +152,8 @@ class CellReader:
 
     def _not_finite(self, cell: str, channel: Channel, line: int) -> NotFinite:
         return NotFinite(
-            f"{quoted(cell)} is no finite number; expected one in {channel.unit.name}, "
-            "cut the run before or after the failure",
+            f"{quoted(cell)} is not a finite number; expected a number in {channel.unit.name}; "
+            "cut the run before or after the invalid samples",
             file=self._file,
             row=line,
             column=channel.column.label,

@@ -230,7 +230,7 @@ class _Splitter:
         self._line += text.count(b"\n")
         if self._line - 1 > self._limits.rows:
             raise FileTooLarge(
-                f"more than the limit of {self._limits.rows} rows; "
+                f"more rows than the limit of {self._limits.rows}; "
                 "split the file or record at a lower rate",
                 file=self._name,
                 row=self._limits.rows + 1,
@@ -240,7 +240,7 @@ class _Splitter:
     def _too_long(self, line: int) -> RunFileError:
         return LineTooLong(
             f"a line of more than {self._limits.line_bytes} bytes; "
-            "expected one sample a line, a few numbers each",
+            "expected one sample per line with a few numbers",
             file=self._name,
             row=line,
         )
@@ -249,8 +249,8 @@ class _Splitter:
         at = block.text.find(b"\0")
         if at >= 0:
             raise NotText(
-                "a NUL byte; a logger that lost power often leaves a tail of them, "
-                "so cut the file before this line",
+                "contains a NUL byte, probably because the logger lost power; "
+                "cut the file before this line",
                 file=self._name,
                 row=block.first_line + block.text.count(b"\n", 0, at),
             )

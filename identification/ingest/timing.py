@@ -48,7 +48,7 @@ def check_time(time: Array, places: Places) -> None:
     if now == before:
         raise places.error(
             RepeatedTime,
-            f"the time {now:.9g} s is there twice ({wrong.size} such rows); "
+            f"the time {now:.9g} s is repeated ({wrong.size} such samples); "
             "log the time with more digits or remove the repeated rows",
             "time_s",
             sample,
@@ -56,8 +56,8 @@ def check_time(time: Array, places: Places) -> None:
         )
     raise places.error(
         BackwardTime,
-        f"the time falls from {before:.9g} s to {now:.9g} s; "
-        "a file is one run in order of time, cut it here or undo the counter's overflow",
+        f"the time decreases from {before:.9g} s to {now:.9g} s; "
+        "a file is one run in order of time; cut it here, or correct the overflow of the counter",
         "time_s",
         sample,
         now,
@@ -92,8 +92,8 @@ def _gap_warning(interval: Array, gaps: NDArray[np.intp], median: float, at: Pla
     longest = int(gaps[np.argmax(interval[gaps])])
     return at.warning(
         "gap",
-        f"{gaps.size} gap(s) in the record, the longest of {interval[longest]:.4g} s at a sampling "
-        f"interval of {median:.4g} s; the run is used as {gaps.size + 1} segments",
+        f"{gaps.size} gap(s), the longest is {interval[longest]:.4g} s at a sample interval of "
+        f"{median:.4g} s; the run is divided into {gaps.size + 1} records",
         "time_s",
         longest + 1,
     )
@@ -112,8 +112,8 @@ def _jitter_warning(
     return [
         places.warning(
             "irregular_sampling",
-            f"sampling intervals vary by {100 * rms:.2g} % (rms) around {median:.4g} s and reach "
-            f"{interval[worst]:.4g} s; every sample is used at its own time",
+            f"sample intervals vary by {100 * rms:.2g} % (rms) around {median:.4g} s, the most "
+            f"extreme is {interval[worst]:.4g} s; each sample is used at its logged time",
             "time_s",
             sample,
         )
@@ -126,7 +126,7 @@ def _rate_warning(median: float, places: Places) -> list[RunWarning]:
     return [
         places.warning(
             "suspicious_value",
-            f"samples are {median:.4g} s apart, unusual for a motor's run; "
+            f"the sample interval is {median:.4g} s, unusual for a run of a motor; "
             "check the unit of the time",
             "time_s",
         )

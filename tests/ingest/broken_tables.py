@@ -137,7 +137,7 @@ BROKEN_TABLES = (
         "unknown unit",
         renamed(speed_rad_s="speed [furlong/h]"),
         errors.UnknownUnit,
-        "'furlong/h' is not known; expected one of rad/s",
+        "'furlong/h' is unknown; expected one of rad/s",
         None,
         "speed [furlong/h]",
     ),
@@ -145,7 +145,7 @@ BROKEN_TABLES = (
         "mega for milli",
         renamed(current_A="current_MA"),
         errors.UnknownUnit,
-        "'MA' is not known; if it means mA, write it so",
+        "'MA' is unknown \\(case-sensitive; did you mean mA\\?\\)",
     ),
     Refusal(
         "ticks", beside(**{"position [ticks]": 1.0}), errors.UnknownUnit, '"position_rad": null'
@@ -168,7 +168,7 @@ BROKEN_TABLES = (
         "two candidates",
         renamed(speed_rad_s="speed [rpm]", temperature_degC="n [1/min]"),
         errors.AmbiguousColumn,
-        r"'speed \[rpm\]', 'n \[1/min\]' may all be speed_rad_s",
+        r"'speed \[rpm\]', 'n \[1/min\]' are all possible for speed_rad_s",
     ),
     Refusal(
         "a name twice",

@@ -69,7 +69,12 @@ BROKEN_VALUES = (
         r"x\.\.\.",
     ),
     Refusal(
-        "clock times", CLOCK, errors.NotANumber, "dates and clock times are not read", 2, "time_s"
+        "clock times",
+        CLOCK,
+        errors.NotANumber,
+        "dates and clock times are not supported",
+        2,
+        "time_s",
     ),
     Refusal(
         "header in the middle",
@@ -126,14 +131,18 @@ BROKEN_VALUES = (
         "blank cell",
         with_cell("voltage_V", 3, ""),
         errors.MissingValue,
-        "a blank cell",
+        "the cell is blank",
         5,
         "voltage_V",
     ),
-    Refusal("blank time", with_cell("time_s", 3, "  "), errors.MissingValue, "a blank cell", 5),
+    Refusal(
+        "blank time", with_cell("time_s", 3, "  "), errors.MissingValue, "the cell is blank", 5
+    ),
     Refusal("line of blanks", with_line(9, ",,,,"), errors.MissingValue, "all cells are blank", 9),
-    Refusal("short line", with_line(9, "0.007,1.0"), errors.RaggedRow, "2 fields where the", 9),
-    Refusal("long line", with_line(9, "0.007,1,2,3,4,5,6"), errors.RaggedRow, "7 fields where", 9),
+    Refusal("short line", with_line(9, "0.007,1.0"), errors.RaggedRow, "2 fields, expected 5", 9),
+    Refusal(
+        "long line", with_line(9, "0.007,1,2,3,4,5,6"), errors.RaggedRow, "7 fields, expected 5", 9
+    ),
     Refusal(
         "one short and one long",
         with_line(9, "0.007,1,2,3").replace(b"\n0.012,", b"\n0.012,1,"),
@@ -145,7 +154,7 @@ BROKEN_VALUES = (
         "too few names",
         renamed().replace(b",temperature_degC", b"", 1),
         errors.RaggedRow,
-        "have 5 fields and the names above them 4",
+        "have 5 fields and the header has 4",
         2,
     ),
     Refusal("open quote", with_cell("voltage_V", 3, '"1.0'), errors.UnclosedQuote, "not closed", 5),
@@ -153,13 +162,15 @@ BROKEN_VALUES = (
         "repeated time",
         with_cell("time_s", 3, "0.002"),
         errors.RepeatedTime,
-        "0.002 s is there twice",
+        "0.002 s is repeated",
         5,
         "time_s",
     ),
-    Refusal("time of one value", changed(time_s=1.5), errors.RepeatedTime, "twice", 3),
-    Refusal("backward time", swapped_lines(8, 20), errors.BackwardTime, "falls from", 9, "time_s"),
-    Refusal("time that runs down", changed(time_s=TIME[::-1]), errors.BackwardTime, "falls", 3),
+    Refusal("time of one value", changed(time_s=1.5), errors.RepeatedTime, "repeated", 3),
+    Refusal(
+        "backward time", swapped_lines(8, 20), errors.BackwardTime, "decreases from", 9, "time_s"
+    ),
+    Refusal("time that runs down", changed(time_s=TIME[::-1]), errors.BackwardTime, "decreases", 3),
     Refusal(
         "counter overflow",
         changed(time_s=np.where(TIME < 0.02, TIME + 4294.9, TIME)),
@@ -178,7 +189,7 @@ BROKEN_VALUES = (
         "700 degC",
         with_cell("temperature_degC", 7, "700"),
         errors.AbsurdValue,
-        "700 degC is not what a brushed motor has",
+        "700 degC is impossible for a brushed motor",
         9,
         "temperature_degC",
     ),
@@ -193,7 +204,7 @@ BROKEN_VALUES = (
         "kelvin",
         changed(temperature_degC=np.linspace(293.0, 310.0, 40)),
         errors.AbsurdValue,
-        "those of a motor in kelvin",
+        "are probably in kelvin",
         2,
     ),
     Refusal(

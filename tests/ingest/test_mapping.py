@@ -126,12 +126,16 @@ def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
     [
         ({"speed": {"column": "CH3"}}, MappingError, "'speed' is no channel; expected time_s"),
         (mapping(current_A={"column": "CH2", "scael": 2}), MappingError, "key 'scael'; expected"),
-        (mapping(current_A={"column": "CH9"}), MappingError, "the column 'CH9'; there are 'CH0'"),
+        (
+            mapping(current_A={"column": "CH9"}),
+            MappingError,
+            "there is no column 'CH9', to which the mapping assigns current_A; the file has 'CH0'",
+        ),
         (mapping(current_A={"column": ""}), MappingError, "has no column"),
         (mapping(current_A={"column": 3}), MappingError, "has no column"),
         (mapping(current_A={}), MappingError, "has no column"),
         (mapping(current_A="CH2"), MappingError, 'expected {"column"'),
-        (mapping(current_A=None), MappingError, "cannot be left out"),
+        (mapping(current_A=None), MappingError, "cannot be omitted"),
         (mapping(current_A={"column": "CH3"}), MappingError, "both map to the column 'CH3'"),
         (mapping(current_A={"column": "CH2", "scale": 0}), MappingError, "other than 0"),
         (mapping(current_A={"column": "CH2", "scale": 1e-320}), MappingError, "2.2e-308"),
@@ -149,7 +153,7 @@ def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
         ),
         (mapping(current_A={"column": "CH2", "unit": 1}), UnknownUnit, "the unit '1'"),
         (mapping(current_A={"column": "CH2", "unit": "V"}), WrongUnit, "V of voltage"),
-        ([], MappingError, "a mapping is an object"),
+        ([], MappingError, "the mapping is not a JSON object"),
     ],
 )
 def test_mapping_at_fault_is_refused(
@@ -169,7 +173,7 @@ def test_mapping_at_fault_is_refused(
     [
         (b"", "not JSON"),
         (b"{", "not JSON"),
-        (b"[1, 2]", "a mapping is an object"),
+        (b"[1, 2]", "the mapping is not a JSON object"),
         (b"\xff\xff", "not JSON"),
         (b"[" * 100_000, "not JSON"),
         (b'{"time_s": {"column": "a"}, "time_s": {"column": "b"}}', "'time_s' twice"),
@@ -215,7 +219,9 @@ def test_scale_on_a_column_in_milliamperes_asks_what_it_leads_to(tmp_path: Path)
 
 def test_scale_that_overflows_is_refused_at_its_cell(tmp_path: Path) -> None:
     """1e300 times any voltage is no voltage."""
-    with pytest.raises(RunFileError, match="is not what a brushed motor|too large once scaled"):
+    with pytest.raises(
+        RunFileError, match="is impossible for a brushed motor|too large after scaling"
+    ):
         read_run(nameless(tmp_path), mapping=mapping(voltage_V={"column": "CH1", "scale": 9e299}))
 
 

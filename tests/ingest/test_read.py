@@ -231,7 +231,7 @@ def test_bad_cell_far_down_is_named_with_its_line(
     path = tmp_path / "run.csv"
     path.write_bytes(with_cell("current_A", 4995, "n/a", 5000))
 
-    with pytest.raises(NotFinite, match="row 4997, column current_A: 'n/a' is no finite"):
+    with pytest.raises(NotFinite, match="row 4997, column current_A: 'n/a' is not a finite"):
         read_run(path)
 
 
@@ -270,7 +270,7 @@ def test_temperature_column_left_blank_is_a_run_without_temperature(tmp_path: Pa
     run = read_run(path)
 
     assert run.temperature is None
-    assert "blank throughout" in run.warnings[0].message
+    assert "temperatures are blank" in run.warnings[0].message
 
 
 def test_line_cut_off_by_a_power_failure_is_left_out_with_a_warning(tmp_path: Path) -> None:

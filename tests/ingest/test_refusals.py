@@ -55,7 +55,7 @@ def test_path_that_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
     ("limits", "words"),
     [
         (Limits(bytes=1000), "bytes are more than the limit of 1000"),
-        (Limits(rows=20), "more than the limit of 20 rows"),
+        (Limits(rows=20), "more rows than the limit of 20"),
         (Limits(columns=4), "5 columns are more than the limit of 4"),
     ],
 )

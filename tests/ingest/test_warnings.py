@@ -332,7 +332,7 @@ def test_a_warning_in_words_names_file_and_column(tmp_path: Path) -> None:
 
     [warning] = read_run(path, mapping={"speed_rad_s": {"column": "n [rad/s]"}}).warnings
 
-    assert str(warning).startswith("run.csv, column n [rad/s]: has the opposite sign")
+    assert str(warning).startswith("run.csv, column n [rad/s]: has the wrong sign")
 
 
 def test_a_warning_about_a_whole_file_names_no_column(tmp_path: Path) -> None:

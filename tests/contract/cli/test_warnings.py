@@ -45,8 +45,8 @@ def fitted_with(out: Path, *words: object) -> list[str]:
 @pytest.mark.parametrize(
     ("column", "factor", "words"),
     [
-        ("speed_rad_s", -1.0, "has the opposite sign"),
-        ("current_A", 0.0, "never moves: all samples are 0"),
+        ("speed_rad_s", -1.0, "has the wrong sign"),
+        ("current_A", 0.0, "is constant: all samples are 0"),
     ],
 )
 def test_a_warning_about_a_channel_names_its_column(
@@ -138,7 +138,7 @@ def test_a_fit_that_cannot_be_calculated_says_what_was_noticed(
     [line] = capsys.readouterr().err.splitlines()
     assert status == 1
     assert line.startswith("motorid: no model can be simulated; what was noticed in the runs may")
-    assert "run1.csv, column current_A: has the opposite sign" in line
+    assert "run1.csv, column current_A: has the wrong sign" in line
     assert line.endswith("(1 more such remarks)")
 
 
