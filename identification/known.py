@@ -46,8 +46,8 @@ _FORM: Final = re.compile(
     rf"\s*(\w+)\s*=\s*({_NUMBER})\s*(?:(?:\+-|±)\s*({_NUMBER})\s*(%?)\s*)?", re.ASCII
 )
 _EXPECTED: Final = (
-    "expected NAME=VALUE, NAME=VALUE+-SPREAD or NAME=VALUE+-PERCENT%, each a word of its own, with "
-    "a decimal point and without a unit"
+    "expected NAME=VALUE, NAME=VALUE+-SD or NAME=VALUE+-N%, each as a separate argument, with a "
+    "decimal point and without a unit"
 )
 
 
@@ -132,33 +132,40 @@ def _check_value(word: str, prior: Prior) -> None:
         if not least <= prior.value <= most:
             raise _refusal(
                 word,
-                f"{prior.value:g} {unit} is no {prior.name}; expected a positive number in {unit}, "
+                f"{prior.name} is {prior.value:g} {unit}; expected a positive number in {unit}, "
                 f"from {least:g} to {most:g}",
             )
     if not prior.is_size and not abs(prior.value) <= _STEEPEST:
         raise _refusal(
             word,
-            f"{prior.value:g} {unit} is no {prior.name}; expected a number from -{_STEEPEST:g} to "
-            f"{_STEEPEST:g} {unit}, such as 0.0039 for copper",
+            f"{prior.name} is {prior.value:g} {unit}; expected a number from -{_STEEPEST:g} to "
+            f"{_STEEPEST:g} {unit}, for example 0.0039 for copper",
         )
 
 
 def _check_spread(word: str, prior: Prior, *, is_given: bool) -> None:
     if prior.sd == 0.0 and not is_given:
-        raise _refusal(word, "1 % of 0 is no spread; say one, such as alpha_Kt=0+-0.0005")
+        raise _refusal(
+            word,
+            "the default standard deviation is 1 % of 0; give one, such as alpha_Kt=0+-0.0005",
+        )
     if not 0.0 < prior.sd < math.inf:
         raise _refusal(
-            word, f"the spread is {prior.sd:g} {prior.unit}; expected a positive number, or none"
+            word,
+            f"the standard deviation is {prior.sd:g} {prior.unit}; expected a positive number, or "
+            "omit it for 1 %",
         )
     share = prior.sd / prior.value if prior.is_size else prior.sd
     least, most = (_NARROWEST, _WIDEST) if prior.is_size else _SLOPE_SPREADS
     if not least <= share <= most:
         limits = (
-            f"from {100 * least:g} to {100 * most:g} % of the value (per cent need a % behind)"
+            f"{100 * least:g} to {100 * most:g} % of the value (for per cent, end with %)"
             if prior.is_size
-            else f"from {least:g} to {most:g} {prior.unit}"
+            else f"{least:g} to {most:g} {prior.unit}"
         )
-        raise _refusal(word, f"the spread is {prior.sd:g} {prior.unit}; expected one {limits}")
+        raise _refusal(
+            word, f"the standard deviation is {prior.sd:g} {prior.unit}; expected {limits}"
+        )
 
 
 def _refusal(word: str, message: str) -> OptionError:

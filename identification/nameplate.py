@@ -110,7 +110,7 @@ def nameplate_of(text: str) -> Nameplate:
     if found.resistance is None and found.constant is None:
         raise _refusal(
             text,
-            f"says neither Ra25 nor Kt25; expected for example {_EXAMPLE}, or at least "
+            f"determines neither Ra25 nor Kt25; expected for example {_EXAMPLE}, or at least "
             "voltage with no_load_speed or stall_current",
         )
     _check_constants(text, data, found)
@@ -118,8 +118,8 @@ def nameplate_of(text: str) -> Nameplate:
         if not _SMALLEST <= prior.value <= _LARGEST:
             raise _refusal(
                 text,
-                f"gives {prior.name} {prior.value:.3g} {prior.unit}, which no motor has; "
-                "check the units",
+                f"gives {prior.name} {prior.value:.3g} {prior.unit}; expected {_SMALLEST:g} to "
+                f"{_LARGEST:g} {prior.unit}; check the units",
             )
     return found
 
@@ -131,7 +131,7 @@ def _data(text: str) -> dict[str, float]:
         if not equals or key not in KEYS:
             raise _refusal(
                 part,
-                f"expected KEY=VALUE with a key of {', '.join(KEYS)}; numbers have a decimal point",
+                f"expected KEY=VALUE with a key of {', '.join(KEYS)} and a decimal point",
             )
         if key in data:
             raise _refusal(part, f"{key} is given twice; keep one")
@@ -144,10 +144,12 @@ def _value(part: str, word: str, unit: str) -> float:
     units, match = _UNITS[unit], _NUMBER.fullmatch(word)
     suffix = match[2].replace(" ", "") if match else ""
     if match is None or (suffix and suffix not in units):
-        raise _refusal(part, f"expected a number in {unit}, or with a unit of {', '.join(units)}")
+        raise _refusal(
+            part, f"expected a number in {unit}, or one with the unit {', '.join(units)}"
+        )
     value = float(match[1]) * units.get(suffix, 1.0)
     if not _SMALLEST <= value <= _LARGEST:
-        raise _refusal(part, f"is {value:g} {unit}; expected a positive number")
+        raise _refusal(part, f"is {value:g} {unit}; expected {_SMALLEST:g} to {_LARGEST:g} {unit}")
     return value
 
 
@@ -164,8 +166,8 @@ def _check(text: str, data: Mapping[str, float]) -> None:
         if less in data and more in data and not data[less] < data[more]:
             raise _refusal(
                 text,
-                f"{less} is {data[less]:g} {KEYS[less]} and {more} {data[more]:g} {KEYS[more]}; "
-                f"expected {less} below {more}: check the units",
+                f"{less} is {data[less]:g} {KEYS[less]} and {more} is {data[more]:g} {KEYS[more]}; "
+                f"expected {less} below {more}; check the units",
             )
 
 
@@ -186,9 +188,9 @@ def _check_constants(text: str, data: Mapping[str, float], found: Nameplate) -> 
         if not 1.0 / _APART < ratio < _APART:
             raise _refusal(
                 text,
-                f"the torque constant by the {point} torque is {ratio:.3g} times that by the "
-                "no-load speed; expected the same: check the units; of a speed in rpm write rpm "
-                "behind the number, of a torque in mN m write mNm",
+                f"the torque constant from the {point} torque is {ratio:.3g} times that from the "
+                f"no-load speed; expected {1.0 / _APART:g} to {_APART:g}; check the units (append "
+                "rpm to a speed in rpm and mNm to a torque in mN m)",
             )
 
 

@@ -75,14 +75,14 @@ class FitOptions:
             )
         if self.time_limit is not None and not 0.0 < self.time_limit < math.inf:
             raise OptionError(
-                f"time_limit is {self.time_limit} s; expected a positive number of seconds, or "
-                "leave it out for none",
+                f"time_limit is {self.time_limit} s; expected a positive number of seconds (omit "
+                "the option for no limit)",
                 value=self.time_limit,
             )
         for temperature in self.temperatures:
             if not -273.15 < temperature < 400.0:
                 raise OptionError(
-                    f"temperature is {temperature} degC; expected one between -273.15 and 400 degC",
+                    f"temperature is {temperature} degC; expected -273.15 to 400 degC",
                     value=temperature,
                 )
         known_values(self.known)

@@ -66,7 +66,7 @@ REFUSED = {
     ),
     "temperature is absurd": (
         ["fit", "a.csv", "--temperature", "1e6", "--out", "o"],
-        "expected one between -273.15 and 400 degC",
+        "expected -273.15 to 400 degC",
     ),
     "temperature is no number": (
         ["fit", "a.csv", "--temperature", "hot", "--out", "o"],
