@@ -182,7 +182,7 @@ def test_revolutions_a_minute_are_turned_into_radians() -> None:
         ("voltage=12,no_load_current=5,stall_current=4", "no_load_current below stall_current"),
         (
             "voltage=12,no_load_speed=3000,no_load_current=0.2,stall_current=4,stall_torque=0.15",
-            "10.4 times .* append rpm",
+            "10.4 times .*append rpm",
         ),
         (
             "voltage=12,no_load_speed=3000rpm,no_load_current=0.2,stall_current=4,"
