@@ -154,7 +154,9 @@ class RangeOutside(RequestRefused):
     def __init__(self, content_range: str) -> None:
         self.content_range = content_range
         size = content_range.rpartition("/")[2]
-        super().__init__(f"the Range header asks for other bytes than the {size} that there are")
+        super().__init__(
+            f"the Range header is outside the file; expected a range within its {size} bytes"
+        )
 
 
 class FieldRefused(RequestRefused):

@@ -82,8 +82,10 @@ _log = logging.getLogger(__name__)
 class FieldProblem(BaseModel):
     """One field of the request that was not accepted."""
 
-    field: str = Field(description="Where in the request it stands.", examples=["body.training.0"])
-    detail: str = Field(description="What was expected.")
+    field: str = Field(
+        description="Position of the field in the request.", examples=["body.training.0"]
+    )
+    detail: str = Field(description="Fault of the field and expected value.")
 
 
 class Problem(BaseModel):
@@ -108,20 +110,18 @@ class Problem(BaseModel):
         }
     )
 
-    type: str = Field(description="Name of the kind of problem.")
-    title: str = Field(description="The status in words.")
-    status: int = Field(description="The HTTP status.")
-    detail: str = Field(description="What was wrong, what was expected, what to do next.")
-    code: str = Field(description="A stable word for scripts.")
+    type: str = Field(description="URN of the problem type.")
+    title: str = Field(description="Standard phrase of the HTTP status.")
+    status: int = Field(description="HTTP status.")
+    detail: str = Field(description="Fault, expected value and remedy.")
+    code: str = Field(description="Stable identifier for scripts.")
     file: str | None = Field(default=None, description="File at fault, as the caller named it.")
     row: int | None = Field(default=None, description="Line of that file, counted from 1.")
     column: str | None = Field(default=None, description="Column of that file.")
     errors: list[FieldProblem] | None = Field(
         default=None, description="Fields that were not accepted."
     )
-    request_id: str | None = Field(
-        default=None, description="Under which the log speaks of the request."
-    )
+    request_id: str | None = Field(default=None, description="ID of the request in the log.")
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -181,12 +181,14 @@ def database_error(error: SQLAlchemyError) -> errors.Unavailable | None:
     """Error to report to the client for a database error; None for a fault of the service."""
     if is_damaged(error):
         return errors.DatabaseDamaged(
-            "the database is damaged; the operator has to restore it from a backup"
+            "the database is damaged; the operator must restore it from a backup"
         )
     if is_full(error):
-        return errors.StorageFull("no space is left for the database; have some made, then retry")
+        return errors.StorageFull(
+            "the disk of the database is full; ask the operator to free space, then try again"
+        )
     if isinstance(error, NO_ANSWER):
-        return errors.Unavailable("the database does not answer; try again in some seconds")
+        return errors.Unavailable("the database does not respond; try again in a few seconds")
     return None
 
 
@@ -226,7 +228,7 @@ async def _validation(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
     found = error.errors()
     if any(entry["type"] == "json_invalid" for entry in found):
-        return _response(HTTPStatus.BAD_REQUEST, "the body is not JSON", "bad_json")
+        return _response(HTTPStatus.BAD_REQUEST, "the body is not valid JSON", "bad_json")
     fields = [
         FieldProblem(
             field=".".join(str(part) for part in entry["loc"]),
@@ -247,9 +249,9 @@ async def _http(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     status = HTTPStatus(error.status_code)
     detail = {
-        HTTPStatus.NOT_FOUND: "there is nothing at this address; /docs lists the calls",
-        HTTPStatus.METHOD_NOT_ALLOWED: "this address does not take that method",
-        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "the request has more bytes than the limit",
+        HTTPStatus.NOT_FOUND: "this URL does not exist; /docs lists the calls",
+        HTTPStatus.METHOD_NOT_ALLOWED: "this URL does not support the method of the request",
+        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "the request is larger than the limit",
     }.get(status, str(error.detail))
     code = _WORDS.get(status, status.name.lower())
     return _response(status, detail, code, headers=error.headers)
@@ -268,20 +270,22 @@ async def _database(request: Request, error: Exception) -> JSONResponse:
 async def _system(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, OSError)
     if is_full(error):
-        return problem_of(errors.StorageFull("no space is left; have some made, then try again"))
-    _log.error("the system refused", exc_info=error)
+        return problem_of(
+            errors.StorageFull("the disk is full; ask the operator to free space, then try again")
+        )
+    _log.error("operating system error", exc_info=error)
     return problem_of(
-        errors.Unavailable(f"the data directory cannot be used now ({error.strerror}); try again")
+        errors.Unavailable(f"the data directory is not accessible ({error.strerror}); try again")
     )
 
 
 async def _gone(request: Request, error: Exception) -> JSONResponse:
-    return problem_of(errors.BadRequest("the caller went away before the request was complete"))
+    return problem_of(errors.BadRequest("the client disconnected before the request was complete"))
 
 
 async def _unexpected(request: Request, error: Exception) -> JSONResponse:
     return _response(
         HTTPStatus.INTERNAL_SERVER_ERROR,
-        "an error of the service; its log tells more under the request's id",
+        "internal error of the service; see the entry of this request ID in its log",
         "internal",
     )

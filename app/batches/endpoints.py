@@ -30,7 +30,7 @@ _RANGES: dict[str, Form] = {"*/*": "json", "application/*": "json", "text/*": "c
 _MEDIA_TYPE: dict[Form, str] = {form: kind for kind, form in _TYPES.items()}
 _TABLE: dict[int | str, dict[str, Any]] = {
     200: {
-        "description": "A row for each motor.",
+        "description": "One row for each motor.",
         "content": {
             "text/csv": {"schema": {"type": "string"}},
             "application/vnd.apache.parquet": {"schema": {"type": "string", "format": "binary"}},
@@ -42,7 +42,7 @@ _TABLE: dict[int | str, dict[str, Any]] = {
 @router.post(
     "",
     status_code=202,
-    summary="Begin a batch",
+    summary="Submit a batch",
     dependencies=[JsonBody],
     responses=responses(400, 403, 404, 413, 415, 422),
 )
@@ -53,7 +53,10 @@ def create_batch(
     caller: CallerDep,
     idempotency_key: Annotated[
         str | None,
-        Header(description="A word of your own: the same word and request are the same batch."),
+        Header(
+            description="Key chosen by the client; the same key with the same request is the "
+            "same batch."
+        ),
     ] = None,
 ) -> BatchOut:
     """Submit one fit per motor. The batch is accepted or rejected as a whole.
@@ -69,9 +72,11 @@ def create_batch(
 def list_batches(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most batches of a page.")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=1000, description="Maximum number of batches on a page.")
+    ] = 100,
     after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the page before.")
+        str | None, Query(max_length=200, description="`next` of the previous page.")
     ] = None,
 ) -> BatchList:
     """List batches, newest first."""
@@ -88,7 +93,7 @@ def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> Batch
     "/{batch_id}",
     summary="Cancel or remove a batch",
     response_model=BatchOut,
-    responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
+    responses={204: {"description": "The batch had ended and was removed."}, **responses(403, 404)},
 )
 def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut | Response:
     """Cancel the unfinished fits of a batch; if all have ended, delete the batch with its fits."""
@@ -117,7 +122,7 @@ def fetch_results(
 
 @router.get(
     "/{batch_id}/results.{form}",
-    summary="Fetch the results of a batch in one form",
+    summary="Fetch the results of a batch in one format",
     response_model=BatchResults,
     responses=_TABLE | responses(404, 406, 422),
 )
@@ -166,7 +171,7 @@ def _wanted(accept: str | None) -> Form:
             best, wanted = weight, form
     if wanted is None:
         raise NotAcceptable(
-            f"there is no table as {(accept or '')[:100]!r}; expected {', '.join(_TYPES)}"
+            f"the table is not available as {(accept or '')[:100]!r}; expected {', '.join(_TYPES)}"
         )
     return wanted
 

@@ -22,15 +22,13 @@ class BatchItem(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    motor: Motor | None = Field(default=None, description="Which motor it is.")
+    motor: Motor | None = Field(default=None, description="Name of the motor.")
     training: list[RunId] = Field(
-        min_length=1, max_length=200, description="Runs to fit, in the order of recording."
+        min_length=1, max_length=200, description="Training runs in the order of recording."
     )
-    validation: list[RunId] = Field(
-        default=[], max_length=200, description="Runs to check the model on."
-    )
+    validation: list[RunId] = Field(default=[], max_length=200, description="Validation runs.")
     options: FitOptionsIn | None = Field(
-        default=None, description="In place of those of the batch."
+        default=None, description="Options of this motor; default: those of the batch."
     )
 
 
@@ -54,9 +52,9 @@ class BatchCreate(Received):
 
     motors: list[BatchItem] = Field(min_length=1, max_length=MOST_MOTORS)
     options: FitOptionsIn = Field(
-        default_factory=FitOptionsIn, description="For each motor that has none of its own."
+        default_factory=FitOptionsIn, description="Options of each motor without its own."
     )
-    name: Motor | None = Field(default=None, description="What lists show.")
+    name: Motor | None = Field(default=None, description="Name in lists.")
 
     def requests(self) -> list[FitRequest]:
         """One fit request per motor."""
@@ -74,7 +72,7 @@ class BatchCreate(Received):
 class BatchFit(BaseModel):
     """One motor of a batch, with the state of its fit."""
 
-    fit: str = Field(description="Id of the fit; GET /api/v1/fits/{id} has its result.")
+    fit: str = Field(description="ID of the fit; GET /api/v1/fits/{id} returns its result.")
     motor: str | None
     status: Status
     progress: Progress
@@ -84,9 +82,9 @@ class BatchFit(BaseModel):
 class BatchProgress(BaseModel):
     """Progress of a batch."""
 
-    fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
-    ended: int = Field(description="Fits that have ended, however they ended.")
-    total: int = Field(description="All its fits.")
+    fraction: float = Field(ge=0.0, le=1.0, description="Completed fraction, 0 to 1.")
+    ended: int = Field(description="Number of fits in a final state.")
+    total: int = Field(description="Number of all fits.")
 
 
 class BatchSummary(BaseModel):
@@ -95,7 +93,7 @@ class BatchSummary(BaseModel):
     id: str
     name: str | None
     status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"] = Field(
-        description="`partial`: all have ended, and some but not all succeeded."
+        description="`partial`: all fits have ended, and some but not all have succeeded."
     )
     progress: BatchProgress
     counts: dict[Status, int] = Field(description="Number of fits in each state.")
@@ -182,9 +180,9 @@ class BatchResults(BaseModel):
     )
 
     id: str
-    status: str = Field(description="Of the batch; rows of fits that have not ended are empty.")
+    status: str = Field(description="Status of the batch; rows of unfinished fits are empty.")
     rows: list[dict[str, str | int | float | bool | None]] = Field(
-        description="The columns of the table; docs/batch.md names them."
+        description="Rows of the table; docs/batch.md describes the columns."
     )
 
     @classmethod
@@ -197,7 +195,9 @@ class BatchList(BaseModel):
     """A page of batches, newest first, without their fits."""
 
     items: list[BatchSummary]
-    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+    next: str | None = Field(
+        description="Value of `after` for the next page; null on the last page."
+    )
 
     @classmethod
     def of(cls, batches: Sequence[Batch], following: str | None) -> BatchList:

@@ -131,7 +131,7 @@ class BatchService:
             with self._database.reading() as session:
                 known = repository.by_key(session, caller.workspace, key)
         if known is not None and known.request_sha256 != row.request_sha256:
-            raise KeyReused("this Idempotency-Key came before with another request; take a new key")
+            raise KeyReused("this Idempotency-Key was used with another request; use a new key")
         self._supervisor.wake()
         return self.get(caller, row.id if known is None else known.id)
 
@@ -215,8 +215,8 @@ class BatchService:
             return parquet_bytes(rows)
         except MissingParquet as error:
             raise NotAcceptable(
-                "this service writes no Parquet, since pyarrow is not installed; ask for text/csv "
-                "or application/json"
+                "Parquet is not available, because pyarrow is not installed; request text/csv or "
+                "application/json"
             ) from error
 
     def report(self, caller: Caller, batch_id: str) -> str:
@@ -254,8 +254,8 @@ def _check_size(requests: Sequence[FitRequest]) -> None:
     number = sum(len(request.training) + len(request.validation) for request in requests)
     if number > MOST_RUNS:
         raise FieldRefused(
-            f"motors: they name {number} runs together, and one batch takes {MOST_RUNS}, each "
-            "counted as often as a motor names it; send the motors as several batches",
+            f"motors: {number} runs; expected at most {MOST_RUNS} in one batch, each counted for "
+            "every motor that uses it; send the motors as several batches",
             "motors",
         )
 

@@ -92,7 +92,7 @@ class DaskEngine(AbstractEngine):
         client = self._client
         line = _line(client)
         if client is None or line is None:
-            raise OSError(f"the scheduler {self._address} is not connected")
+            raise OSError(f"no connection to the scheduler {self._address}")
         key = f"motorid-{job.fit_id}-{job.attempt}-{secrets.token_hex(4)}"
         running = _DaskRunning(self, job, key, line)
         self._running[key] = running
@@ -102,7 +102,7 @@ class DaskEngine(AbstractEngine):
             )
         except RuntimeError as error:
             del self._running[key]
-            raise OSError(f"the scheduler {self._address} takes no task: {error}") from error
+            raise OSError(f"the scheduler {self._address} accepts no task: {error}") from error
         return running
 
     def has_line(self, line: object) -> bool:
@@ -152,7 +152,7 @@ class DaskEngine(AbstractEngine):
                 workers: dict[str, int] = client.nthreads(callback_timeout=_ANSWER_S)
             except _REFUSED as error:
                 if self._client is not None or self._threads == 0:
-                    _log.warning("the cluster does not answer", extra={"reason": str(error)[:300]})
+                    _log.warning("the cluster does not respond", extra={"reason": str(error)[:300]})
                 self._disconnect()
             else:
                 self._count(workers)

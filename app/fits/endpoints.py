@@ -31,14 +31,14 @@ _EVENTS: dict[int | str, dict[str, Any]] = {
             }
         },
     },
-    204: {"description": "The listener has heard the end already."},
+    204: {"description": "The client has received the end event."},
 }
 
 
 @router.post(
     "",
     status_code=202,
-    summary="Begin a fit",
+    summary="Submit a fit",
     dependencies=[JsonBody],
     responses=responses(400, 403, 404, 413, 415, 422),
 )
@@ -50,8 +50,8 @@ def create_fit(
     idempotency_key: Annotated[
         str | None,
         Header(
-            description="A word of your own, such as a UUID: the same word with the same request "
-            "is the same fit, so that a request can be sent again when its answer was lost."
+            description="Key chosen by the client, such as a UUID; the same key with the same "
+            "request is the same fit, so that a request can be repeated if its answer was lost."
         ),
     ] = None,
 ) -> FitOut:
@@ -68,9 +68,11 @@ def create_fit(
 def list_fits(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most fits of a page.")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=1000, description="Maximum number of fits on a page.")
+    ] = 100,
     after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the page before.")
+        str | None, Query(max_length=200, description="`next` of the previous page.")
     ] = None,
     status: Annotated[Status | None, Query(description="Only fits in this state.")] = None,
     motor: Annotated[
@@ -98,7 +100,9 @@ async def follow_fit(
     fit_id: str,
     services: ServicesDep,
     caller: CallerDep,
-    last_event_id: Annotated[str | None, Header(description="Sent by browsers.")] = None,
+    last_event_id: Annotated[
+        str | None, Header(description="Version of the last event received; browsers send it.")
+    ] = None,
 ) -> Response:
     """Stream status and progress as Server-Sent Events; the stream closes when the fit ends."""
     version = last_version(last_event_id)
@@ -120,7 +124,7 @@ async def follow_fit(
     "/{fit_id}",
     summary="Cancel or remove a fit",
     response_model=FitOut,
-    responses={204: {"description": "It had ended and was removed."}, **responses(403, 404)},
+    responses={204: {"description": "The fit had ended and was removed."}, **responses(403, 404)},
 )
 def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut | Response:
     """Cancel an unfinished fit; delete an ended one with its report and posterior."""

@@ -177,7 +177,7 @@ class FitQueue:
             )
         for row in rows:
             if row.interruptions >= _MOST_INTERRUPTIONS:
-                detail = f"the service was killed {row.interruptions} times during it"
+                detail = f"the service was killed {row.interruptions} times during the fit"
                 self.give_up(row.id, row.attempt, {"code": "interrupted", "detail": detail})
                 continue
             with self._database.writing() as session:

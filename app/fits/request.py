@@ -51,7 +51,7 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
     """
     ids = [*request.training, *request.validation]
     if len(set(ids)) < len(ids):
-        raise FieldRefused("a run is named twice; it can be in one role once", "training")
+        raise FieldRefused("a run is given twice; give each run once, in one role", "training")
     values: dict[str, Any] = {
         n: tuple(v) if isinstance(v, list) else v for n, v in request.options.items()
     }
@@ -111,8 +111,8 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
         for run_id in request.validation:
             if hashes[run_id] in fitted:
                 raise FieldRefused(
-                    f"{_place(position, requests)}validation: {run_id} has the bytes of "
-                    f"{fitted[hashes[run_id]]}, which is fitted; name runs that are not fitted",
+                    f"{_place(position, requests)}validation: {run_id} has the same bytes as "
+                    f"{fitted[hashes[run_id]]} in training; use runs that are not fitted",
                     "validation",
                 )
 

@@ -70,14 +70,17 @@ class FitOptionsIn(BaseModel):
     seed: int = Field(default=_DEFAULT.seed, ge=0, lt=2**32, description="Seed of the sampler.")
     posterior: bool = Field(
         default=_DEFAULT.posterior,
-        description="Whether to sample; without, intervals come from the fit's covariance.",
+        description="Whether to sample the posterior; otherwise intervals come from the "
+        "covariance of the fit.",
     )
     effects: bool = Field(
         default=_DEFAULT.effects,
-        description="Whether to look for effects beyond the declared model.",
+        description="Whether to search for effects beyond the nominal model.",
     )
     hold: Literal["auto", "zoh", "foh"] = Field(
-        default=_DEFAULT.hold, description="Voltage between samples; `auto` lets the data decide."
+        default=_DEFAULT.hold,
+        description="Voltage between samples: zero-order hold, first-order hold, or `auto` (the "
+        "data decide).",
     )
     temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
         default=list(_DEFAULT.temperatures),
@@ -94,35 +97,35 @@ class FitOptionsIn(BaseModel):
     )
     effort: EffortName = Field(
         default=_DEFAULT.effort,
-        description="How much is computed at most; a level gives the same answer on any machine.",
+        description="Limit of the computation; the result of a level is the same on any machine.",
     )
     time_limit: float | None = Field(
         default=_DEFAULT.time_limit,
         gt=0.0,
         allow_inf_nan=False,
-        description="Time after which the fit stops with the best found so far [s]; its result "
+        description="Time after which the fit stops with its current result [s]; the result "
         "then depends on the machine.",
     )
     set_aside: bool = Field(
         default=_DEFAULT.set_aside,
-        description="Whether runs that contradict physics or the other runs are left out.",
+        description="Whether runs that contradict physics or the other runs are excluded.",
     )
     force: bool = Field(
         default=_DEFAULT.force,
-        description="Whether to fit although runs contradict; the result is marked.",
+        description="Whether to fit contradictory runs; the result is marked.",
     )
     known: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
         default=list(_DEFAULT.known),
         max_length=7,
         description="Known values of parameters, `NAME=VALUE`, `NAME=VALUE+-SD` or "
-        "`NAME=VALUE+-N%`, in SI units; without a spread 1 %.",
+        "`NAME=VALUE+-N%`, in SI units; default standard deviation 1 %.",
         examples=[["Kt25=0.048+-5%", "L=2.9e-3"]],
     )
     nameplate: str = Field(
         default=_DEFAULT.nameplate,
         max_length=500,
         description="Nameplate data, `KEY=VALUE` separated by commas, in SI units or with a unit "
-        "behind the number.",
+        "after the number.",
         examples=["voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_current=4.2"],
     )
 
@@ -144,13 +147,13 @@ class FitCreate(Received):
     )
 
     training: list[RunId] = Field(
-        min_length=1, max_length=200, description="Runs to fit, in the order of recording."
+        min_length=1, max_length=200, description="Training runs in the order of recording."
     )
     validation: list[RunId] = Field(
-        default=[], max_length=200, description="Runs to check the model on; they are never fitted."
+        default=[], max_length=200, description="Validation runs; they are never fitted."
     )
     options: FitOptionsIn = Field(default_factory=FitOptionsIn)
-    motor: Motor | None = Field(default=None, description="Which motor it is.")
+    motor: Motor | None = Field(default=None, description="Name of the motor.")
 
     def request(self) -> FitRequest:
         """Convert to the request that the service takes."""
@@ -163,13 +166,13 @@ class Progress(BaseModel):
     """Progress of a fit."""
 
     stage: str
-    fraction: float = Field(ge=0.0, le=1.0, description="Part of the whole that is done.")
+    fraction: float = Field(ge=0.0, le=1.0, description="Completed fraction, 0 to 1.")
 
 
 class FitError(BaseModel):
     """Reason why a fit failed."""
 
-    code: str = Field(description="A stable word for scripts.")
+    code: str = Field(description="Stable identifier for scripts.")
     detail: str
     file: str | None = None
     row: int | None = None
@@ -177,7 +180,7 @@ class FitError(BaseModel):
     findings: list[dict[str, Any]] | None = Field(
         default=None,
         description="With the code `contradictory_runs`: each contradiction with file, column, "
-        "the number that decided, and the corrections.",
+        "statistic, limit and corrections.",
     )
 
 
@@ -193,9 +196,9 @@ class FitSummary(BaseModel):
     training: list[str]
     validation: list[str]
     options: dict[str, Any]
-    attempt: int = Field(description="How often it was begun.")
-    error: FitError | None = Field(default=None, description="Why it failed.")
-    batch: str | None = Field(description="Batch that it belongs to.")
+    attempt: int = Field(description="Number of attempts so far.")
+    error: FitError | None = Field(default=None, description="Reason of a failure, else null.")
+    batch: str | None = Field(description="ID of its batch, else null.")
     links: dict[str, str]
     created_at: str = Field(description="UTC, ISO 8601.")
     started_at: str | None
@@ -215,7 +218,7 @@ class FitOut(FitSummary):
     )
 
     result: dict[str, Any] | None = Field(
-        description="Content of result.json once the fit succeeded, else null."
+        description="Content of result.json after success, else null."
     )
 
     @classmethod
@@ -228,7 +231,9 @@ class FitList(BaseModel):
     """A page of fits, newest first, without their results."""
 
     items: list[FitSummary]
-    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+    next: str | None = Field(
+        description="Value of `after` for the next page; null on the last page."
+    )
 
     @classmethod
     def of(cls, fits: Sequence[Fit], following: str | None) -> FitList:

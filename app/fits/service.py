@@ -94,9 +94,7 @@ class FitService:
                 raise
         if known:
             if known.request_sha256 != row.request_sha256:
-                raise KeyReused(
-                    "this Idempotency-Key came before with another request; take a new key"
-                )
+                raise KeyReused("this Idempotency-Key was used with another request; use a new key")
             return self.get(caller, known.id)
         _log.info("fit accepted", extra={"fit": row.id, "runs": len(request.training)})
         self._supervisor.wake()
@@ -213,13 +211,13 @@ class FitService:
             if not is_missing or "posterior.nc" in expected_outputs(directory):
                 raise lost from error
             raise NotReady(
-                f"{fit_id} was made without a posterior; fit with `posterior` true"
+                f"{fit_id} has no posterior; repeat the fit with the option `posterior` true"
             ) from None
 
     def _succeeded(self, caller: Caller, fit_id: str) -> FitRow:
         row = self.row(caller, fit_id)
         if row.status != "succeeded":
-            raise NotReady(f"{fit_id} is {row.status}; only a fit that succeeded has outputs")
+            raise NotReady(f"{fit_id} is {row.status}; only a succeeded fit has outputs")
         return row
 
     def _fit(
@@ -244,7 +242,8 @@ class FitService:
             state = "is not in the data directory"
         _log.error("stored file lost", extra={"fit": row.id, "file": name, "reason": str(error)})
         return FileLost(
-            f"the {name} of {row.id} {state}; fit again, or have it restored from a backup"
+            f"the {name} of {row.id} {state}; repeat the fit, or ask the operator to restore "
+            "a backup"
         )
 
 

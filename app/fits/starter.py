@@ -91,7 +91,7 @@ class Starter:
             self._queue.unclaim(job.fit_id, job.attempt)
             return
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        detail = f"its process could not be started {times} times, at last with: {reason[:300]}"
+        detail = f"the process could not be started in {times} attempts; last error: {reason[:300]}"
         self._queue.give_up(job.fit_id, job.attempt, {"code": "start", "detail": detail})
         self._postponed.forget(job.fit_id)
         del self._refusals[job.fit_id]

@@ -137,7 +137,13 @@ class Supervisor:
         elif time.monotonic() - attempt.began > self._settings.fit_wall_s:
             attempt.running.kill()
             limit = f"{self._settings.fit_wall_s:g} s"
-            self._fail(attempt, {"code": "time", "detail": f"the fit took more than {limit}"})
+            self._fail(
+                attempt,
+                {
+                    "code": "time",
+                    "detail": f"the fit exceeded the time limit of {limit} (MOTORID_FIT_WALL_S)",
+                },
+            )
         else:
             self._renew(attempt)
 
@@ -207,7 +213,7 @@ class Supervisor:
         )
         if failures >= self._settings.max_attempts:
             times = "once" if failures == 1 else f"{failures} times"
-            detail = f"the computation ended without a result {times}, at last with {end}"
+            detail = f"the process ended without a result {times}; last cause: {end}"
             self._fail(attempt, {"code": "crashed", "detail": detail})
             return
         self._queue.put_back(job.fit_id, job.attempt, failures)

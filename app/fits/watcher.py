@@ -119,8 +119,9 @@ class Watcher:
         key = _Key() if key_id is None else self._keys.get(key_id, _Key())
         if self._most_streams and key.listeners >= self._most_streams:
             raise TooManyStreams(
-                f"the key has {key.listeners} event streams open of {self._most_streams} that it "
-                "may; close some, or have MOTORID_STREAMS_PER_KEY raised"
+                f"the key has {key.listeners} open event streams; expected at most "
+                f"{self._most_streams}; close some, or ask the operator to raise "
+                "MOTORID_STREAMS_PER_KEY"
             )
         fit = self._fits.setdefault(row.id, _Fit(row))
         fit.tell(row)

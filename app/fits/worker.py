@@ -67,11 +67,11 @@ def handle(task: dict[str, Any], answer: int) -> None:
         if not is_full(error):
             raise
         # An immediate retry would find the same full disk.
-        detail = "no space was left for the results; have some made, then fit again"
+        detail = "the disk is full; ask the operator to free space, then repeat the fit"
         messages.send({"failed": {"code": "storage_full", "detail": detail}})
     except MemoryError:
         # With fewer fits in parallel the memory may suffice, so a retry is useful.
-        messages.send({"crashed": "no memory left"})
+        messages.send({"crashed": "out of memory"})
         raise
     else:
         messages.send({"done": True})
@@ -183,8 +183,8 @@ def _check_stored(path: Path, name: str, sha256: str) -> None:
         state = error.strerror or str(error)
     if state:
         raise _StoredRunLost(
-            f"the stored run is missing or damaged ({state}); upload the same file again, which "
-            "restores it, then fit again",
+            f"the stored run is missing or damaged ({state}); upload the same file again to "
+            "restore it, then repeat the fit",
             file=name,
         )
 

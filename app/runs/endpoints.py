@@ -65,9 +65,11 @@ async def upload_run(
 def list_runs(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most runs of a page.")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=1000, description="Maximum number of runs on a page.")
+    ] = 100,
     after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the page before.")
+        str | None, Query(max_length=200, description="`next` of the previous page.")
     ] = None,
     motor: Annotated[
         str | None, Query(max_length=200, description="Only runs of this motor.")
@@ -127,10 +129,12 @@ async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGener
             break
         except TimeoutError as error:
             if anyio.current_time() < deadline:
-                raise BodyTooSlow(f"no byte came for {idle_s:g} s; send the run again") from error
+                raise BodyTooSlow(
+                    f"no data received for {idle_s:g} s; send the run again"
+                ) from error
             raise BodyTooSlow(
-                f"the upload was not complete after {whole_s:g} s; send the run again, split or "
-                "over a faster line, or have MOTORID_UPLOAD_S raised"
+                f"the upload was not complete after {whole_s:g} s; split the run, use a faster "
+                "connection, or ask the operator to raise MOTORID_UPLOAD_S"
             ) from error
         if len(held) >= _BLOCK_BYTES:
             yield bytes(held)

@@ -54,8 +54,9 @@ class ReadingQueue:
             return
         wait_s = min(_LONGEST_RETRY_S, max(1.0, waiting * self._mean_s / self._readers))
         raise TooManyUploads(
-            f"{waiting} uploads wait to be read, as many as may; send it again in "
-            f"{math.ceil(wait_s)} s, or have MOTORID_READERS or MOTORID_WAITING_UPLOADS raised",
+            f"{waiting} uploads are waiting to be read, which is the limit; send the run again in "
+            f"{math.ceil(wait_s)} s, or ask the operator to raise MOTORID_READERS or "
+            "MOTORID_WAITING_UPLOADS",
             retry_after_s=wait_s,
         )
 

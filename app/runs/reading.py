@@ -74,7 +74,9 @@ class RunReader:
         try:
             reading = self._nursery.fork(task)
         except OSError as error:
-            raise Unavailable("runs cannot be read now; try again in some seconds") from error
+            raise Unavailable(
+                "runs cannot be read at the moment; try again in a few seconds"
+            ) from error
         found: dict[str, Any] = {}
         while not reading.has_ended and time.monotonic() < deadline:
             for message in reading.messages(wait_s=deadline - time.monotonic()):
@@ -86,15 +88,15 @@ class RunReader:
         """Build the error for a parser that ended without a result."""
         limits = self._limits
         if end is None:
-            return Unavailable("the file could not be read now; send it again")
+            return Unavailable("the file could not be read; send it again")
         if end in ("reader_memory", -signal.SIGKILL):
-            text = f"reading it takes more than {limits.memory_bytes / 1e9:g} GB"
+            text = f"reading the file needs more than {limits.memory_bytes / 1e9:g} GB of memory"
             reason = "reader_memory"
         elif end in (-signal.SIGXCPU, -signal.SIGALRM):
-            text = f"reading it takes more than {limits.cpu_s} s"
+            text = f"reading the file takes more than {limits.cpu_s} s"
             reason = "reader_time"
         else:
-            text = "it makes its reader fail"
+            text = "the reader crashed on the file"
             reason = "reader_crash"
         return RunRefused(
             f"{name}: {text}; expected a table of samples as text", reason=reason, file=name

@@ -44,19 +44,19 @@ UPLOAD_BODY: dict[str, Any] = {
                         "file": {
                             "type": "string",
                             "format": "binary",
-                            "description": "The run file: a table of samples as text.",
+                            "description": "Run file: a text table of samples.",
                         },
                         "motor": {
                             "type": "string",
                             "maxLength": 200,
-                            "description": "Which motor this is a run of.",
+                            "description": "Name of the motor.",
                             "examples": ["bench 4, motor 17"],
                         },
                         "mapping": {
                             "type": "string",
-                            "description": "Which column is which channel, as JSON; needed where "
-                            "the header does not say. value in SI = (cell * scale + offset) in "
-                            "the given unit.",
+                            "description": "Columns and units of the channels, as JSON; required "
+                            "if the header does not name them. Value = (cell * scale + offset) "
+                            "in the given unit.",
                             "examples": [
                                 '{"speed_rad_s": {"column": "n_ist", "unit": "rpm"}, '
                                 '"current_A": {"column": "sensor_V", "scale": 2.5}}'
@@ -93,8 +93,8 @@ class RunOut(BaseModel):
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     id: str
-    sha256: str = Field(description="Of the bytes that were sent.")
-    file: str = Field(description="Name of the file as it was sent.")
+    sha256: str = Field(description="SHA-256 of the uploaded bytes.")
+    file: str = Field(description="File name given in the upload.")
     motor: str | None
     bytes: int
     rows: int = Field(description="Number of samples.")
@@ -124,7 +124,9 @@ class RunList(BaseModel):
     """A page of runs, newest first."""
 
     items: list[RunOut]
-    next: str | None = Field(description="Give it as `after` for the next page; null on the last.")
+    next: str | None = Field(
+        description="Value of `after` for the next page; null on the last page."
+    )
 
     @classmethod
     def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:

@@ -198,7 +198,10 @@ class RunService:
                 raise _missing()
             fit_id = repository.waiting_fit(session, run_id)
             if fit_id is not None:
-                raise RunInUse(f"{run_id} is needed by {fit_id}; cancel that fit or let it end")
+                raise RunInUse(
+                    f"{run_id} is used by the unfinished fit {fit_id}; cancel the fit or wait "
+                    "for its end"
+                )
             repository.remove(session, run_id)
         self._storage.remove_run(run_id)
 
@@ -226,9 +229,9 @@ def _mapping(text: str | None) -> dict[str, Any] | None:
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
-        raise ValueError("a key stands twice in one object")
+        raise ValueError("a key is repeated in one object")
     return found
 
 
 def _no_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a JSON number")

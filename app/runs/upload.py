@@ -70,7 +70,7 @@ def boundary_of(content_type: str) -> bytes:
         raise WrongMediaType("expected multipart/form-data with the run in the field `file`")
     boundary = options.get(b"boundary", b"")
     if not boundary:
-        raise BadRequest("the Content-Type has no boundary; let the client make it")
+        raise BadRequest("the Content-Type has no boundary; let the HTTP client generate it")
     return boundary
 
 
@@ -121,7 +121,7 @@ class UploadForm:
         try:
             self._parser = MultipartParser(boundary, callbacks)
         except FormParserError as error:
-            raise BadRequest("the boundary of the form is not valid") from error
+            raise BadRequest("the boundary of the form is invalid") from error
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         with refused_when_full("run"):
             self._file = os.fdopen(os.open(target, flags, 0o600), "wb")
@@ -157,7 +157,7 @@ class UploadForm:
         try:
             self._parser.write(chunk)
         except FormParserError as error:
-            raise BadRequest("the form is broken; let the client make it") from error
+            raise BadRequest("the form is malformed; let the HTTP client generate it") from error
 
     def finish(self) -> Upload:
         """Return the form at the end of the body, after flushing the file to disk.
@@ -168,9 +168,9 @@ class UploadForm:
             StorageFull: No disk space is left.
         """
         if not self._ended:
-            raise BadRequest("the form ends in the middle; send it again")
+            raise BadRequest("the form is incomplete; send it again")
         if self._name is None:
-            raise FieldRefused("the form has no file; put the run in the field `file`", "file")
+            raise FieldRefused("the form has no file; send the run in the field `file`", "file")
         with refused_when_full("run"):
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -185,7 +185,7 @@ class UploadForm:
     def _part_begins(self) -> None:
         self._parts += 1
         if self._parts > _MOST_PARTS:
-            raise BadRequest(f"more than {_MOST_PARTS} parts; send one run in one form")
+            raise BadRequest(f"the form has more than {_MOST_PARTS} parts; send one run per form")
         self._disposition = b""
         self._into = None
 
@@ -200,12 +200,12 @@ class UploadForm:
         field = options.get(b"name", b"").decode("utf-8", "replace")
         if field == "file":
             if self._name is not None:
-                raise FieldRefused("the form has two files; send one run in one form", "file")
+                raise FieldRefused("the form has two files; send one run per form", "file")
             self._name = label(options.get(b"filename", b"").decode("utf-8", "replace"))
             self._into = None
         elif field not in FIELDS:
             raise FieldRefused(
-                f"the form has a field that is none of file, {', '.join(FIELDS)}", label(field)
+                f"the form has an unknown field; expected file, {', '.join(FIELDS)}", label(field)
             )
         elif field in self._fields:
             raise FieldRefused(f"the form has the field {field} twice; keep one", field)
@@ -218,16 +218,16 @@ class UploadForm:
             most = FIELDS[self._field]
             if len(self._into) > most:
                 raise FieldRefused(
-                    f"{self._field}: {len(self._into)} bytes or more; expected at most {most}; "
-                    "shorten it, or the names in it",
+                    f"{self._field}: at least {len(self._into)} bytes; expected at most {most}; "
+                    "shorten the field",
                     self._field,
                 )
             return
         self._size += end - start
         if self._size > self._limit:
             raise BodyTooLarge(
-                f"the file has more than {self._limit} bytes; split the run or have the limit "
-                "MOTORID_MAX_UPLOAD_BYTES raised"
+                f"the file has more than {self._limit} bytes; split the run, or ask the operator "
+                "to raise MOTORID_MAX_UPLOAD_BYTES"
             )
         view = memoryview(data)[start:end]
         self._hash.update(view)
@@ -242,4 +242,4 @@ def _text(name: str, raw: bytearray) -> str:
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise FieldRefused(f"{name} is no text in UTF-8", name) from error
+        raise FieldRefused(f"{name} is not UTF-8 text", name) from error

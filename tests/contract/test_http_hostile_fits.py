@@ -122,7 +122,7 @@ def test_validation_on_the_bytes_that_are_fitted_is_refused(alice: Caller, store
         answer = alice.http.post(path, json=body)
 
         assert_is_problem(answer, 422)
-        assert f"{same} has the bytes of {stored}, which is fitted" in answer.json()["detail"]
+        assert f"{same} has the same bytes as {stored} in training" in answer.json()["detail"]
 
 
 @pytest.mark.parametrize("key", ["", "a b", "x" * 256, "naïve", "tab\there"])

@@ -140,7 +140,7 @@ def test_same_key_at_the_same_time_is_one_batch(database: Database, batches: Bat
         made = {future.result(timeout=60).row.id for future in asked}
 
     assert len(made) == 1
-    with pytest.raises(KeyReused, match="take a new key"):
+    with pytest.raises(KeyReused, match="use a new key"):
         batches.create(ALICE, requests[:3], None, "key")
 
 

@@ -90,7 +90,7 @@ def test_fit_without_a_posterior_says_so(bench: Bench, fits: FitService) -> None
     (bench.storage.attempt(row.id, row.attempt) / "posterior.nc").unlink()
 
     assert not fits.get(CALLER, row.id).has_posterior
-    with pytest.raises(NotReady, match="made without a posterior"):
+    with pytest.raises(NotReady, match="has no posterior"):
         fits.posterior(CALLER, row.id)
 
 

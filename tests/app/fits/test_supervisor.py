@@ -127,7 +127,7 @@ def test_crash_that_told_its_reason_is_known_by_it(database: Database, tmp_path:
     bench = Bench(database, tmp_path / "data", max_attempts=1)
     fit = bench.queue()
     running = bench.started(1)
-    running.told.append({"crashed": "no memory left"})
+    running.told.append({"crashed": "out of memory"})
     running.end = "exit status 1"
 
     error = bench.ended(fit).error
@@ -135,7 +135,7 @@ def test_crash_that_told_its_reason_is_known_by_it(database: Database, tmp_path:
 
     assert error == {
         "code": "crashed",
-        "detail": "the computation ended without a result once, at last with no memory left",
+        "detail": "the process ended without a result once; last cause: out of memory",
     }
 
 
@@ -213,7 +213,7 @@ def test_job_that_cannot_be_started_fails_and_keeps_no_other_waiting(
     row = bench.ended(bad)
 
     assert (row.status, row.error and row.error["code"]) == ("failed", "start")
-    expected = f"its process could not be started 3 times, at last with: {reason}"
+    expected = f"the process could not be started in 3 attempts; last error: {reason}"
     assert row.error
     assert row.error["detail"] == expected
     until(lambda: not bench.storage.attempt(bad, 1).parent.exists())

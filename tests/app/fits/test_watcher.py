@@ -214,7 +214,7 @@ def test_key_listens_no_more_often_than_it_may(made: Watcher) -> None:
             streams = [ExitStack() for _ in range(3)]
             for stream in streams:
                 stack.enter_context(stream).enter_context(made.listen(row, "key"))
-            with pytest.raises(TooManyStreams, match="3 event streams open of 3"):
+            with pytest.raises(TooManyStreams, match="3 open event streams; expected at most 3"):
                 stack.enter_context(made.listen(row, "key"))
             stack.enter_context(made.listen(row, "other key"))
             streams[0].close()

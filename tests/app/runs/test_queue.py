@@ -29,7 +29,7 @@ def test_upload_beyond_the_queue_is_refused_and_those_in_it_are_read() -> None:
                 queue.check()
                 group.start_soon(queue.run, reading, number)
                 await anyio.wait_all_tasks_blocked()
-            with pytest.raises(TooManyUploads, match="2 uploads wait to be read") as caught:
+            with pytest.raises(TooManyUploads, match="2 uploads are waiting to be read") as caught:
                 queue.check()
             assert 1.0 <= caught.value.retry_after_s <= 60.0
             release.set()
