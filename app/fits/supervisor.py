@@ -109,7 +109,7 @@ class Supervisor:
             except (SQLAlchemyError, OSError):
                 # Finished work is in the database and the rest is retried; wait for the
                 # fault to pass.
-                _log.exception("the database or the system refused")
+                _log.exception("database or operating system error")
                 self._stop.wait(_IDLE_S)
             self._wake.wait(_BUSY_S if self._attempts else _IDLE_S)
             self._wake.clear()
@@ -256,7 +256,7 @@ class Supervisor:
                 self._drop(attempt)
                 if self._queue.has_ended(attempt.job.fit_id):
                     self._storage.remove_checkpoints(attempt.job.fit_id)
-                _log.info("fit given up", extra={"fit": attempt.job.fit_id})
+                _log.info("fit abandoned", extra={"fit": attempt.job.fit_id})
         for fit_id, number in held.keys() - running.keys():
             # The fit was claimed, but an error prevented both its start and its return
             # to the queue.
@@ -296,7 +296,7 @@ class Supervisor:
                 self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
             except SQLAlchemyError:
                 # The next server takes the fit over when it finds the old lease.
-                _log.exception("a fit could not be given back")
+                _log.exception("a fit could not be requeued")
             else:
-                _log.info("fit put back", extra={"fit": job.fit_id, "attempt": job.attempt})
+                _log.info("fit requeued", extra={"fit": job.fit_id, "attempt": job.attempt})
             self._drop(attempt)

@@ -152,7 +152,7 @@ class Watcher:
         except Exception:  # noqa: BLE001  an exception here would end the service
             # Log only the first of consecutive failures, since polls are frequent.
             if not self._is_failing:
-                _log.exception("listeners have to wait for the database")
+                _log.exception("event streams wait for the database")
             self._is_failing = True
         else:
             self._is_failing = False

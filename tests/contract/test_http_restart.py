@@ -20,7 +20,7 @@ from tests.app.pretended import FAMILY, QUICK, SLOW
 from tests.app.service import Caller, Server, run_text, serving
 
 NO_AUTH = "--no-auth"
-SAID = ["stopping", "fit put back", "stopped"]
+SAID = ["stopping", "fit requeued", "stopped"]
 COMMAND = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())"]
 
 

@@ -125,7 +125,7 @@ def test_batch_of_more_runs_than_the_limit_is_refused_before_anything_is_asked(
     with pytest.raises(NotFound, match="run0"):
         batches.create(ALICE, requests, None, None)
     with statements(database, written=True) as seen:
-        message = f"name {MOST_RUNS + 1} runs .* one batch takes {MOST_RUNS}.* as several batches"
+        message = rf"{MOST_RUNS + 1} runs; .* {MOST_RUNS} in one batch.* as several batches"
         with pytest.raises(FieldRefused, match=message):
             batches.create(ALICE, [*requests, FitRequest(["one more"], [], {})], None, None)
     assert seen == []
