@@ -21,20 +21,25 @@ from app.arguments import SeveralWords
 from app.exits import Signals, Stopped, failed, prepare_streams, raised_signals
 from app.logging import warnings_logged
 from app.option_types import (
+    ApiKey,
     AsJson,
     Controllers,
     DataDir,
     Effort,
     Force,
+    Jobs,
     Known,
     MappingFile,
     MapWords,
+    NoAuth,
     NoEffects,
     NoPosterior,
+    OutDir,
     Plate,
     Quiet,
     Runs,
     Seed,
+    Server,
     SetAside,
     Temperatures,
     TimeLimit,
@@ -56,10 +61,11 @@ class _Commands(typer.core.TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    help="Identify a brushed DC motor from measured runs, and predict its closed speed loop hot "
-    "and cold.",
-    epilog="Exit status: 0 done, 1 the calculation failed, 2 the input is at fault, 130 "
-    "interrupted, 143 or 129 ended by SIGTERM or SIGHUP. A failure is one line on standard error.",
+    help="Identify the parameters of a brushed DC motor from recorded runs, and predict its closed "
+    "speed loop at several temperatures.",
+    epilog="Exit status: 0 success, 1 the computation failed, 2 the input is invalid, 130 "
+    "interrupted, 143 terminated by SIGTERM, 129 terminated by SIGHUP. Error messages are one line "
+    "on standard error.",
     add_completion=False,
     no_args_is_help=False,
     rich_markup_mode=None,
@@ -92,10 +98,10 @@ def _without_command(
 @app.command(cls=SeveralWords)
 def fit(
     runs: Runs,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")],
+    out: OutDir,
     validation: Annotated[
         list[Path] | None,
-        typer.Option(metavar="RUN...", help="Runs to check the model on; they are never fitted."),
+        typer.Option(metavar="RUN...", help="Files of the validation runs, which are not fitted."),
     ] = None,
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
@@ -105,7 +111,8 @@ def fit(
     known: Known = None,
     nameplate: Plate = None,
     hold: Annotated[
-        str, typer.Option(help="Voltage between samples: auto (the data decide), zoh or foh.")
+        str,
+        typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh."),
     ] = "auto",
     effort: Effort = "normal",
     time_limit: TimeLimit = None,
@@ -148,11 +155,11 @@ def fit(
 
 @app.command(cls=SeveralWords)
 def predict(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result.json.")],
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The run to simulate.")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="File of the run to simulate.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="CSV file to write.")],
     declared: Annotated[
-        bool, typer.Option("--declared", help="The declared model (before), not the final one.")
+        bool, typer.Option("--declared", help="Simulate the nominal model, not the final one.")
     ] = False,
     mapping: MappingFile = None,
     map: MapWords = None,  # noqa: A002  the option's name
@@ -169,23 +176,26 @@ def predict(
 
 @app.command(cls=SeveralWords)
 def feedback(
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="JSON file to write the list to.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
     result: Annotated[
         Path | None,
-        typer.Option(metavar="RESULT", help="A result.json; its posterior.nc is used if there."),
+        typer.Option(
+            metavar="RESULT",
+            help="result.json of a fit; posterior.nc in the same directory is used if present.",
+        ),
     ] = None,
     set: Annotated[  # noqa: A002  the option's name
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE...", help="Parameters of one motor instead of a result."),
+        typer.Option(
+            metavar="NAME=VALUE...", help="Parameter values in SI units, instead of a result."
+        ),
     ] = None,
     temperature: Temperatures = None,
     controller: Controllers = None,
     json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute speed loop metrics, hot and cold: rise, settling, overshoot, margins."""
+    """Compute step response metrics and stability margins of the speed loop at each temperature."""
     from app import commands
 
     commands.feedback(
@@ -200,26 +210,12 @@ def feedback(
 @app.command(cls=SeveralWords)
 def batch(
     manifest: Annotated[
-        Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML: motor, runs, options.")
+        Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML file: motors, runs, options.")
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the results go.")],
-    jobs: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Motors at once.  [default: number of cores]"),
-    ] = None,
-    server: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Have a service fit them, in place of this machine."),
-    ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KEY",
-            envvar="MOTORID_KEY",
-            show_envvar=False,
-            help="Key of that service; better in the variable MOTORID_KEY.",
-        ),
-    ] = None,
+    out: OutDir,
+    jobs: Jobs = None,
+    server: Server = None,
+    key: ApiKey = None,
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
     no_effects: NoEffects = False,
@@ -265,12 +261,13 @@ def batch(
 
 @app.command()
 def demo(
-    campaign: Annotated[str, typer.Argument(help="A folder in data/.")] = "paper_motor",
+    campaign: Annotated[str, typer.Argument(help="Name of a directory in data/.")] = "paper_motor",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the results go.  [default: out/NAME]")
+        Path | None, typer.Option(metavar="DIR", help="Output directory.  [default: out/NAME]")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the campaigns are.  [default: data/]")
+        Path | None,
+        typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]"),
     ] = None,
     seed: Seed = 0,
     no_posterior: NoPosterior = False,
@@ -296,16 +293,17 @@ def demo(
 
 @app.command()
 def serve(
-    host: Annotated[str | None, typer.Option(help="Address.  [default: 127.0.0.1]")] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")
+    ] = None,
     port: Annotated[
-        int | None, typer.Option(help="Port; 0 takes a free one.  [default: 8000]")
+        int | None,
+        typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]"),
     ] = None,
     data_dir: DataDir = None,
-    no_auth: Annotated[
-        bool, typer.Option("--no-auth", help="Answer without a key; on a loopback address only.")
-    ] = False,
+    no_auth: NoAuth = False,
 ) -> None:
-    """Run the HTTP service.  Settings not given here come from MOTORID_ variables."""
+    """Run the HTTP service.  MOTORID_ environment variables supply all other settings."""
     from app import serving
 
     serving.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
@@ -313,38 +311,41 @@ def serve(
 
 @app.command()
 def backup(
-    place: Annotated[
-        Path, typer.Argument(metavar="PLACE", help="A new directory, or a new file named .tar.")
+    archive: Annotated[
+        Path,
+        typer.Argument(
+            metavar="BACKUP", help="New directory, or new file with a name that ends with .tar."
+        ),
     ],
     data_dir: DataDir = None,
 ) -> None:
     """Back up the service's database, runs and results, even while the service runs."""
     from app import serving
 
-    serving.back_up(place, data_dir)
+    serving.back_up(archive, data_dir)
 
 
 @app.command()
 def restore(
-    place: Annotated[
-        Path, typer.Argument(metavar="PLACE", help="What 'motorid backup' has written.")
+    archive: Annotated[
+        Path, typer.Argument(metavar="BACKUP", help="Backup made by 'motorid backup'.")
     ],
     data_dir: DataDir = None,
 ) -> None:
     """Create a data directory from a backup after checking every file; nothing is overwritten."""
     from app import serving
 
-    serving.restore(place, data_dir)
+    serving.restore(archive, data_dir)
 
 
 @keys.command("create")
 def create_key(
-    name: Annotated[str, typer.Argument(help="What the list shows, such as the bench's name.")],
+    name: Annotated[str, typer.Argument(help="Display name, such as the name of the test bench.")],
     workspace: Annotated[
-        str, typer.Option(help="What the key opens: runs and fits of this workspace alone.")
+        str, typer.Option(help="Workspace whose runs and fits the key gives access to.")
     ] = "default",
     days: Annotated[
-        float | None, typer.Option(help="Days after which it expires.  [default: never]")
+        float | None, typer.Option(help="Lifetime in days.  [default: unlimited]")
     ] = None,
     data_dir: DataDir = None,
 ) -> None:
@@ -364,7 +365,7 @@ def list_keys(data_dir: DataDir = None) -> None:
 
 @keys.command("revoke")
 def revoke_key(
-    key: Annotated[str, typer.Argument(help="Id of the key, as the list shows it.")],
+    key: Annotated[str, typer.Argument(help="Id of the key, from 'motorid keys list'.")],
     data_dir: DataDir = None,
 ) -> None:
     """Revoke a key and end its sessions."""

@@ -10,39 +10,43 @@ import typer
 from app.arguments import decimal, whole
 
 __all__ = [
+    "ApiKey",
     "AsJson",
     "Controllers",
     "DataDir",
     "Effort",
     "Force",
+    "Jobs",
     "Known",
     "MapWords",
     "MappingFile",
+    "NoAuth",
     "NoEffects",
     "NoPosterior",
+    "OutDir",
     "Plate",
     "Quiet",
     "Runs",
     "Seed",
+    "Server",
     "SetAside",
     "Temperatures",
     "TimeLimit",
 ]
 
-Runs = Annotated[
-    list[Path], typer.Argument(metavar="RUN...", help="Run files, as they were recorded.")
-]
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Files of the training runs.")]
+OutDir = Annotated[Path, typer.Option(metavar="DIR", help="Output directory.")]
 MappingFile = Annotated[
     Path | None,
-    typer.Option("--mapping", metavar="FILE", help="JSON file: which column is which channel."),
+    typer.Option("--mapping", metavar="FILE", help="JSON file that assigns columns to channels."),
 ]
 MapWords = Annotated[
     list[str] | None,
     typer.Option(
         "--map",
         metavar="[FILE:]CHANNEL=HEADER",
-        help="The same for one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA', or of one file, "
-        "such as 'run3.csv:current_A=CH2 * -1'; may be repeated.",
+        help="Column of one channel, such as 'current_A=CH2 * 2.5 + 0.1 in mA', in all files or in "
+        "one, such as 'run3.csv:current_A=CH2 * -1'; may be repeated.",
     ),
 ]
 Temperatures = Annotated[
@@ -51,7 +55,7 @@ Temperatures = Annotated[
         "--temperature",
         parser=decimal,
         metavar="DEGC...",
-        help="Temperatures of the speed loop.  [default: 25 125]",
+        help="Temperatures of the speed loop metrics.  [default: 25 125]",
     ),
 ]
 Controllers = Annotated[
@@ -59,7 +63,7 @@ Controllers = Annotated[
     typer.Option(
         "--controller",
         metavar="C...",
-        help="Controllers: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
+        help="Controllers of the speed loop: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
     ),
 ]
 Seed = Annotated[
@@ -67,14 +71,15 @@ Seed = Annotated[
     typer.Option(
         parser=whole,
         metavar="<int>",
-        help="Seed of the sampler; the same seed, the same result.",
+        help="Seed of the random numbers; equal seeds give equal results.",
     ),
 ]
 Effort = Annotated[
     str,
     typer.Option(
         metavar="LEVEL",
-        help="How much is computed at most: quick, normal or thorough; the same on any machine.",
+        help="Limit on the number of operations: quick, normal or thorough; the result does not "
+        "depend on the machine.",
     ),
 ]
 TimeLimit = Annotated[
@@ -82,33 +87,39 @@ TimeLimit = Annotated[
     typer.Option(
         parser=decimal,
         metavar="SECONDS",
-        help="Stop with the best found so far; the result then depends on the machine.",
+        help="Stop after this time with the best model found; the result then depends on the "
+        "machine.",
     ),
 ]
 NoPosterior = Annotated[
     bool,
-    typer.Option("--no-posterior", help="Intervals from the fit's covariance; no posterior.nc."),
+    typer.Option(
+        "--no-posterior",
+        help="Compute the intervals from the fit's covariance and write no posterior.nc.",
+    ),
 ]
 NoEffects = Annotated[
-    bool, typer.Option("--no-effects", help="Stop at the declared model; look for no effect.")
+    bool,
+    typer.Option("--no-effects", help="Fit only the nominal model; do not search for effects."),
 ]
 SetAside = Annotated[
     bool,
     typer.Option(
-        "--set-aside", help="Leave out runs that contradict physics or the other runs, and say so."
+        "--set-aside",
+        help="Exclude runs that contradict the motor equations or the other runs, and report them.",
     ),
 ]
 Force = Annotated[
     bool,
-    typer.Option("--force", help="Fit although runs contradict; the result is marked."),
+    typer.Option("--force", help="Fit in spite of contradictory runs, and mark the result."),
 ]
 Known = Annotated[
     list[str] | None,
     typer.Option(
         "--known",
         metavar="NAME=VALUE[+-SD|+-N%]...",
-        help="What is known of a parameter, in SI units, such as Kt25=0.048+-5%; without a spread "
-        "1 % (a winding's resistance changes by that in 2.5 K).",
+        help="Known value of a parameter with its standard deviation, in SI units, such as "
+        "Kt25=0.048+-5%; default standard deviation: 1 %.",
     ),
 ]
 Plate = Annotated[
@@ -116,15 +127,36 @@ Plate = Annotated[
     typer.Option(
         "--nameplate",
         metavar="KEY=VALUE,...",
-        help="Nameplate data in SI units or with V, A, mA, rpm, Nm or mNm behind the number: "
+        help="Nameplate data, in SI units or with the unit V, mV, A, mA, rpm, Nm or mNm appended: "
         "voltage, no_load_speed, no_load_current, stall_current, stall_torque, rated_speed, "
         "rated_current, rated_torque.",
     ),
 ]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="A summary for scripts on standard output, as JSON.")
+AsJson = Annotated[bool, typer.Option("--json", help="Print a summary as JSON on standard output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Motors fitted in parallel.  [default: number of cores]"),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Server = Annotated[
+    str | None, typer.Option(metavar="URL", help="URL of a service that computes the fits.")
+]
+ApiKey = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KEY",
+        envvar="MOTORID_KEY",
+        show_envvar=False,
+        help="API key of the service.  The variable MOTORID_KEY keeps it out of process lists.",
+    ),
+]
+NoAuth = Annotated[
+    bool,
+    typer.Option(
+        "--no-auth", help="Accept requests without an API key; only on a loopback address."
+    ),
+]
 DataDir = Annotated[
-    Path | None, typer.Option(help="Directory of the service's database, runs and results.")
+    Path | None,
+    typer.Option(help="Directory of the database, the runs and the results of the service."),
 ]
