@@ -30,7 +30,7 @@ def serve(
 
     Args:
         host: Address to listen on.
-        port: Port to listen on; 0 takes a free one.
+        port: Port to listen on; 0 selects a free port.
         data_dir: Directory of the database, the runs and the results.
         no_auth: Accept requests without a key.
 

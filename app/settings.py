@@ -43,168 +43,184 @@ class Settings(BaseSettings):
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(
-        default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
+        default=8000, ge=0, le=65535, description="Port to listen on; 0 selects a free port."
     )
     data_dir: Path = Field(
         default=Path("motorid-data"),
         description="Directory of the database, the runs and the results.",
     )
     no_auth: bool = Field(
-        default=False, description="Answer without a key; accepted on a loopback address only."
+        default=False, description="Accept requests without an API key; only on a loopback address."
     )
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Host names that requests may carry besides the loopback names, separated by "
-        "commas; `*` for any. Empty: `host`, or any where the service listens to a network.",
+        description="Accepted names in the Host header in addition to the loopback names, "
+        "separated by commas; `*` accepts any. Empty: only `host` on a loopback address, any "
+        "otherwise.",
     )
     database_url: str | None = Field(
         default=None,
         repr=False,  # it may hold a password
-        description="Address of the database, such as `postgresql://USER:PASSWORD@HOST/NAME`; "
-        "empty: SQLite in the data directory.",
+        description="URL of the database, such as `postgresql://USER:PASSWORD@HOST/NAME`; empty: "
+        "SQLite in the data directory.",
     )
     engine: Literal["local", "dask"] = Field(
-        default="local", description="What computes fits: this machine, or a Dask cluster."
+        default="local",
+        description="Engine that computes the fits: `local` (this machine) or `dask` (a cluster).",
     )
     dask_scheduler: str | None = Field(
         default=None,
-        description="Address of the cluster's scheduler, such as `tls://scheduler:8786`; "
-        "`tcp://` is accepted on a loopback address only.",
+        description="Address of the Dask scheduler, such as `tls://scheduler:8786`; `tcp://` only "
+        "on a loopback address.",
     )
     dask_tls_ca_file: Path | None = Field(
-        default=None, description="Certificate by which the cluster's certificates are checked."
+        default=None,
+        description="CA certificate that verifies the certificates of the cluster (PEM).",
     )
     dask_tls_cert_file: Path | None = Field(
-        default=None, description="Certificate that this service shows to the cluster."
+        default=None, description="Client certificate of this service for the cluster (PEM)."
     )
     dask_tls_key_file: Path | None = Field(
-        default=None, description="Private key of that certificate."
+        default=None, description="Private key of the client certificate (PEM)."
     )
     workers: int = Field(
         default_factory=cores,
         ge=1,
         le=1024,
-        description="Fits that are computed at once; on a cluster, where it is not given, as many "
-        "as it has threads.",
+        description="Number of fits computed in parallel; default on a cluster: its number of "
+        "threads.",
     )
     fit_threads: int | None = Field(
         default=None,
         ge=1,
         le=1024,
-        description="Threads of one fit; where it is not given, a fit that begins has its share of "
-        "the cores among those that run or wait, and on a cluster one.",
+        description="Threads per fit; empty: the cores divided by the number of running and queued "
+        "fits at the start of the fit, and one thread on a cluster.",
     )
     readers: int = Field(
-        default_factory=cores, ge=1, le=256, description="Uploads that are read at once."
+        default_factory=cores, ge=1, le=256, description="Number of uploads read in parallel."
     )
     waiting_uploads: int = Field(
-        default=16, ge=0, le=10_000, description="Uploads that may wait to be read beside them."
+        default=16,
+        ge=0,
+        le=10_000,
+        description="Number of further uploads that may wait to be read.",
     )
     max_upload_bytes: int = Field(
-        default=512_000_000, ge=1, description="Largest run file that is taken [bytes]."
+        default=512_000_000, ge=1, description="Maximum size of a run file [bytes]."
     )
     max_body_bytes: int = Field(
-        default=4_000_000, ge=1, description="Largest request other than an upload [bytes]."
+        default=4_000_000,
+        ge=1,
+        description="Maximum size of the body of any other request [bytes].",
     )
-    max_rows: int = Field(default=10_000_000, ge=10, description="Most samples of one run.")
+    max_rows: int = Field(
+        default=10_000_000, ge=10, description="Maximum number of samples of a run."
+    )
     upload_idle_s: float = Field(
         default=60.0,
         gt=0,
-        description="An upload that sends nothing for this long is given up [s].",
+        description="Time without data after which an upload is aborted [s].",
     )
     upload_s: float = Field(
         default=3600.0,
         gt=0,
-        description="An upload that is not complete after this time is given up [s].",
+        description="Time limit of an upload [s].",
     )
     request_s: float = Field(
         default=20.0,
         gt=0,
-        description="Any other request that is not complete after this time is given up, and a "
-        "connection that sends none is closed [s].",
+        description="Time limit for receiving any other request, and for an idle connection [s].",
     )
     read_memory_bytes: int = Field(
         default=2_000_000_000,
         ge=300_000_000,
-        description="Address space of a reading process [bytes].",
+        description="Limit on the address space of a reader process [bytes].",
     )
     read_cpu_s: int = Field(
-        default=60, ge=1, description="Processor time of a reading process [s]."
+        default=60, ge=1, description="Limit on the processor time of a reader process [s]."
     )
-    read_wall_s: float = Field(default=120.0, gt=0, description="Time of a reading process [s].")
+    read_wall_s: float = Field(
+        default=120.0, gt=0, description="Limit on the elapsed time of a reader process [s]."
+    )
     fit_wall_s: float = Field(
-        default=6 * 3600.0, gt=0, description="A fit that takes longer than this has failed [s]."
+        default=6 * 3600.0, gt=0, description="Time limit of a fit, after which it fails [s]."
     )
     max_attempts: int = Field(
-        default=3, ge=1, le=100, description="Crashes of its process after which a fit has failed."
+        default=3, ge=1, le=100, description="Number of process crashes after which a fit fails."
     )
     lease_s: float = Field(
         default=15.0,
         gt=0,
-        description="A running fit whose server is silent this long is taken over [s].",
+        description="Time without a heartbeat after which another server takes over a fit [s].",
     )
     heartbeat_s: float = Field(
-        default=3.0, gt=0, description="Interval in which a lease is renewed [s]."
+        default=3.0, gt=0, description="Interval between two renewals of a lease [s]."
     )
     checkpoint_s: float = Field(
         default=10.0,
         ge=0,
-        description="Least time between two savings of a posterior in progress [s].",
+        description="Minimum interval between two checkpoints of a chain [s].",
     )
     session_s: float = Field(
         default=12 * 3600.0,
         gt=0,
-        description="Time after which the web page asks for the key again [s].",
+        description="Lifetime of a browser session [s].",
     )
     secure_cookies: bool = Field(
         default=False,
-        description="Have browsers send the session's cookie over TLS alone; for a service behind "
-        "a proxy that ends TLS.",
+        description="Restrict the session cookie to TLS connections; for a service behind a proxy "
+        "that terminates TLS.",
     )
     keep_alive_s: float = Field(
         default=15.0,
         gt=0,
-        description="Interval of the comments that keep an event stream open [s].",
+        description="Interval between keep-alive comments in an event stream [s].",
     )
     shutdown_s: float = Field(
-        default=10.0, gt=0, description="Time that requests have to end when the service stops [s]."
+        default=10.0,
+        gt=0,
+        description="Time limit for open requests at the shutdown of the service [s].",
     )
     rate_per_s: float = Field(
         default=50.0,
         ge=0,
-        description="Calls that a key may make each second on average; 0: as many as it likes.",
+        description="Average number of calls per second and key; 0: unlimited.",
     )
     rate_burst: int = Field(
-        default=500, ge=1, description="Calls that a key may make at once before it has to wait."
+        default=500, ge=1, description="Number of calls per key in one burst (token bucket size)."
     )
     streams_per_key: int = Field(
-        default=64, ge=0, description="Event streams that a key may have open at once; 0: any."
+        default=64, ge=0, description="Number of open event streams per key; 0: unlimited."
     )
     quota_bytes: int = Field(
-        default=0, ge=0, description="Bytes of run files that a workspace may keep [bytes]; 0: any."
+        default=0,
+        ge=0,
+        description="Total size of the run files of a workspace [bytes]; 0: unlimited.",
     )
-    quota_runs: int = Field(default=0, ge=0, description="Runs that a workspace may keep; 0: any.")
+    quota_runs: int = Field(
+        default=0, ge=0, description="Number of runs of a workspace; 0: unlimited."
+    )
     quota_waiting_fits: int = Field(
-        default=10_000, ge=0, description="Fits that a workspace may have waiting; 0: any."
+        default=10_000, ge=0, description="Number of queued fits of a workspace; 0: unlimited."
     )
     retention_days: float = Field(
         default=0.0,
         ge=0,
-        description="Days after which fits that ended, and runs that no fit needs, are removed; "
-        "0: they are kept for good.",
+        description="Age at which ended fits and unused runs are removed [days]; 0: never.",
     )
     sweep_s: float = Field(
         default=3600.0,
         gt=0,
-        description="Interval in which the service looks for what can be removed [s].",
+        description="Interval between two searches for expired fits and runs [s].",
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="Least severe messages that are logged."
+        default="info", description="Lowest severity of the logged messages."
     )
     pipeline: str = Field(
         default="identification.pipeline:identify",
         pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
-        description="Function that computes a fit, as module:function.",
+        description="Function that computes a fit, in the form module:function.",
     )
 
     @field_validator("allowed_hosts", mode="before")
@@ -218,8 +234,8 @@ class Settings(BaseSettings):
     def _refuse_what_is_unsafe(self) -> Self:
         if self.no_auth and not is_loopback(self.host):
             raise ValueError(
-                f"no_auth with host {self.host}: without keys the service listens on a loopback "
-                "address only; leave out --no-auth and make a key with `motorid keys create`"
+                f"no_auth with host {self.host}: expected a loopback address such as 127.0.0.1; "
+                "omit --no-auth and create a key with `motorid keys create`"
             )
         if self.lease_s < 2 * self.heartbeat_s:
             raise ValueError(
@@ -242,16 +258,15 @@ class Settings(BaseSettings):
         if found["protocol"] == "tcp":
             if not is_loopback(found["host"]):
                 raise ValueError(
-                    f"dask_scheduler is {address}: without encryption and certificates a cluster "
-                    "is used on a loopback address only; use tls:// and certificates"
+                    f"dask_scheduler is {address}: without TLS expected a loopback address; use "
+                    "tls:// with certificates"
                 )
             return
         for name in ("dask_tls_ca_file", "dask_tls_cert_file", "dask_tls_key_file"):
             path: Path | None = getattr(self, name)
             if path is None or not path.is_file():
                 raise ValueError(
-                    f"{name} is {str(path or '')!r}; with tls:// expected a PEM file that can be "
-                    "read"
+                    f"{name} is {str(path or '')!r}; with tls:// expected a PEM file that exists"
                 )
 
     @property
@@ -298,7 +313,7 @@ def load_settings(**given: object) -> Settings:
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     secrets = os.environ.get("MOTORID_SECRETS_DIR") or None
     if secrets is not None and not Path(secrets).is_dir():
-        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is no directory", value=secrets)
+        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is not a directory", value=secrets)
     try:
         return Settings(_secrets_dir=secrets, **chosen)  # type: ignore[call-arg]
     except ValidationError as error:
