@@ -26,7 +26,7 @@ from identification.numerals import decimal_of, whole_of
 
 __all__ = ["SeveralWords", "check_mapped_files", "decimal", "mapping_of", "values_by_name", "whole"]
 
-_MAP_FORM = "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT with any part left out"
+_MAP_FORM = "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT with optional parts"
 
 
 def _is_number(word: str) -> bool:
@@ -108,7 +108,7 @@ def whole(word: object) -> int:
         return whole_of(str(word))
     except ValueError:
         raise typer.BadParameter(
-            f"{str(word)!r} is not a whole number; expected one such as 3"
+            f"{str(word)!r} is not an integer; expected one such as 3"
         ) from None
 
 
@@ -129,12 +129,12 @@ def values_by_name(settings: Sequence[str]) -> dict[str, float]:
         name, equals, text = setting.partition("=")
         if not equals or name not in DECLARED_PARAMETERS:
             raise OptionError(
-                f"--set {setting!r}: expected NAME=VALUE with a name of "
+                f"--set {setting!r}: expected NAME=VALUE, where NAME is one of "
                 f"{', '.join(DECLARED_PARAMETERS)}",
                 value=setting,
             )
         if name in values:
-            raise OptionError(f"--set {name} is given twice; keep one", value=setting)
+            raise OptionError(f"--set {name} is repeated; expected one value", value=setting)
         try:
             values[name] = decimal_of(text)
         except ValueError:
@@ -197,7 +197,8 @@ def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Pat
     for name in mapped if isinstance(mapped, Mapping) else ():
         if name not in names:
             raise OptionError(
-                f"the mapping names the file {name!r}; expected one of {', '.join(sorted(names))}",
+                f"the mapping has an entry for the file {name!r}; expected one of "
+                f"{', '.join(sorted(names))}",
                 value=name,
             )
 

@@ -165,8 +165,8 @@ def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], train
     for file, found in zip(files[training:], hashes[training:], strict=True):
         if found in fitted:
             raise InputError(
-                f"has the bytes of {fitted[found]}, which is fitted; give --validation runs that "
-                "are not fitted",
+                f"has the same content as the training run {fitted[found]}; expected --validation "
+                "runs that are not fitted",
                 file=str(file),
             )
 
@@ -234,7 +234,7 @@ def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array
     """
     if (result is None) == (not settings):
         raise OptionError(
-            "expected either --result DIR/result.json or --set NAME=VALUE for each parameter"
+            "expected either --result DIR/result.json, or --set NAME=VALUE for each parameter"
         )
     if result is None:
         return {name: np.array([value]) for name, value in values_by_name(settings).items()}
@@ -273,8 +273,8 @@ def read_result(path: Path) -> dict[str, Any]:
     version = content.get("schema_version") if isinstance(content, dict) else None
     if version != 1 or not isinstance(content.get("parameters"), dict):
         raise InputError(
-            f"has the schema_version {version!r}; expected a result.json of schema_version 1 as "
-            "'motorid fit' writes it",
+            f"has schema_version {version!r}; expected a result.json of 'motorid fit' with "
+            "schema_version 1",
             file=str(path),
         )
     return cast(dict[str, Any], content)
@@ -300,7 +300,7 @@ def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]
     hint = (
         f"expected one of {', '.join(known)}"
         if known
-        else "no campaign was found; run it in a checkout of the project, or say --data DIR"
+        else "no campaign found; run the command in a checkout of the project, or add --data DIR"
     )
     raise OptionError(f"campaign {name!r} is not in data/: {hint}", value=name)
 

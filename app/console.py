@@ -37,11 +37,11 @@ Progress = Callable[[str, float], None]
 _STAGES = {
     "read": "reading runs",
     "fit": "fitting",
-    "effects": "looking for effects",
+    "effects": "searching for effects",
     "posterior": "sampling the posterior",
-    "feedback": "closing the loop",
-    "report": "drawing the report",
-    "write": "writing",
+    "feedback": "speed loop metrics",
+    "report": "writing the report",
+    "write": "writing the files",
     "done": "done",
 }
 _METRICS = {
@@ -190,7 +190,7 @@ def _parameters(result: Mapping[str, Any]) -> Table:
     table = _table("Parameters", "name", "unit")
     for name in ("median", "90 % interval"):
         table.add_column(name, justify="right")
-    table.add_column("determined by the data")
+    table.add_column("identified")
     entries: dict[str, Mapping[str, Any]] = dict(result["parameters"])
     for effect in result.get("effects") or ():
         entries |= effect["parameters"]
@@ -216,7 +216,7 @@ def _errors(result: Mapping[str, Any]) -> Table:
     table = _table("Simulation error", "runs", "channel", "unit")
     has_effects = bool(result.get("effects"))
     for stage in ("before", "after") if has_effects else ("",):
-        for name in ("RMSE", "NRMSE", "over noise"):
+        for name in ("RMSE", "NRMSE", "noise ratio"):
             table.add_column(f"{name} {stage}".strip(), justify="right")
     for row in error_rows(result):
         before = row.before if has_effects else ()

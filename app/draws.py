@@ -45,8 +45,8 @@ def draws_of(result: Mapping[str, Any], path: Path, most: int) -> tuple[dict[str
     if posterior.exists():
         return _chain(posterior, most), ""
     return _normal(result, path, most), (
-        f"no posterior.nc beside {path.name}: the draws are independent ones from its medians and "
-        "standard deviations, so the spread of the metrics is a rough one"
+        f"no posterior.nc in the directory of {path.name}: independent draws from its medians and "
+        "standard deviations are used, so the intervals of the metrics are approximate"
     )
 
 
@@ -59,7 +59,7 @@ def _chain(path: Path, most: int) -> dict[str, Array]:
             draws = {name: np.asarray(group[name][...]).T.ravel() for name in DECLARED_PARAMETERS}
     except (OSError, KeyError, ValueError) as error:
         raise InputError(
-            f"is no posterior of 'motorid fit' ({error}); run the fit again or remove it",
+            f"is not a posterior of 'motorid fit' ({error}); repeat the fit or remove the file",
             file=str(path),
         ) from error
     count = draws["J"].size
@@ -75,7 +75,8 @@ def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Arra
         centre, spread = entry.get("median"), entry.get("sd")
         if not isinstance(centre, int | float) or not isinstance(spread, int | float):
             raise InputError(
-                f"holds no median and sd of {name}; say --set {name}=VALUE and so on instead",
+                f"has no median and sd of {name}; give the parameters with --set NAME=VALUE "
+                "instead",
                 file=str(path),
             )
         steps = rng.standard_normal(count) * spread

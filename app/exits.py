@@ -153,12 +153,12 @@ def _message(error: BaseException) -> str:
         text = "interrupted"
     elif isinstance(error, Terminated):
         signal_name = "SIGHUP" if isinstance(error, HungUp) else "SIGTERM"
-        text = f"ended by {signal_name}"
+        text = f"terminated by {signal_name}"
     elif isinstance(error, BrokenPipeError):
-        text = "the reader of the output went away"
+        text = "the reader closed the output pipe"
     elif is_full(error):
         where = _file(error) if isinstance(error, OSError) else " of the database"
-        text = f"no space is left on the device{where}; have some made, then try again"
+        text = f"no space is left on the device{where}; free some space, then repeat the command"
     elif isinstance(error, OSError):
         text = f"{error.strerror or error}{_file(error)}"
     elif isinstance(error, MemoryError):
@@ -187,6 +187,6 @@ def _unforeseen(error: BaseException) -> str:
     original = getattr(error, "orig", None)
     reason = error if original is None else str(original).strip().partition("\n")[0]
     return (
-        f"internal error, {type(error).__name__}: {reason} (set {TRACEBACK}=1 to see where, and "
-        "please report it)"
+        f"internal error, {type(error).__name__}: {reason} (please report it, with "
+        f"the traceback that {TRACEBACK}=1 prints)"
     )

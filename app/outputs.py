@@ -32,7 +32,7 @@ def writable_directory(directory: Path) -> Iterator[None]:
             pass
     except OSError as error:
         raise OptionError(
-            f"--out {directory}: cannot be written ({error.strerror}); name another directory",
+            f"--out {directory}: cannot be written ({error.strerror}); choose another directory",
             value=str(directory),
         ) from error
     try:
@@ -55,6 +55,6 @@ def writable_file(path: Path) -> Iterator[None]:
         OptionError: The path is a directory or cannot be written.
     """
     if path.is_dir():
-        raise OptionError(f"--out {path}: is a directory; name a file", value=str(path))
+        raise OptionError(f"--out {path}: is a directory; expected a file name", value=str(path))
     with writable_directory(Path(os.path.abspath(path)).parent):
         yield

@@ -54,7 +54,8 @@ def create_key(name: str, workspace: str, days: float | None, data_dir: Path | N
     print(secret)  # noqa: T201
     until = "" if key.expires_at is None else f" until {_date(key.expires_at)}"
     print(  # noqa: T201
-        f"motorid: {key.id} opens the workspace {workspace}{until}; the key is not shown again",
+        f"motorid: created {key.id} for the workspace {workspace}{until}; the secret is not "
+        "shown again",
         file=sys.stderr,
     )
 
@@ -83,8 +84,8 @@ def back_up(place: Path, data_dir: Path | None) -> None:
 
     with _for_the_owner():
         saved = save(load_settings(data_dir=data_dir), place)
-    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, with their hashes"
-    print(f"motorid: {place} holds {text}", file=sys.stderr)  # noqa: T201
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
+    print(f"motorid: {place} contains {text} and their SHA-256", file=sys.stderr)  # noqa: T201
 
 
 def restore(place: Path, data_dir: Path | None) -> None:
@@ -94,8 +95,8 @@ def restore(place: Path, data_dir: Path | None) -> None:
     settings = load_settings(data_dir=data_dir)
     with _for_the_owner():
         saved = write(settings, place)
-    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files, each as saved"
-    print(f"motorid: {settings.data_dir} holds {text}", file=sys.stderr)  # noqa: T201
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
+    print(f"motorid: {settings.data_dir} contains {text}, all verified", file=sys.stderr)  # noqa: T201
 
 
 @contextmanager
@@ -142,7 +143,7 @@ def _listen(settings: Settings) -> socket.socket:
         listening.bind(address)
     except OSError as error:
         raise OptionError(
-            f"{settings.host} port {settings.port} cannot be listened on ({error.strerror}); "
+            f"{settings.host} port {settings.port} cannot be opened ({error.strerror}); "
             "choose another --host or --port",
             value=settings.port,
         ) from error

@@ -90,7 +90,8 @@ def run_batch(
     if failed:
         raise ComputationError(
             f"{len(failed)} of {len(motors)} motors failed ({', '.join(failed[:5])}"
-            f"{', ...' if len(failed) > 5 else ''}); {out / 'results.csv'} says why"
+            f"{', ...' if len(failed) > 5 else ''}); the column `error` of {out / 'results.csv'} "
+            "gives the reasons"
         )
 
 
@@ -131,7 +132,9 @@ class _Batch:
             if reason:
                 self._failed(job.motor.name, reason)
             elif not self._read(job, "fitted"):
-                self._failed(job.motor.name, f"{job.out / 'result.json'} was changed by another")
+                self._failed(
+                    job.motor.name, f"{job.out / 'result.json'} was changed by another process"
+                )
             tell.ended(job.motor.name)
             if time.monotonic() - self._written_at > _TABLE_EVERY_S:
                 self.write_table()
@@ -208,6 +211,7 @@ def _alone_in(out: Path) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise OptionError(
-                f"--out {out}: another batch writes there; wait for it or name another directory"
+                f"--out {out}: another batch is writing to it; wait until it ends, or "
+                "choose another directory"
             ) from error
         yield

@@ -104,10 +104,9 @@ class _Running:
 
 
 def _end_in_words(status: object) -> str:
-    how = f"by signal {-status}" if isinstance(status, int) and status < 0 else "early"
+    how = f"was killed by signal {-status}" if isinstance(status, int) and status < 0 else "crashed"
     return (
-        f"its process ended {how}, perhaps for want of memory; give the command again, with a "
-        "smaller --jobs"
+        f"its process {how}, possibly for lack of memory; repeat the command with a smaller --jobs"
     )
 
 

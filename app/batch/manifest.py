@@ -77,13 +77,13 @@ def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
     for row, motor in (_of_yaml if is_yaml else _of_csv)(text, path, defaults):
         if motor.name in motors:
             raise InputError(
-                f"motor {motor.name!r} is there twice; give each motor one line",
+                f"motor {motor.name!r} is listed twice; expected one entry per motor",
                 file=str(path),
                 row=row,
             )
         motors[motor.name] = motor
     if not motors:
-        raise InputError("lists no motor; expected a line for each", file=str(path))
+        raise InputError("lists no motor; expected one entry per motor", file=str(path))
     return list(motors.values())
 
 
@@ -109,16 +109,14 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
     try:
         lines = list(csv.reader(io.StringIO(text)))
     except csv.Error as error:
-        raise InputError(
-            "is not a CSV file of text; expected a manifest", file=str(path)
-        ) from error
+        raise InputError("is not a CSV text file; expected a manifest", file=str(path)) from error
     header = [cell.strip() for cell in lines[0]] if lines else []
     known = (*_FIELDS, *_OPTIONS)
     wrong = set(header) - set(known) or len(set(header)) < len(header)
     if wrong or not {"motor", "training"} <= set(header):
         raise InputError(
-            f"begins with {','.join(header)[:80]!r}; expected the columns motor,training and, if "
-            f"wanted, {','.join(known[2:])}",
+            f"has the header {','.join(header)[:80]!r}; expected the columns motor,training and "
+            f"optionally {','.join(known[2:])}",
             file=str(path),
             row=1,
         )
@@ -151,13 +149,15 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
         # YAML constructors pass on Python's own errors for malformed numbers and dates.
         mark = getattr(error, "problem_mark", None)
         raise InputError(
-            f"is not YAML ({getattr(error, 'problem', None) or 'no such text'}); expected a "
+            f"is not YAML ({getattr(error, 'problem', None) or 'syntax error'}); expected a "
             "manifest",
             file=str(path),
             row=mark.line + 1 if mark else None,
         ) from error
     if not isinstance(content, Mapping) or not isinstance(content.get("motors"), Sequence):
-        raise InputError("has no list `motors`; expected an entry for each", file=str(path))
+        raise InputError(
+            "has no list `motors`; expected a list with one entry per motor", file=str(path)
+        )
     above = _Place(path, None)
     above.only(content, ("motors", "options"))
     shared = options_with(defaults, _mapping(content.get("options"), above), above)
@@ -197,11 +197,12 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
     name = str(entry.get("motor") or "")
     if not _NAME.fullmatch(name):
         raise place.at("motor").wrong(
-            f"{name[:60]!r} is no name of a motor; expected letters, digits and _ . + -"
+            f"{name[:60]!r} is not a valid motor name; expected up to 100 of the characters A-Z "
+            "a-z 0-9 _ . + -, with a letter, digit or _ first"
         )
     if name in _RESERVED:
         raise place.at("motor").wrong(
-            f"{name!r} is the name of a file of the batch; expected another name"
+            f"{name!r} is the name of an output file of the batch; expected another motor name"
         )
     if place.entry:
         place = replace(place, entry=f"motor {name}")
@@ -220,7 +221,7 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
 def _path(folder: Path, file: str, place: _Place) -> Path:
     """Path of a file named in the manifest; names with NUL or lone surrogates are rejected."""
     if "\0" in file or any("\ud800" <= letter <= "\udfff" for letter in file):
-        raise place.wrong(f"{ascii(file)[:60]} is no path; expected a file")
+        raise place.wrong(f"{ascii(file)[:60]} is not a valid path; expected a file name")
     return folder / file
 
 
@@ -239,4 +240,4 @@ def _mapping(value: object, place: _Place) -> Mapping[str, Any]:
         return {}
     if isinstance(value, Mapping):
         return value
-    raise place.at("options").wrong(f"is {str(value)[:60]!r}; expected names with values")
+    raise place.at("options").wrong(f"is {str(value)[:60]!r}; expected option names with values")

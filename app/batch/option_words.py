@@ -59,7 +59,7 @@ def option_of(name: str, word: str, place: Place) -> object:
     try:
         return _OF_WORD[name](word)
     except (ValueError, KeyError):
-        raise place.wrong(f"{word[:60]!r} is no value; expected {_EXPECTED[name]}") from None
+        raise place.wrong(f"{word[:60]!r} is not valid; expected {_EXPECTED[name]}") from None
 
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
@@ -76,7 +76,9 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name not in _EXPECTED:
-            raise place.wrong(f"has the option {name!r}; expected {', '.join(_EXPECTED)}")
+            raise place.wrong(
+                f"has the unknown option {name!r}; expected one of {', '.join(_EXPECTED)}"
+            )
         values[name] = _checked(name, value, place)
     try:
         options = replace(defaults, **values)
@@ -109,7 +111,7 @@ def _checked(name: str, value: object, place: Place) -> object:
             return tuple(value)
         case "known", list() | tuple() if all(isinstance(v, str) for v in value):
             return tuple(value)
-    raise place.at(name).wrong(f"{str(value)[:60]!r} is no value; expected {expected}")
+    raise place.at(name).wrong(f"{str(value)[:60]!r} is not valid; expected {expected}")
 
 
 def _is_number(value: object) -> bool:
@@ -135,7 +137,7 @@ _OF_WORD: dict[str, Callable[[str], object]] = {
     "nameplate": str,
 }
 _EXPECTED = {
-    "seed": "a whole number",
+    "seed": "an integer",
     "posterior": "true or false",
     "effects": "true or false",
     "hold": "auto, zoh or foh",

@@ -144,7 +144,11 @@ def _refuse_twice(files: Sequence[Path], hashes: Sequence[str]) -> None:
     first: dict[str, Path] = {}
     for file, found in zip(files, hashes, strict=True):
         if found in first:
-            same = "is there twice" if file == first[found] else f"has the bytes of {first[found]}"
+            same = (
+                "is listed twice"
+                if file == first[found]
+                else f"has the same content as {first[found]}"
+            )
             raise OptionError(f"{file}: {same}; expected each run once, in one role")
         first[found] = file
 

@@ -61,7 +61,7 @@ def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterat
         raise InputError(f"--server {url}: {error}") from error
     except ClientError as error:
         raise ComputationError(
-            f"{error}; what was begun goes on at the service, and the same command takes it up"
+            f"{error}; the service continues its fits; repeat the command to resume the batch"
         ) from error
 
 
@@ -155,11 +155,11 @@ def _followed(
         try:
             batch = service.show_batch(batch)
         except NotFound:
-            gone = "its batch was removed from the service; give the command again"
+            gone = "its batch was removed from the service; repeat the command"
             yield from ((job, gone) for job in waiting.values())
             return
         if batch.has_ended and not {fit["motor"] for fit in batch.fits} & set(waiting):
-            gone = "its fit was removed from the service; give the command again"
+            gone = "its fit was removed from the service; repeat the command"
             yield from ((job, gone) for job in waiting.values())
             return
 

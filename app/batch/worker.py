@@ -47,7 +47,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
     except OSError as error:
         tell(answer, {"failed": f"{error.filename or 'files'}: {error.strerror or error}"})
     except MemoryError:
-        tell(answer, {"failed": "not enough memory; fit fewer motors at once with --jobs"})
+        tell(answer, {"failed": "not enough memory; fit fewer motors in parallel (smaller --jobs)"})
     except Exception as error:  # noqa: BLE001  a failed motor must not stop the batch
         tell(answer, {"failed": f"internal error, {type(error).__name__}: {error}"})
         if os.environ.get(TRACEBACK):

@@ -23,7 +23,7 @@ class ManifestLoader(yaml.SafeLoader):
         """Compose the next node; reject aliases and very long scalars."""
         event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
-            raise _fault("has an alias where each value is to be written out", event)
+            raise _fault("has an alias; expected each value written out", event)
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST_SCALAR:
             raise _fault(f"has a value of more than {_LONGEST_SCALAR} characters", event)
         return super().compose_node(parent, index)
@@ -36,7 +36,7 @@ class ManifestLoader(yaml.SafeLoader):
                 continue
             key = self.construct_object(key_node)
             if key in found:
-                raise _fault(f"has the key {str(key)[:60]!r} twice; keep one", key_node)
+                raise _fault(f"has the key {str(key)[:60]!r} twice; expected it once", key_node)
             found.add(key)
         return super().construct_mapping(node, deep)
 

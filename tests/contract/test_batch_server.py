@@ -145,7 +145,7 @@ def test_motor_with_a_run_twice_does_not_stop_the_others(caller: Caller, tmp_pat
 
     table = rows(tmp_path / "out")
     assert [row["status"] for row in table.values()] == ["fitted", "failed"]
-    assert "twice_1.csv: has the bytes of " in table["twice"]["error"]
+    assert "twice_1.csv: has the same content as " in table["twice"]["error"]
     assert "expected each run once, in one role" in table["twice"]["error"]
 
 

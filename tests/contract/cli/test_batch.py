@@ -51,9 +51,9 @@ def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Pat
 
     table = rows(tmp_path / "results.csv")
     reasons = {name: row["error"] for name, row in table.items()}
-    twice = f"{run_files[0]}: is there twice; expected each run once, in one role"
+    twice = f"{run_files[0]}: is listed twice; expected each run once, in one role"
     assert reasons["named"] == reasons["checked"] == twice
-    assert f"copy.csv: has the bytes of {run_files[0]}; expected each" in reasons["copied"]
+    assert f"copy.csv: has the same content as {run_files[0]}; expected each" in reasons["copied"]
     assert (table["good"]["status"], reasons["good"]) == ("fitted", "")
 
 
@@ -97,7 +97,10 @@ def test_bad_motor_is_told_and_does_not_stop_the_others(
     shown, told = capsys.readouterr()
     table = rows(tmp_path / "results.csv")
     assert status == 1
-    assert told == f"motorid: 1 of 3 motors failed (bad); {tmp_path / 'results.csv'} says why\n"
+    path = tmp_path / "results.csv"
+    assert told == (
+        f"motorid: 1 of 3 motors failed (bad); the column `error` of {path} gives the reasons\n"
+    )
     assert [table[name]["status"] for name in ("one", "bad", "two")] == [
         "fitted",
         "failed",
@@ -238,38 +241,38 @@ def test_second_batch_in_the_same_directory_is_refused(
         status = main(["batch", str(manifest), "--out", str(tmp_path)])
 
     assert status == 2
-    assert "another batch writes there" in capsys.readouterr().err
+    assert "another batch is writing to it; wait until it ends" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("m.csv", "motor,training,sed\n", "row 1: begins with 'motor,training,sed'"),
+        ("m.csv", "motor,training,sed\n", "row 1: has the header 'motor,training,sed'"),
         ("m.csv", "motor,training\nm,a.csv,b.csv\n", "row 2: has 3 cells; expected at most 2"),
         ("m.csv", "motor,training\nm,;\n", "row 2, column training: has no training run"),
-        ("m.csv", "motor,training,seed\nm,a.csv,x\n", "row 2, column seed: 'x' is no value"),
+        ("m.csv", "motor,training,seed\nm,a.csv,x\n", "row 2, column seed: 'x' is not valid"),
         ("m.csv", "motor,training,seed\nm,a.csv,-1\n", "row 2: seed is -1"),
-        ("m.csv", "motor,training,seed\nm,a.csv,1_0\n", "column seed: '1_0' is no value"),
-        ("m.csv", "motor,training,seed\nm,a.csv,\u0661\n", "'\u0661' is no value"),
-        ("m.csv", "motor,training,temperatures\nm,a,25;1_0\n", "'25;1_0' is no value"),
+        ("m.csv", "motor,training,seed\nm,a.csv,1_0\n", "column seed: '1_0' is not valid"),
+        ("m.csv", "motor,training,seed\nm,a.csv,\u0661\n", "'\u0661' is not valid"),
+        ("m.csv", "motor,training,temperatures\nm,a,25;1_0\n", "'25;1_0' is not valid"),
         ("m.csv", "motor,training,controllers\nm,a,P:1_0\n", "the gain '1_0', which is not"),
         ("m.csv", "motor,training,controllers\nm,a.csv,Q:1\n", "row 2: "),
         ("m.csv", "motor,training,known\nm,a.csv,Kt=1\n", "row 2: known 'Kt=1': there is no"),
         ("m.csv", "motor,training,nameplate\nm,a,volts=1\n", "row 2: nameplate 'volts=1': exp"),
-        ("m.yaml", "motors: []\noptions: {known: L=1e-3}\n", "'L=1e-3' is no value; expected kn"),
-        ("m.yaml", "motors: []\noptions: {nameplate: 12}\n", "'12' is no value; expected namepl"),
+        ("m.yaml", "motors: []\noptions: {known: L=1e-3}\n", "'L=1e-3' is not valid; expected kn"),
+        ("m.yaml", "motors: []\noptions: {nameplate: 12}\n", "'12' is not valid; expected namepl"),
         (
             "m.yaml",
             "motors: [{motor: m, trainings: [a]}]\n",
             "motor 1 of the list: has 'trainings'",
         ),
         ("m.yaml", "motors: [{motor: m, training: 7}]\n", "column training: motor 1 of the list"),
-        ("m.yaml", "motors: [{motor: ../m, training: a}]\n", "'../m' is no name of a motor"),
+        ("m.yaml", "motors: [{motor: ../m, training: a}]\n", "'../m' is not a valid motor name"),
         ("m.yaml", "motors: [{motor: m, training: a, options: {sed: 1}}]\n", "motor m: has the"),
         (
             "m.yaml",
             "motors: [{motor: m, training: a, options: {seed: 1.5}}]\n",
-            "'1.5' is no value",
+            "'1.5' is not valid",
         ),
         ("m.yaml", "options: {hold: often}\nmotors: []\n", "hold is 'often'"),
         ("m.yaml", "motors: [\n  {motor: m\n", "row 3: is not YAML"),
@@ -292,14 +295,18 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.yaml", "motors: " + "[" * 20_000, "is not YAML"),
         ("m.yaml", "motors: [{motor: m, training: a, mapping: 2001-99-99}]\n", "is not YAML"),
         ("m.yaml", "motors: [!!timestamp abc]\n", "is not YAML"),
-        ("m.yaml", 'motors: [{motor: m, training: "a\\0b"}]\n', "is no path"),
-        ("m.yaml", 'motors: [{motor: m, training: ["\\ud800.csv"]}]\n', "is no path"),
+        ("m.yaml", 'motors: [{motor: m, training: "a\\0b"}]\n', "is not a valid path"),
+        ("m.yaml", 'motors: [{motor: m, training: ["\\ud800.csv"]}]\n', "is not a valid path"),
         (
             "m.yaml",
             "motors: [{motor: m, training: a, options: {temperatures: [1" + "0" * 400 + "]}}]\n",
-            "is no value",
+            "is not valid",
         ),
-        ("m.csv", "motor,training\nresults.csv,a.csv\n", "is the name of a file of the batch"),
+        (
+            "m.csv",
+            "motor,training\nresults.csv,a.csv\n",
+            "is the name of an output file of the batch",
+        ),
     ],
 )
 def test_fault_of_a_manifest_is_told_by_its_place(

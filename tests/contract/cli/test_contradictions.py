@@ -97,4 +97,4 @@ def test_a_mapping_of_a_file_that_is_not_given_is_refused(
     words = ["--map", "wronk.csv:current_A=current_A * -1"]
 
     assert main(["fit", *flipped, *words, "--out", str(tmp_path), *FAST]) == 2
-    assert "the mapping names the file 'wronk.csv'" in capsys.readouterr().err
+    assert "the mapping has an entry for the file 'wronk.csv'" in capsys.readouterr().err

@@ -40,7 +40,7 @@ REFUSED = {
     "seed is no number": (["fit", "a.csv", "--seed", "x", "--out", "o"], "'--seed'"),
     "seed has an underscore": (
         ["fit", "a.csv", "--seed", "1_0", "--out", "o"],
-        "'1_0' is not a whole number",
+        "'1_0' is not an integer",
     ),
     "temperature in other digits": (
         ["fit", "a.csv", "--temperature", "\u0662\u0665", "--out", "o"],
@@ -93,14 +93,14 @@ REFUSED = {
         ["predict", "future.json", "a.csv", "--out", "p.csv"],
         "schema_version 2; expected",
     ),
-    "result is a list": (["feedback", "--result", "list.json"], "has the schema_version None"),
+    "result is a list": (["feedback", "--result", "list.json"], "has schema_version None"),
     "result is binary": (["feedback", "--result", "binary.csv"], "binary.csv"),
     "neither result nor values": (["feedback"], "expected either --result"),
     "both result and values": (["feedback", "--result", "r", *MOTOR], "expected either --result"),
     "value is unknown": (["feedback", "--set", "K=1"], "--set 'K=1': expected NAME=VALUE"),
     "value is no number": (["feedback", "--set", "J=heavy"], "'heavy' is not a number"),
     "value is not finite": (["feedback", "--set", "J=inf"], "'inf' is not a number"),
-    "value is there twice": (["feedback", "--set", "J=1", "--set", "J=2"], "given twice"),
+    "value is there twice": (["feedback", "--set", "J=1", "--set", "J=2"], "--set J is repeated"),
     "value is missing": (["feedback", "--set", "J=1", *COLD], "no value for Ra25, Kt25, b, L"),
     "coefficients are missing": (["feedback", *MOTOR], "no value for alpha_Ra, alpha_Kt"),
     "value is negative": (["feedback", *MOTOR[:-1], "L=-1", *COLD], "L is -1 H; expected"),
@@ -260,7 +260,7 @@ def test_reader_that_goes_away_gets_status_1_and_one_line() -> None:
 
     told = process.stderr.read()
     process.stderr.close()
-    assert (status, told) == (1, "motorid: the reader of the output went away\n")
+    assert (status, told) == (1, "motorid: the reader closed the output pipe\n")
 
 
 def test_interrupted_fit_is_status_130_and_one_line(run_files: list[Path], tmp_path: Path) -> None:

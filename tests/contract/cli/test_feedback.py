@@ -98,7 +98,7 @@ def test_result_without_posterior_gives_rough_spreads_and_says_so(
             own["steady_state"]["median"], rel=0.01
         )
         assert found["steady_state"]["sd"] > 0
-    assert told.startswith("motorid: no posterior.nc beside result.json")
+    assert told.startswith("motorid: no posterior.nc in the directory of result.json")
 
 
 def test_posterior_that_is_none_is_refused(
@@ -110,4 +110,4 @@ def test_posterior_that_is_none_is_refused(
 
     assert main(["feedback", "--result", str(tmp_path / "result.json")]) == 2
 
-    assert "posterior.nc: is no posterior of 'motorid fit'" in capsys.readouterr().err
+    assert "posterior.nc: is not a posterior of 'motorid fit'" in capsys.readouterr().err

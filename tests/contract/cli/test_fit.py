@@ -75,7 +75,7 @@ def test_validation_on_the_bytes_that_are_fitted_is_refused(
     assert main(words("fit", fitted, "--validation", checked, "--out", out, *FAST)) == 2
 
     error = capsys.readouterr().err
-    assert f"{checked}: has the bytes of {fitted}, which is fitted" in error
+    assert f"{checked}: has the same content as the training run {fitted}" in error
     assert error.count("\n") == 1
     assert not out.exists()
 

@@ -23,8 +23,8 @@ from tests.app.service import PRETENDED, run_text
 ROOT = Path(__file__).parents[3]
 COMMAND = "import sys; from app.cli import main; sys.exit(main())"
 ENDS = [
-    (signal.SIGTERM, 143, "motorid: ended by SIGTERM\n"),
-    (signal.SIGHUP, 129, "motorid: ended by SIGHUP\n"),
+    (signal.SIGTERM, 143, "motorid: terminated by SIGTERM\n"),
+    (signal.SIGHUP, 129, "motorid: terminated by SIGHUP\n"),
     (signal.SIGINT, 130, "motorid: interrupted\n"),
 ]
 
@@ -200,5 +200,5 @@ def test_signal_that_a_library_turned_into_its_own_error_is_known(
 
     status = main(["fit", str(run_files[0]), "--out", str(tmp_path / "out"), "-q"])
 
-    assert (status, capsys.readouterr().err) == (143, "motorid: ended by SIGTERM\n")
+    assert (status, capsys.readouterr().err) == (143, "motorid: terminated by SIGTERM\n")
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
