@@ -1,13 +1,13 @@
-"""Do the 90 % intervals hold the truth 90 times in a hundred?
+"""Coverage of the 90 % intervals on simulated campaigns.
 
     python -m benchmarks.coverage [--campaigns 60] [--rows 2500] [--out docs/benchmarks/coverage.md]
 
-Random motors from 1 W to 10 kW are measured by the independent bench simulator (`bench/`) with
-white, coloured and spiky noise, held and linear voltage, and identified from nothing but the runs.
-Counted is how often the interval from q05 to q95 holds the true parameter, how far off in posterior
-standard deviations the worst was, and the noise ratio on the runs left out.  The share that may be
-expected to hold is 0.90 with a binomial standard deviation that is given beside it; parameters of
-one campaign are not independent, so the count of campaigns is what matters.
+Random motors from 1 W to 10 kW are simulated by the independent bench simulator (`bench/`) with
+white and coloured noise and noise with outliers, with zero- and first-order hold, and identified
+from the runs alone.  The table gives the fraction of intervals from q05 to q95 that contain the
+true parameter, the largest deviation in posterior standard deviations, and the noise ratio of the
+validation runs.  The expected fraction is 0.90; its binomial standard deviation uses the number of
+campaigns, because the parameters of one campaign are correlated.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Outcome:
         kind: Kind of the noise.
         hold: Behaviour of the voltage between samples.
         deviations: Parameter name to (mean - truth) / sd, of identified parameters [-].
-        inside: Parameter name to whether the 90 % interval holds the truth.
-        ratio: Larger noise ratio of the two channels on the runs left out [-].
-        true_ratio: The same against the noise that the bench really added [-].
-        seconds: Time it took [s].
+        inside: Parameter name to True if the 90 % interval contains the true value.
+        ratio: Larger validation noise ratio of the two channels [-].
+        true_ratio: The same ratio with the true noise of the simulator [-].
+        seconds: Computing time [s].
     """
 
     motor: str
@@ -57,7 +57,7 @@ class Outcome:
 
 
 def run_of(recorded: BenchRun, name: str) -> Run:
-    """A run as the reader would give it, from what the bench recorded."""
+    """Convert a recording of the bench simulator to a run, as the reader returns it."""
     frame = recorded.frame
     text = io.StringIO()
     frame.to_csv(text, index=False)
@@ -82,7 +82,7 @@ def run_of(recorded: BenchRun, name: str) -> Run:
 
 
 def outcome_of(campaign: Campaign, kind: str, hold: str, seed: int) -> Outcome:
-    """Identify one campaign without any hint and compare with the truth."""
+    """Identify one campaign and compare the result with the true parameters."""
     training = [run_of(r, f"training_{k}.csv") for k, r in enumerate(campaign.training, 1)]
     validation = [run_of(r, f"validation_{k}.csv") for k, r in enumerate(campaign.validation, 1)]
     began = time.perf_counter()
@@ -114,7 +114,7 @@ def outcome_of(campaign: Campaign, kind: str, hold: str, seed: int) -> Outcome:
 def _table(outcomes: Sequence[Outcome]) -> list[str]:
     names = list(dict.fromkeys(name for o in outcomes for name in o.inside))
     lines = [
-        "| parameter | identified in | interval holds the truth | largest deviation [sd] |",
+        "| parameter | identified in | coverage of the 90 % interval | largest deviation [sd] |",
         "|---|---|---|---|",
     ]
     for name in names:
@@ -128,12 +128,12 @@ def _table(outcomes: Sequence[Outcome]) -> list[str]:
     spread = 100 * np.sqrt(0.9 * 0.1 / len(outcomes))
     lines.append(
         f"| all | {len(every)} intervals | **{100 * np.mean(every):.1f} %** "
-        f"(one parameter alone: 90 ± {spread:.1f} %) "
+        f"(sampling error of one parameter: 90 ± {spread:.1f} %) "
         f"| {max(abs(v) for o in outcomes for v in o.deviations.values()):.2f} |"
     )
     lines += [
         "",
-        "| noise | campaigns | holds | validation noise ratio: median, largest |",
+        "| noise | campaigns | coverage | validation noise ratio: median, largest |",
         "|---|---|---|---|",
     ]
     for kind in dict.fromkeys(o.kind for o in outcomes):
@@ -181,8 +181,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "# Coverage of the 90 % intervals",
             "",
             f"Made by `{command}`: random motors of the bench simulator, 5 training and 2 "
-            f"validation runs of {chosen.rows} samples each, nothing given to the fit but the "
-            "runs.",
+            f"validation runs of {chosen.rows} samples each; the fit uses only the runs.",
             "",
             *_table(outcomes),
             "",

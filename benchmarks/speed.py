@@ -1,10 +1,10 @@
-"""How fast the package is beside hand-written scipy and numba code of the same motor.
+"""Computing time relative to hand-written numba and scipy code for the same motor.
 
     python -m benchmarks.speed [--repeats 7] [--out docs/benchmarks/speed.md]
 
-Everything is measured in one run on one machine: the hand-written code of `handwritten.py` and the
-package take turns, so that whatever else the machine does meets both, and the median is kept.
-Seconds depend on the machine; the ratios are what is written down.
+The hand-written code of `handwritten.py` and the package run in turn on one machine, so that other
+load affects both; the result is the median.  The page gives ratios, because seconds depend on the
+machine.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class Case:
     """A motor to be timed.
 
     Args:
-        name: What is special about it.
+        name: Distinguishing property.
         values: Ra25, alpha_Ra, Kt25, alpha_Kt, J, b, L in SI units.
         voltage: Largest voltage [V].
         interval: Sample interval [s].
-        fits: Whether the fits are timed too.
+        fits: True if the fits are timed as well.
     """
 
     name: str
@@ -74,9 +74,9 @@ class Measured:
     Args:
         case: The motor.
         substeps: Runge-Kutta steps an interval that the hand-written code needs.
-        seconds: By what was timed.
-        ratios: Median over the turns of hand-written over ours, by what was compared.
-        notes: What the fits found, in words.
+        seconds: Median time by job [s].
+        ratios: Median ratio of hand-written to package time, by job.
+        notes: Relative errors of the fits.
     """
 
     case: Case
@@ -108,7 +108,7 @@ def recorded(case: Case, seed: int) -> tuple[Recording, Array, Array]:
 
 
 def as_runs(recording: Recording) -> list[Run]:
-    """The recording as the package takes it."""
+    """Convert a recording to runs of the package."""
     time_ = recording.interval * np.arange(ROWS, dtype=np.float64)
     return [
         Run(
@@ -125,7 +125,7 @@ def as_runs(recording: Recording) -> list[Run]:
 
 
 def by_turns(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
-    """Seconds of every job, (repeats,) each, taken in turns."""
+    """Times of every job, (repeats,) each, measured in turn [s]."""
     taken: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats):
         for name, job in jobs.items():
@@ -152,8 +152,8 @@ def measure(case: Case, repeats: int) -> Measured:
     taken = by_turns(likelihoods, repeats)
     for name, each in compilation.items():
         seconds[f"first call: {name}"] = each[0]
-    # Both sides are timed over all walkers: a single short call would slip through between the
-    # time slices of whatever else runs.
+    # Time all walkers: a single short call would fit between the time slices of other
+    # processes.
     ours = [t / WALKERS for t in taken["ours, 64 walkers"]]
     single = [t / WALKERS for t in taken["hand-written"]]
     many = [t / WALKERS for t in taken["hand-written, 64 walkers on all cores"]]
@@ -182,7 +182,7 @@ def measure(case: Case, repeats: int) -> Measured:
 def _likelihoods(
     fit: Fit, recording: Recording, starts: Array, values: Array, substeps: int
 ) -> dict[str, Callable[[], object]]:
-    """One likelihood of all rows, in each of the ways that are compared."""
+    """Callables that evaluate one likelihood of all samples, by implementation."""
     posterior = Posterior(fit, 1.0)
     rng = np.random.default_rng(2)
     root = np.linalg.cholesky(posterior.covariance())
@@ -213,7 +213,7 @@ def _likelihoods(
 
 
 def _solve_ivp_seconds(recording: Recording, start: Array, values: Array) -> dict[str, float]:
-    """Seconds of all rows, from the first few hundred: the cost is the same for each interval."""
+    """Time of all samples, extrapolated from the first 400 [s]; each interval costs the same."""
     rows = 400
     found = {}
     for method in ("RK45", "LSODA"):
@@ -226,7 +226,7 @@ def _solve_ivp_seconds(recording: Recording, start: Array, values: Array) -> dic
 def _fits(
     recording: Recording, values: Array, substeps: int, repeats: int
 ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
-    """Our fit from nothing beside least squares from a guess 20 to 50 percent off."""
+    """Time the fit of the package and least squares from a guess with 20 to 50 % error."""
     guess = values * np.array([1.3, 0.8, 0.8, 1.2, 1.5, 0.7, 1.3])
     found: dict[str, Array] = {}
 
@@ -261,25 +261,26 @@ def _fits(
 
 def _report(measured: Sequence[Measured], command: str) -> str:
     lines = [
-        "# Speed beside hand-written code",
+        "# Speed relative to hand-written code",
         "",
-        f"Made by `{command}`, and again by `make bench`.",
-        f"One likelihood is that of {RUNS} runs of {ROWS:,} rows.",
+        f"Made by `{command}`, or `make bench`.",
+        f"One likelihood covers {RUNS} runs of {ROWS:,} samples.",
         "The hand-written code in `benchmarks/handwritten.py` is a numba loop with fast "
-        "mathematics that forms the sums of squares on the way, by the classical Runge-Kutta "
-        "method with as few substeps as can move no estimate by half its standard deviation; the "
-        "package solves each interval to 1e-8.",
-        "All figures are ratios of median times that were taken in turns: how many times longer "
-        "the other way takes.",
+        "mathematics that accumulates the sums of squares.",
+        "It uses the classical Runge-Kutta method with the smallest number of substeps that "
+        "shifts no estimate by more than half its standard deviation; the package solves each "
+        "interval to a tolerance of 1e-8.",
+        "All numbers are ratios of median times, measured in turn: time of the alternative "
+        "divided by time of the package.",
         "",
-        "| one likelihood, a walker | " + " | ".join(m.case.name for m in measured) + " |",
+        "| one likelihood, per walker | " + " | ".join(m.case.name for m in measured) + " |",
         "|---|" + "---:|" * len(measured),
-        _row("hand-written substeps an interval", [str(m.substeps) for m in measured]),
+        _row("hand-written, substeps per interval", [str(m.substeps) for m in measured]),
     ]
     labels = {
-        "hand-written": "hand-written, one simulation a call",
+        "hand-written": "hand-written, one simulation per call",
         "hand-written, all cores": "hand-written, 64 walkers on all cores",
-        "one walker alone": "hand-written, if ours has one walker alone",
+        "one walker alone": "hand-written, relative to the package with one walker",
         "solve_ivp RK45": "`solve_ivp`, RK45 at 1e-6",
         "solve_ivp LSODA": "`solve_ivp`, LSODA at 1e-6",
     }
@@ -288,11 +289,12 @@ def _report(measured: Sequence[Measured], command: str) -> str:
     fitted = [m for m in measured if m.case.fits]
     lines += [
         "",
-        "Our fit starts from nothing but the runs, with the initial state of each run free.",
-        "`scipy.optimize.least_squares` with finite differences starts from a guess that is 20 "
-        "to 50 percent off.",
+        "The fit of the package needs no initial guess and estimates the initial state of each "
+        "run.",
+        "`scipy.optimize.least_squares` with finite differences starts from a guess with errors "
+        "of 20 to 50 %.",
         "",
-        "| the whole fit | " + " | ".join(m.case.name for m in fitted) + " |",
+        "| complete fit | " + " | ".join(m.case.name for m in fitted) + " |",
         "|---|" + "---:|" * len(fitted),
     ]
     for name in ("least_squares, starts free", "least_squares, starts as logged"):

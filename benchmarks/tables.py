@@ -1,4 +1,4 @@
-"""The tables of the attribution benchmark, from its log."""
+"""Markdown tables of the attribution benchmark, from its log."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from bench import EFFECTS
 __all__ = ["SHOWS", "tables"]
 
 SHOWS = 0.05
-"""Rise of the error on the runs left out above which an effect shows."""
+"""Relative increase of the validation error above which an effect is detectable."""
 
 
 def tables(done: Sequence[dict[str, Any]], command: str, kinds: Sequence[str], asked: int) -> str:
-    """The document: what was asked, what was reached, and what was taken for what.
+    """Markdown page: success rates, confusion table, and wrong answers to two effects.
 
     Args:
         done: Lines of the log.
-        command: That made it.
+        command: Command that generated the page.
         kinds: Names of the catalogue.
-        asked: Campaigns that were asked for.
+        asked: Number of requested campaigns.
     """
     counted = [d for d in done if "named" in d]
     failed = [d for d in done if "failed" in d]
@@ -34,17 +34,18 @@ def tables(done: Sequence[dict[str, Any]], command: str, kinds: Sequence[str], a
         "",
         f"Made by `{command}`.",
         "Motors are drawn at random from 1 W to 10 kW, with five training and two validation runs "
-        "each, white, coloured and spiky noise by turns, and the angle logged in every second "
-        "group.",
-        "Sizes are from the upper part of each effect's usual range or, for small ones, such that "
-        "the error on the runs left out rises by 8 to 30 %.",
-        "The campaigns come in such an order that any beginning of the list is a fair mixture.",
+        "each; the noise is white, coloured and with outliers in turn, and every second group logs "
+        "the angle.",
+        "The size of a large effect is from the upper part of its usual range; a small effect "
+        "increases the error of the validation runs by 8 to 30 %.",
+        "The order of the campaigns is such that the first n are a balanced sample for any n.",
         "",
-        f"{len(counted)} of {asked} campaigns; {len(failed)} failed, and {len(skipped)} could not "
-        f"be made as small as wanted.  Seconds a campaign on one core, fit and search: median "
-        f"{np.median(seconds):.0f}, nine in ten below {np.quantile(seconds, 0.9):.0f}.",
+        f"{len(counted)} of {asked} campaigns; {len(failed)} failed, and {len(skipped)} had no "
+        f"effect size that gives the requested error.  Time per campaign on one core, fit and "
+        f"search [s]: median {np.median(seconds):.0f}, 90 % quantile "
+        f"{np.quantile(seconds, 0.9):.0f}.",
         "",
-        "| campaigns | number | what is counted | share |",
+        "| campaigns | number | criterion | fraction |",
         "|---|---|---|---|",
     ]
     for words, group, label, holds in _ROWS:
@@ -58,15 +59,15 @@ def tables(done: Sequence[dict[str, Any]], command: str, kinds: Sequence[str], a
             np.mean([set(d["named"]) <= {name for name, _ in d["effects"]} for d in hidden])
         )
         lines.append(
-            f"| effects that hardly show on the runs left out | {len(hidden)} | nothing else "
-            f"named | {100 * right:.0f} % |"
+            f"| effects that are not detectable in the validation runs | {len(hidden)} | no wrong "
+            f"effect named | {100 * right:.0f} % |"
         )
-    lines += ["", "## What was taken for what", "", "| hidden | number | named |", "|---|---|---|"]
+    lines += ["", "## Confusion table", "", "| hidden | number | named |", "|---|---|---|"]
     for name in [*kinds, *[n for n in EFFECTS if n not in kinds]]:
         some = [d for d in counted if [n for n, _ in d["effects"]] == [name] and _shows(d)]
         if some:
             lines.append(f"| `{name}` | {len(some)} | {_answers(some)} |")
-    lines += ["", "## Two effects that were not both named, or not alone", ""]
+    lines += ["", "## Campaigns with two effects and another answer", ""]
     lines += ["| hidden | named |", "|---|---|"]
     for d in counted:
         if d["group"] == "two" and _shows(d) and not _exact(d):
@@ -89,7 +90,7 @@ def _answers(some: Sequence[dict[str, Any]]) -> str:
 
 
 def _over_noise(d: dict[str, Any]) -> float:
-    """Error after over the noise that really is in the runs left out, both channels together."""
+    """Ratio of the final validation error to the realised noise, over both channels (rms)."""
     return _rms(np.array(d["after"]) / np.array(d["noise_there"]))
 
 
@@ -98,7 +99,7 @@ def _rms(ratios: ArrayLike) -> float:
 
 
 def _shows(d: dict[str, Any]) -> bool:
-    """Whether the effects raise the error, and of two each by itself."""
+    """Return True if the effects, and each of two alone, increase the validation error."""
     alone = min(d["rises"]) if d["group"] == "two" else np.inf
     return _rms(d["before"]) > 1.0 + SHOWS and alone > SHOWS
 
@@ -133,30 +134,33 @@ def _halved(d: dict[str, Any]) -> bool:
 
 
 _ROWS = (
-    ("clean motors", "clean", "nothing added", lambda d: not d["named"]),
-    ("one effect, large", "large", "exactly that named", _exact),
-    ("one effect, large", "large", "among named or alternatives", _held),
-    ("one effect, large", "large", "error after within 2 % of the noise",
+    ("motors without effects", "clean", "no effect named", lambda d: not d["named"]),
+    ("one effect, large", "large", "named, no other effect", _exact),
+    ("one effect, large", "large", "named or an alternative", _held),
+    ("one effect, large", "large", "error of the final model within 2 % of the noise",
      lambda d: _rms(d["after"]) <= 1.02),
-    ("one effect, large", "large", "error after within 2 % of the noise in those runs",
+    ("one effect, large", "large", "error of the final model within 2 % of the realised noise",
      lambda d: _over_noise(d) <= 1.02),
-    ("one effect, large", "large", "error after within 5 % of the noise",
+    ("one effect, large", "large", "error of the final model within 5 % of the noise",
      lambda d: _rms(d["after"]) <= 1.05),
-    ("one effect, large", "large", "declared parameters within 3 sd",
+    ("one effect, large", "large", "nominal parameters within 3 sd",
      lambda d: max(np.abs(list(d["deviations"].values()))) <= 3.0),
-    ("one effect, large", "large", "declared parameters inside their 90 % intervals",
+    ("one effect, large", "large", "nominal parameters inside their 90 % intervals",
      lambda d: np.mean(np.abs(list(d["deviations"].values())) <= 1.645)),
     ("one effect, small", "small", "named", _named),
-    ("one effect, small", "small", "exactly that named", _exact),
-    ("two effects", "two", "both and nothing else", _exact),
-    ("two effects", "two", "both among named or alternatives", _held),
-    ("another law of a listed kind", "law", "named by its kind", _named),
-    ("another law of a listed kind", "law", "exactly that named", _exact),
-    ("another law of a listed kind", "law", "error after within 10 % of the noise",
+    ("one effect, small", "small", "named, no other effect", _exact),
+    ("two effects", "two", "both named, no other effect", _exact),
+    ("two effects", "two", "both named or an alternative", _held),
+    ("listed effect type with another law", "law", "effect type named", _named),
+    ("listed effect type with another law", "law", "named, no other effect", _exact),
+    ("listed effect type with another law", "law",
+     "error of the final model within 10 % of the noise",
      lambda d: _rms(d["after"]) <= 1.10),
-    ("effects in no catalogue", "unlisted", "`unlisted`, right equation and main driver", _traced),
-    ("effects in no catalogue", "unlisted", "`unlisted` named",
+    ("effects not in the catalogue", "unlisted",
+     "`unlisted` with the correct equation and main driver", _traced),
+    ("effects not in the catalogue", "unlisted", "`unlisted` named",
      lambda d: "unlisted" in d["named"]),
-    ("effects in no catalogue", "unlisted", "claimed as listed ones alone", _claimed),
-    ("effects in no catalogue", "unlisted", "half of the excess squared error removed", _halved),
+    ("effects not in the catalogue", "unlisted", "only listed effects named", _claimed),
+    ("effects not in the catalogue", "unlisted",
+     "half of the excess squared error removed", _halved),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The Markdown page of the benchmark, from its log."""
+"""Markdown page of the benchmark, from its log."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ __all__ = ["page"]
 Line = dict[str, Any]
 
 _NEAR: Final = 1.05
-"""Validation error over the noise up to which nothing is missing."""
+"""Ratio of validation error to noise up to which a model counts as complete."""
 
 
 def page(lines: Sequence[Line], command: str, rows: int, intervals: str) -> str:
-    """The page: one row a case and kind of motor, then what was named wrongly or not at all.
+    """Markdown page: one row per cell, then the campaigns with wrong or missing effects.
 
     Args:
         lines: Lines of the log.
-        command: That made it.
-        rows: Samples a run.
-        intervals: How the 90 % intervals were made.
+        command: Command that generated the page.
+        rows: Samples per run.
+        intervals: Method of the 90 % intervals.
     """
     return "\n".join(
         [
-            "# Campaigns as benches record them",
+            "# Realistic test bench recordings",
             "",
             f"Made by `{command}`.",
             "Motors of 12, 24 and 48 V and 5 to 500 W are drawn by documented scaling and "
             "simulated by a fixed-step Runge-Kutta method that shares no code with the library.",
             f"Each campaign has three training runs and one validation run of {rows} samples, "
-            "which go through files and the reader.",
-            f"Intervals are of 90 %, {intervals}.",
-            "What has to be named, and what may be, in each case stands at the top of "
-            "`benchmarks/benches/cases.py`.",
+            "written to files and read by the reader.",
+            f"Intervals are 90 % intervals, {intervals}.",
+            "The docstring of `benchmarks/benches/cases.py` lists the required and the permitted "
+            "effects of each case.",
             "",
-            'The column "to the noise" counts validation errors of at most '
-            f"{_NEAR} times the noise, in current and speed both; "
-            "where rows are missing the voltage of these rows is lost, and no model comes there.",
-            '"Sure and wrong" counts campaigns in which a kind that is not there has a '
+            'The column "at noise level" gives the fraction of campaigns with a validation error '
+            f"of at most {_NEAR} times the noise in both current and speed; with missing rows no "
+            "model reaches this level, because the voltage of these rows is lost.",
+            '"Wrong with p > 0.95" counts campaigns in which an absent effect type has a '
             "probability above 95 %.",
-            '"Search cut short" counts those in which the budget of the effort ended it.',
-            "Seconds are those of a shared machine; Gop are operations of the library's own "
-            "count, which are the same on every machine.",
+            '"Search truncated" counts campaigns in which the search used up its operations.',
+            "Seconds are from a shared machine; Gop is the number of operations that the library "
+            "counts, which does not depend on the machine.",
             "",
             *_cases(lines),
             "",
@@ -57,12 +57,12 @@ def page(lines: Sequence[Line], command: str, rows: int, intervals: str) -> str:
 
 
 def _cases(lines: Sequence[Line]) -> list[str]:
-    head = ["case", "campaigns", "refused", "failed", "named rightly", "nothing else named"]
+    head = ["case", "campaigns", "refused", "failed", "all effects named", "no wrong effect named"]
     head += [
-        "sure and wrong",
-        "search cut short",
-        "to the noise",
-        *(f"`{name}` covered" for name in COVERED),
+        "wrong with p > 0.95",
+        "search truncated",
+        "at noise level",
+        *(f"coverage of `{name}`" for name in COVERED),
     ]
     head += ["median s", "median Gop", "peak MB"]
     rows = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
@@ -70,7 +70,7 @@ def _cases(lines: Sequence[Line]) -> list[str]:
         some = [line for line in lines if line["cell"] == name]
         if some:
             rows.append(f"| {name.replace(':', ', ')} | {' | '.join(_cells(some))} |")
-    for word, chosen in (("all clean", True), ("all others", False)):
+    for word, chosen in (("all without effects", True), ("all with effects", False)):
         some = [line for line in lines if line["cell"].endswith(":clean") is chosen]
         if some:
             rows.append(f"| **{word}** | {' | '.join(_cells(some))} |")
@@ -103,7 +103,7 @@ def _median(done: Sequence[Line], name: str) -> str:
 
 
 def _coverage(done: Sequence[Line], name: str) -> str:
-    """Intervals that hold the truth, of how many, and the largest deviation."""
+    """Number of intervals that contain the truth, of how many, and the largest deviation."""
     held = [line["inside"][name] for line in done if name in line["inside"]]
     if not held:
         return "-"
@@ -112,8 +112,8 @@ def _coverage(done: Sequence[Line], name: str) -> str:
 
 
 def _missed(lines: Sequence[Line]) -> list[str]:
-    """Campaigns that were refused or failed, or where a name is missing or wrong."""
-    rows = ["## Campaigns that went wrong", "", "| number | case | hidden | ended |"]
+    """Table of campaigns that were refused or failed, or have missing or wrong effects."""
+    rows = ["## Campaigns with errors", "", "| number | case | hidden | result |"]
     rows += ["|---|---|---|---|"]
     for line in sorted(lines, key=lambda one: one["number"]):
         ending = line.get("refused") or line.get("failed")
