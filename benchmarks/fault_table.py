@@ -1,7 +1,7 @@
-"""Faults as benches make them, each put into the tables of a campaign.
+"""Typical faults of test benches, applied to the tables of a campaign.
 
-Every fault takes the tables of all runs and a generator, and gives them back changed: in one run
-(the second), or in all of them.
+Each fault is a function of the tables of all runs and a random generator.  It returns tables in
+which either the second run or all runs are changed.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Fault:
     """One fault of a campaign.
 
     Args:
-        name: What a table calls it.
-        scope: Whether one run has it or all.
-        outcome: What is expected at least: a refusal, a suspicion, or a remark of any stage.
-        make: Puts it into the tables.
-        corrected: Whether a mapping can correct it.
+        name: Name in the table.
+        scope: Whether the fault is in one run or in all.
+        outcome: Minimum expected outcome: refusal, suspicion, or a remark of any stage.
+        make: Function that applies the fault to the tables.
+        corrected: Whether a mapping can correct the fault.
     """
 
     name: str
@@ -95,7 +95,7 @@ def _stuck(column: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
 
 
 def _stuck_temperature(table: pd.DataFrame) -> pd.DataFrame:
-    """A thermometer that shows the room, 60 K below the motor or 60 K above."""
+    """Constant temperature, 60 K below the mean of the motor or 60 K above."""
     mean = float(table["temperature_degC"].mean())
     return table.assign(temperature_degC=mean - 60.0 if mean > 40.0 else mean + 60.0)
 
@@ -126,7 +126,7 @@ def _motionless(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _foreign(tables: Tables, rng: np.random.Generator) -> Tables:
-    """The second run is one of a motor drawn by another seed."""
+    """Replace the second run by a run of another motor."""
     other = make_campaign(int(tables[0].attrs["motor"]) + 1, rows=len(tables[0]))
     return [other.runs[_ODD].frame if k == _ODD else table for k, table in enumerate(tables)]
 
@@ -136,7 +136,7 @@ def _twice(tables: Tables, rng: np.random.Generator) -> Tables:
 
 
 def _pieces(tables: Tables, rng: np.random.Generator) -> Tables:
-    """All runs in one file, 1 s apart, in 40 pieces."""
+    """Put all training runs into one file, as 40 segments with gaps of at least 1 s."""
     parts, clock = [], 0.0
     for table in tables[:5]:
         step = float(np.median(np.diff(table["time_s"])))
@@ -171,25 +171,25 @@ def _one(
 
 
 FAULTS: Final[tuple[Fault, ...]] = (
-    *_both("current flipped", _scaled("current_A", -1.0), corrected=True),
-    *_both("speed flipped", _scaled("speed_rad_s", -1.0), corrected=True),
-    *_both("voltage flipped", _scaled("voltage_V", -1.0), corrected=True),
-    *_both("speed without sign", _magnitude("speed_rad_s")),
-    *_both("current without sign", _magnitude("current_A")),
+    *_both("current reversed", _scaled("current_A", -1.0), corrected=True),
+    *_both("speed reversed", _scaled("speed_rad_s", -1.0), corrected=True),
+    *_both("voltage reversed", _scaled("voltage_V", -1.0), corrected=True),
+    *_both("speed unsigned", _magnitude("speed_rad_s")),
+    *_both("current unsigned", _magnitude("current_A")),
     *_both("rpm", _scaled("speed_rad_s", _RPM), ("refuse", "suspect"), corrected=True),
     *_both("mA", _scaled("current_A", 1e3), ("refuse", "suspect"), corrected=True),
     *_both("mV", _scaled("voltage_V", 1e3), ("refuse", "suspect"), corrected=True),
     *_both("voltage and speed swapped", _exchanged("voltage_V", "speed_rad_s"), corrected=True),
     *_both("current and voltage swapped", _exchanged("current_A", "voltage_V"), corrected=True),
     *_both("current and speed swapped", _exchanged("current_A", "speed_rad_s"), corrected=True),
-    *_both("voltage copied onto current", _copied("voltage_V", "current_A")),
-    *_both("speed copied onto voltage", _copied("speed_rad_s", "voltage_V")),
-    *_both("current dead, noise only", _dead("current_A")),
+    *_both("current is a copy of voltage", _copied("voltage_V", "current_A")),
+    *_both("voltage is a copy of speed", _copied("speed_rad_s", "voltage_V")),
+    *_both("current is noise only", _dead("current_A")),
     *_both("current constant", _constant("current_A", 0.0), ("refuse", "said")),
-    _one("current stuck part-way", _stuck("current_A")),
-    *_both("speed dead, noise only", _dead("speed_rad_s")),
+    _one("current stuck in mid-run", _stuck("current_A")),
+    *_both("speed is noise only", _dead("speed_rad_s")),
     *_both("speed constant", _constant("speed_rad_s", 0.0), ("refuse", "said")),
-    _one("speed stuck part-way", _stuck("speed_rad_s")),
+    _one("speed stuck in mid-run", _stuck("speed_rad_s")),
     Fault("another motor", "one", "refuse", _foreign),
     *_both(
         "Fahrenheit",
@@ -201,14 +201,14 @@ FAULTS: Final[tuple[Fault, ...]] = (
     _one("temperature stuck", _stuck_temperature, corrected=True),
     _one("temperature jumping", _jumping, corrected=True),
     *_both("ms as s", _scaled("time_s", 1e3), ("refuse", "suspect"), corrected=True),
-    Fault("run twice", "one", "said", _twice),
+    Fault("duplicate run", "one", "said", _twice),
     _one("current shifted", _shifted("current_A", 150)),
     _one("speed shifted", _shifted("speed_rad_s", 400)),
-    _one("cut off", lambda t: t.iloc[: len(t) // 10], "said"),
+    _one("truncated run", lambda t: t.iloc[: len(t) // 10], "said"),
     *_both("no motion", _motionless, ("said", "refuse")),
-    Fault("40 pieces in one file", "one", "said", _pieces),
+    Fault("40 segments in one file", "one", "said", _pieces),
     _one("saturated current", _saturated, "said"),
-    _one("decimal comma lost", _scaled("current_A", 1e3), "refuse", corrected=True),
-    _one("decimal comma lost in speed", _scaled("speed_rad_s", 1e3), "refuse", corrected=True),
+    _one("decimal separator lost", _scaled("current_A", 1e3), "refuse", corrected=True),
+    _one("decimal separator lost in speed", _scaled("speed_rad_s", 1e3), "refuse", corrected=True),
 )
-"""All faults; a name with its scope is one line of the table."""
+"""All faults; each combination of name and scope is one row of the table."""

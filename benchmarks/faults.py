@@ -1,15 +1,14 @@
-"""Are faulty campaigns refused, and sound ones never?
+"""Detection and false alarm rates of the checks before the fit.
 
     python -m benchmarks.faults [--motors 10] [--sound 240] [--rows 1500] [--seed 0]
 
-Each fault of `benchmarks.fault_table` is put into a clean campaign of each motor; motors are drawn
-between 1 W and 10 kW.  The runs are written, read and checked as `motorid fit` does it, and nothing
-is fitted.  Where a correction is proposed, the runs are read again with it, and it counts if
-nothing is found any more.  Sound campaigns are those of `benchmarks.attribution`, with and without
-effects: all runs, one alone, two pairs, and the first 300 samples of each.
+Each fault of `benchmarks.fault_table` is applied to a clean campaign of each motor of 1 W to 10 kW.
+The runs are written, read and checked as in `motorid fit`, without a fit.
+If a finding proposes a correction, the runs are read again with it; the correction counts if no
+finding remains.  Sound campaigns are those of `benchmarks.attribution`, with and without effects:
+all runs, single runs, two pairs, and the first 300 samples of each.
 
-"Before" is what the reader alone says, as all did before there were checks: an error, or a remark
-on a run beside which the fit went on.
+"Before" is the outcome of the reader alone, without the checks: an error or a warning.
 """
 
 from __future__ import annotations
@@ -55,13 +54,13 @@ _SHORT = 300
 
 @dataclass(frozen=True)
 class Seen:
-    """What became of one fault in one motor.
+    """Outcome of one fault in one motor.
 
     Args:
-        before: ``refuse``, ``said`` or nothing, by the reader alone.
-        after: ``refuse``, ``suspect``, ``said`` or nothing, with the checks.
-        corrected: Whether the correction made the campaign sound; None where none was proposed.
-        words: What was said first.
+        before: ``refuse``, ``said`` or empty, by the reader alone.
+        after: ``refuse``, ``suspect``, ``said`` or empty, with the checks.
+        corrected: Whether the correction removed all findings; None if none was proposed.
+        words: First message.
     """
 
     before: str
@@ -79,7 +78,7 @@ def tables_of(motor: int, rows: int) -> Tables:
 
 
 def seen(fault: Fault, motor: int, rows: int) -> Seen:
-    """Put a fault into a motor's campaign and look at what is said of it.
+    """Apply a fault to a campaign and collect the findings.
 
     Args:
         fault: The fault.
@@ -112,7 +111,7 @@ def _remarked(runs: Sequence[Run]) -> bool:
 
 
 def _is_corrected(paths: Sequence[Path], words: Sequence[str]) -> bool:
-    """Whether nothing is refused or suspected once the runs are read with the corrections."""
+    """Return True if the runs, read with the proposed corrections, have no finding."""
     mapping = mapping_of(None, list(words))
     try:
         runs = [read_run(path, mapping=mapping) for path in paths]
@@ -122,7 +121,7 @@ def _is_corrected(paths: Sequence[Path], words: Sequence[str]) -> bool:
 
 
 def sound(item: dict[str, Any], rows: int) -> dict[str, list[str]]:
-    """What is found in a sound campaign and in parts of it, by part.
+    """Findings in a sound campaign and in parts of it, by part.
 
     Args:
         item: Of `benchmarks.attribution.plan`.
@@ -179,7 +178,7 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
 
     Args:
         done: Outcomes of `_job`.
-        command: What makes the page again.
+        command: Command that generated the page.
     """
     faulty = [d for d in done if d["kind"] == "fault"]
     lines = [
@@ -187,13 +186,13 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
         "",
         f"Made by `{command}`, or `make faults`.",
         "",
-        "Each fault is put into clean campaigns (5 training and 2 validation runs) of motors drawn "
-        "between 1 W and 10 kW.",
-        "`refuse` ends with exit status 2, `suspect` and `said` stand in the warnings of the "
-        "result.",
-        "Before: refused by the reader; said by it, while the fit went on with exit status 0.",
-        "Corrected: campaigns in which nothing is found any more once the `--map` words of the "
-        "findings are typed, of those in which words were proposed.",
+        "Each fault is applied to clean campaigns (5 training and 2 validation runs) of motors "
+        "drawn between 1 W and 10 kW.",
+        "`refuse`: exit status 2; `suspect` and `said`: a warning in the result.",
+        "Before: outcome of the reader without the checks; `said` is a warning with exit status 0.",
+        "Met: campaigns with the expected outcome or a more severe one.",
+        "Corrected: campaigns without findings after the proposed `--map` options were applied, "
+        "of those with a proposal.",
         "",
         "| fault | in | expected | before: refused | before: said | refused | suspected | said "
         "| met | corrected |",
@@ -209,8 +208,9 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
     after = sum(d["after"] == "refuse" for d in wanted)
     lines += [
         "",
-        f"Of {len(wanted)} campaigns that are to be refused, {before} were before and {after} are "
-        f"now; {met} of all {len(faulty)} meet what is expected.",
+        f"Of {len(wanted)} campaigns with the expected outcome `refuse`, the reader alone refused "
+        f"{before}, and the checks refuse {after}; {met} of all {len(faulty)} campaigns have the "
+        "expected outcome.",
     ]
     return "\n".join(lines + _sound_lines([d for d in done if d["kind"] == "sound"])) + "\n"
 
@@ -237,8 +237,8 @@ def _sound_lines(campaigns: Sequence[dict[str, Any]]) -> list[str]:
         "",
         "## Sound campaigns",
         "",
-        "Campaigns of the attribution benchmark, clean and with one or two effects, listed and "
-        "unlisted.",
+        "Campaigns of the attribution benchmark without effects, and with one or two effects, "
+        "listed and unlisted.",
         "",
         "| part | campaigns | refused | suspected |",
         "|---|---:|---:|---:|",
@@ -257,7 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--motors", type=int, default=10)
     parser.add_argument("--sound", type=int, default=240)
     parser.add_argument("--rows", type=int, default=1500)
-    parser.add_argument("--seed", type=int, default=0, help="of other motors and campaigns")
+    parser.add_argument("--seed", type=int, default=0, help="seed of motors and campaigns")
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/faults.md"))
     chosen = parser.parse_args(arguments)
     first = _APART + 1_000 * chosen.seed

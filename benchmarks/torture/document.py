@@ -1,7 +1,6 @@
-"""The table of the torture tests: a Markdown file with a section for each module.
+"""Markdown page of the stress tests, with one section per module.
 
-A section is replaced as a whole; whatever else the file says, above the sections or in sections
-that are no module's, stays.
+A section is replaced as a whole; text above the sections and sections of other names are kept.
 """
 
 from __future__ import annotations
@@ -13,18 +12,18 @@ from benchmarks.torture.outcome import Outcome
 
 __all__ = ["section", "with_section"]
 
-_TITLE = "# Torture\n\nWhat the service stands; `make torture` makes all of it anew.\n"
+_TITLE = "# Stress tests of the service\n\n`make torture` runs all sections.\n"
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 
 
 def section(name: str, outcomes: Sequence[Outcome], *, short: bool, seconds: float) -> str:
-    """The section of a module, from its heading on.
+    """Section of a module, including its heading.
 
     Args:
         name: The module.
-        outcomes: What it found.
-        short: Whether it had only a minute.
-        seconds: How long it took [s].
+        outcomes: Outcomes of its tests.
+        short: Whether the short version was run.
+        seconds: Duration [s].
     """
     command = f"python -m benchmarks.torture --only {name}{' --short' if short else ''}"
     took = f"{seconds / 60:.0f} minutes" if seconds >= 90 else f"{seconds:.0f} s"
@@ -33,7 +32,7 @@ def section(name: str, outcomes: Sequence[Outcome], *, short: bool, seconds: flo
         "",
         f"Made by `{command}` in {took}.",
         "",
-        "| test | asked | measured | |",
+        "| test | requirement | measured | result |",
         "|---|---|---|---|",
     ]
     for outcome in outcomes:
@@ -44,12 +43,12 @@ def section(name: str, outcomes: Sequence[Outcome], *, short: bool, seconds: flo
 
 
 def with_section(text: str, name: str, words: str, order: Sequence[str]) -> str:
-    """A document with the section of a module replaced, or added where it belongs.
+    """Page with the section of a module replaced, or inserted in order.
 
     Args:
-        text: The document so far; may be empty.
+        text: Previous content; may be empty.
         name: The module.
-        words: Its section.
+        words: New section.
         order: All modules in their order; sections of other names come last.
     """
     heads = list(_HEADING.finditer(text))
@@ -66,5 +65,5 @@ def with_section(text: str, name: str, words: str, order: Sequence[str]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Words of a cell: a bar would begin the next one."""
+    """Text of a table cell on one line, with bars escaped."""
     return " ".join(text.replace("|", r"\|").split())
