@@ -1,1 +1,1 @@
-"""Measurements of speed and of statistical truth; not part of the product."""
+"""Measurements of speed, coverage and identification rates; not part of the product."""

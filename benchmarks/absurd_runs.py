@@ -1,10 +1,10 @@
-"""Campaigns drawn from a seed, from ordinary to absurd: input of `benchmarks.fuzz_fits`.
+"""Random campaigns, from ordinary to absurd: input of `benchmarks.fuzz_fits`.
 
     case = drawn(17)
     identify(case.training, case.validation, case.options)
 
-A plain run is a linear motor under a random voltage.  Each run is then spoilt by zero to three
-faults of `FAULTS`: a constant channel, a copy, swapped channels, a spike of 1e9, one bit of
+A run is simulated with a linear motor and a random voltage.  Then zero to three faults of `FAULTS`
+are applied: a constant channel, a copy, swapped channels, an outlier of 1e9, one bit of
 resolution.  The same seed gives the same campaign.
 """
 
@@ -35,11 +35,11 @@ class Case:
     """One campaign.
 
     Args:
-        seed: It alone determines the rest.
-        training: Runs to fit.
-        validation: Runs to check on.
+        seed: Seed that determines the campaign.
+        training: Training runs.
+        validation: Validation runs.
         options: Options of the fit.
-        faults: Excitation and faults of each run, for a reader.
+        faults: Excitation and faults of each run, as text.
     """
 
     seed: int
@@ -50,7 +50,7 @@ class Case:
 
     @property
     def words(self) -> str:
-        """The campaign on one line."""
+        """Description of the campaign on one line."""
         rows = "+".join(str(run.rows) for run in (*self.training, *self.validation))
         options = "effects" if self.options.effects else "no effects"
         options += ", posterior" if self.options.posterior else ""
@@ -60,13 +60,13 @@ class Case:
 
 
 def drawn(seed: int, rows: int = 2000, effects: float = 0.4, posterior: float = 0.03) -> Case:
-    """The campaign of a seed.
+    """Draw the campaign of a seed.
 
     Args:
         seed: Seed.
-        rows: Most samples of a run.
-        effects: Share of the campaigns whose effects are searched.
-        posterior: Share of the campaigns that are sampled; their runs have 300 samples at most.
+        rows: Maximum number of samples of a run.
+        effects: Fraction of the campaigns with a search for effects.
+        posterior: Fraction of the campaigns with sampling; their runs have at most 300 samples.
     """
     random = np.random.default_rng(seed)
     options = FitOptions(
@@ -133,7 +133,7 @@ def _run(random: Random, motor: Array, name: str, most: int) -> tuple[Run, str]:
 
 
 def _simulated(motor: Array, interval: float, voltage: Array) -> Array:
-    """(n_sample, 2) current and speed from rest, the voltage held between samples."""
+    """(n_sample, 2) current and speed from rest, with zero-order hold."""
     resistance, constant, inertia, friction, inductance = motor
     whole = np.zeros((3, 3))
     whole[0] = [-resistance / inductance, -constant / inductance, 1 / inductance]
@@ -185,13 +185,13 @@ EXCITATIONS: Final[dict[str, Callable[[Random, int], Array]]] = {
 
 
 def _changed(run: Run, **channels: object) -> Run:
-    """The run with other channels; `replace` wants the type of each."""
+    """Copy a run with changed channels; a typed `dataclasses.replace`."""
     fields: dict[str, Any] = channels
     return replace(run, **fields)
 
 
 def _on_one(change: Callable[[Random, Array], Array]) -> Callable[[Random, Run], Run]:
-    """A fault of one channel that is drawn."""
+    """Fault of one randomly drawn channel."""
 
     def fault(random: Random, run: Run) -> Run:
         name = str(random.choice(_CHANNELS))
@@ -242,7 +242,7 @@ def _gaps(random: Random, run: Run) -> Run:
 
 
 def _jittered(random: Random, run: Run) -> Run:
-    """Intervals that differ by four decades, none of them lost in rounding."""
+    """Sample times with intervals over four decades, all above the rounding error."""
     steps = np.diff(run.time, prepend=0.0) * 10 ** random.uniform(-2, 2, run.rows)
     return replace(run, time=np.cumsum(steps) + 1e-9 * np.arange(run.rows))
 

@@ -1,15 +1,15 @@
-"""Are hidden effects named?
+"""Identification rate of hidden effects on simulated campaigns.
 
     python -m benchmarks.attribution [--campaigns 400] [--rows 1500] [--seed 0] [--only 7,11]
 
-The independent bench simulator hides an effect, or none, in a motor drawn at random; the search is
-given the runs and nothing else.  One line of JSON a campaign is appended to the log as soon as it
-is known, so a run that was cut off goes on where it ended; the tables are made from the whole log.
-Campaigns are dealt out in turn to as many processes as there are cores, one thread each.
+The independent bench simulator adds up to two effects to a randomly drawn motor; the search uses
+only the runs.  Each finished campaign appends one line of JSON to the log, so an interrupted
+measurement can be resumed; the tables are generated from the whole log.  One process per core
+computes the campaigns, with one thread each.
 
-An effect that raises the error of the best declared model on the runs left out by less than a
-twentieth of the noise counts as one that does not show, and is listed apart; so are two effects of
-which one, alone in that motor, would not show.
+An effect that increases the validation error of the best nominal model by less than 5 % of the
+noise counts as not detectable and has a row of its own; so do two effects of which one alone would
+not be detectable in that motor.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ _APART = 1_000_000
 
 
 def plan(count: int, seed: int = 0) -> Iterator[dict[str, Any]]:
-    """What to measure, in such an order that any beginning of it is a fair mixture.
+    """Campaigns to measure, in an order whose first n are a balanced sample.
 
     Args:
         count: Number of campaigns.
-        seed: Another one gives other motors, sizes, excitations and noise.
+        seed: Seed of motors, effect sizes, excitation and noise.
     """
     rng = np.random.default_rng(2026 + seed)
     listed = [name for name in EFFECTS if name in CATALOGUE]
@@ -93,11 +93,11 @@ def plan(count: int, seed: int = 0) -> Iterator[dict[str, Any]]:
 
 
 def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
-    """One campaign: what was hidden, what was named, and how long it took.
+    """Simulate and identify one campaign; return effects, errors and time.
 
     Args:
         item: An item of `plan`.
-        rows: Samples a run.
+        rows: Samples per run.
     """
     noise = Noise(kind=item["noise"])
     settings = {"seed": item["seed"], "rows": rows, "noise": noise, "position": item["position"]}
@@ -108,7 +108,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
         if item["group"] == "small":
             found = size_for_rise(item["motor"], name, item["rise"], law, **settings)
             if found is None:
-                return item | {"skipped": "no size of it shows by the wanted amount"}
+                return item | {"skipped": "no effect size gives the requested error"}
             size = found
         requests.append(EffectRequest(name=name, size=size, law=law))
     measured = make_campaign(item["motor"], requests, **settings)
@@ -144,7 +144,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
 
 
 def _ratios(fit: Fit, campaign: Campaign, noise: Sequence[float]) -> list[float]:
-    """Error on the runs left out over the true noise, current and speed."""
+    """Ratio of validation error to true noise, for current and speed."""
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
     squares, counts = np.zeros(2), np.zeros(2)
     for s in simulate_unseen(fit, campaign.validation, whole=own):
@@ -154,7 +154,7 @@ def _ratios(fit: Fit, campaign: Campaign, noise: Sequence[float]) -> list[float]
 
 
 def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) -> list[float]:
-    """Noise that is in the runs left out over what it is on average, current and speed."""
+    """Ratio of realised to nominal noise in the validation runs, for current and speed."""
     names = ["current_A", "speed_rad_s"]
     pairs = zip(measured.validation, exact.validation, strict=True)
     apart = np.concatenate([(one.frame[names] - other.frame[names]) for one, other in pairs])
@@ -162,7 +162,7 @@ def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) ->
 
 
 def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
-    """By how many posterior standard deviations each declared parameter is off."""
+    """Error of each nominal parameter in posterior standard deviations."""
     final = with_noise_model(with_linear_parts(fit))
     posterior = Posterior(final, effective_share(final))
     spread = np.sqrt(np.diag(posterior.covariance()))
@@ -175,7 +175,7 @@ def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
 
 
 def _begin(cores: Any) -> None:
-    """Keep a worker to one core, so that campaigns side by side do not share threads."""
+    """Pin a worker to one core, so that parallel campaigns do not share threads."""
     os.sched_setaffinity(0, {cores.get()})
 
 
@@ -187,13 +187,15 @@ def _job(task: tuple[dict[str, Any], int]) -> dict[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing from the log and write the tables."""
+    """Run the campaigns that are missing from the log and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--campaigns", type=int, default=400)
     parser.add_argument("--rows", type=int, default=1500)
-    parser.add_argument("--seed", type=int, default=0, help="of other campaigns")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the campaigns")
     parser.add_argument(
-        "--only", type=lambda text: {int(word) for word in text.split(",")}, help="numbers of these"
+        "--only",
+        type=lambda text: {int(word) for word in text.split(",")},
+        help="numbers of campaigns",
     )
     parser.add_argument("--log", type=Path, default=Path("out/attribution.jsonl"))
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/attribution.md"))

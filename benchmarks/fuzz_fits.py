@@ -1,13 +1,13 @@
-"""Fits of random and absurd campaigns: each ends in a result or in an error of its own kind.
+"""Fuzzing of the fit with random and absurd campaigns.
 
     python -m benchmarks.fuzz_fits [--fits 2000] [--first 0] [--minutes 600] [--slow 60]
     python -m benchmarks.fuzz_fits --only SEED
 
 Each campaign of `benchmarks.absurd_runs` goes through `identification.identify`; its result is
 written, validated against the schema, predicts each of its runs and is evaluated in a closed loop.
-`InputError`, `ComputationError` and their subclasses are answers.  Any other exception is an
-internal error and is reported with its seed and where it was raised; `--only` repeats it with the
-traceback.  Exit status 1 if there was one.
+`InputError`, `ComputationError` and their subclasses are valid outcomes.  Any other exception is an
+internal error and is reported with its seed and source location; `--only` repeats it with the
+traceback.  The exit status is 1 after an internal error.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ _DRAWS = 50
 
 @dataclass(frozen=True)
 class Ending:
-    """How one fit ended.
+    """Outcome of one fit.
 
     Args:
         seed: Seed of the campaign.
-        words: The campaign on one line.
+        words: Description of the campaign on one line.
         kind: ``result``, the name of an expected error, or ``internal``.
-        message: Message of the error; of an internal one its source location as well.
-        warned: Source locations of Python warnings, which a user would see on standard error.
+        message: Message of the error; with the source location if it is internal.
+        warned: Source locations of Python warnings, which users would see on standard error.
         seconds: Wall clock [s].
     """
 
@@ -106,7 +106,7 @@ def _use(case: Case, directory: Path) -> None:
 
 
 def _evaluated(path: Path, controllers: Sequence[str]) -> None:
-    """The closed loop of a result, as ``motorid feedback`` evaluates it."""
+    """Evaluate the closed loop of a result as ``motorid feedback`` does."""
     with contextlib.redirect_stderr(io.StringIO()):
         motor = {name: values[:_DRAWS] for name, values in motor_of(path, ()).items()}
     out = path.with_name("feedback.json")
@@ -118,7 +118,7 @@ def _refused(word: str) -> None:
 
 
 def _answered(call: Callable[[], object]) -> None:
-    """A call whose expected errors are answers: the others are still to be tried."""
+    """Make a call and ignore its expected errors, so that the next calls are tried as well."""
     try:
         call()
     except IdentificationError as error:
@@ -127,7 +127,7 @@ def _answered(call: Callable[[], object]) -> None:
 
 
 def _located(error: Exception) -> str:
-    """Type, message and the innermost source location in the project."""
+    """Type, message and innermost source location in the project."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [
         f for f in frames if "site-packages" not in f.filename and "benchmarks" not in f.filename
@@ -146,7 +146,7 @@ def _ending_of_seed(seed: int, rows: int, effects: float, posterior: float) -> E
 
 
 def _endings(chosen: argparse.Namespace) -> Iterator[Ending]:
-    """Endings as they come; nothing new is begun once the minutes are over."""
+    """Yield outcomes as they arrive; start no fit after the time limit."""
     until = time.monotonic() + 60.0 * chosen.minutes
     left = iter(range(chosen.first, chosen.first + chosen.fits))
     jobs: set[Future[Ending]] = set()
@@ -165,7 +165,7 @@ def _endings(chosen: argparse.Namespace) -> Iterator[Ending]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the campaigns and print what should not be."""
+    """Fit the campaigns and print internal errors, warnings and slow fits."""
     chosen = _arguments(arguments)
     if chosen.only is not None:
         use_threads(1)
@@ -201,14 +201,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fits", type=int, default=2000, help="number of campaigns")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    parser.add_argument("--only", type=int, metavar="SEED", help="repeat one, with its traceback")
-    parser.add_argument("--rows", type=int, default=500, help="most samples of a run")
-    parser.add_argument("--effects", type=float, default=0.05, help="share with the effects search")
-    parser.add_argument("--posterior", type=float, default=0.01, help="share that is sampled")
-    parser.add_argument("--minutes", type=float, default=600.0, help="begin nothing new after")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first campaign")
+    parser.add_argument(
+        "--only", type=int, metavar="SEED", help="repeat one campaign with its traceback"
+    )
+    parser.add_argument("--rows", type=int, default=500, help="maximum number of samples of a run")
+    parser.add_argument(
+        "--effects", type=float, default=0.05, help="fraction with a search for effects"
+    )
+    parser.add_argument("--posterior", type=float, default=0.01, help="fraction with sampling")
+    parser.add_argument(
+        "--minutes", type=float, default=600.0, help="time limit for new fits [min]"
+    )
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--slow", type=float, default=60.0, help="time that is reported [s]")
+    parser.add_argument(
+        "--slow", type=float, default=60.0, help="time above which a fit is reported [s]"
+    )
     return parser.parse_args(arguments)
 
 

@@ -1,12 +1,12 @@
-"""The declared motor as one would write it by hand: numba loops and scipy's least squares.
+"""Hand-written reference of the nominal model: numba loops and scipy's least squares.
 
-This is what the package is measured against, so it is written as well as such scripts are: the
-loop is compiled with fast mathematics, reads its arrays once, keeps the state in registers, forms
-the sums of the likelihood on the way and allocates nothing.  It shares no code with the package.
+The package is compared with this code, so it is optimised: the loop is compiled with fast
+mathematics, reads its arrays once, keeps the state in registers, accumulates the sums of the
+likelihood and allocates no memory.  It shares no code with the package.
 
-The integrator is the classical Runge-Kutta method with the voltage held between samples.  It
-becomes unstable where a substep is longer than 2.8 electrical time constants, so the number of
-substeps is chosen by `substeps_needed`: as few as can move no estimate by half its deviation.
+The integrator is the classical Runge-Kutta method with zero-order hold.  It is unstable if a
+substep is longer than 2.8 electrical time constants; `substeps_needed` chooses the smallest number
+of substeps that shifts no estimate by more than half its standard deviation.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Recording:
-    """Runs of equal length, one a row.
+    """Runs of equal length, one per row.
 
     Args:
         interval: Sample interval [s].
@@ -78,7 +78,7 @@ def simulate(parameters, interval, voltage, temperature, start, substeps):  # ty
         voltage: (n_sample,) [V].
         temperature: (n_sample,) [degC].
         start: (2,) current and speed at the first sample.
-        substeps: Runge-Kutta steps an interval.
+        substeps: Runge-Kutta steps per interval.
     """
     ra25, alpha_ra, kt25, alpha_kt, inertia, b, inductance = parameters
     out = np.empty((voltage.size, 2))
@@ -123,7 +123,7 @@ def sums_of_squares(  # type: ignore[no-untyped-def]
         current: (n_run, n_sample) [A].
         speed: (n_run, n_sample) [rad/s].
         starts: (n_run, 2) current and speed at the first samples.
-        substeps: Runge-Kutta steps an interval.
+        substeps: Runge-Kutta steps per interval.
     """
     of_current, of_speed = 0.0, 0.0
     for r in range(voltage.shape[0]):
@@ -146,7 +146,7 @@ def sums_of_squares(  # type: ignore[no-untyped-def]
 def sums_of_all_walkers(  # type: ignore[no-untyped-def]
     walkers, interval, voltage, temperature, current, speed, starts, substeps
 ):
-    """The same for many parameter vectors on all cores, (n_walker, 2).
+    """Sums of squares of many parameter vectors on all cores, (n_walker, 2).
 
     Args:
         walkers: (n_walker, 7) parameter vectors.
@@ -156,7 +156,7 @@ def sums_of_all_walkers(  # type: ignore[no-untyped-def]
         current: (n_run, n_sample) [A].
         speed: (n_run, n_sample) [rad/s].
         starts: (n_run, 2) current and speed at the first samples.
-        substeps: Runge-Kutta steps an interval.
+        substeps: Runge-Kutta steps per interval.
     """
     sums = np.empty((walkers.shape[0], 2))
     for n in prange(walkers.shape[0]):
@@ -169,17 +169,17 @@ def sums_of_all_walkers(  # type: ignore[no-untyped-def]
 def substeps_needed(
     parameters: Array, recording: Recording, start: Array, noise: Array, moved: float = 0.5
 ) -> int:
-    """Fewest substeps whose error moves no estimate by more than a share of its deviation.
+    """Smallest number of substeps whose error shifts no estimate by more than `moved`.
 
-    By the Cauchy-Schwarz inequality an error e in N samples of noise s moves any estimate by at
+    By the Cauchy-Schwarz inequality an error e in N samples of noise s shifts any estimate by at
     most sqrt(N) rms(e) / s of its standard deviations.
 
     Args:
         parameters: (7,) Ra25, alpha_Ra, Kt25, alpha_Kt, J, b, L.
-        recording: Runs; the first 2000 samples of the first are tried.
+        recording: Runs; the first 2000 samples of the first are used.
         start: (2,) current and speed at the first sample.
         noise: (2,) standard deviations of current and speed.
-        moved: Standard deviations by which an estimate may move.
+        moved: Permitted shift of an estimate, in standard deviations.
     """
     voltage = np.ascontiguousarray(recording.voltage[0, :2000])
     temperature = np.ascontiguousarray(recording.temperature[0, :2000])
@@ -203,14 +203,14 @@ def fit_by_finite_differences(
 ) -> OptimizeResult:
     """`scipy.optimize.least_squares` with its own finite differences on `simulate`.
 
-    Positive quantities are searched in logarithms and every residual is divided by the size of
-    its channel, without which the search does not converge.
+    Positive quantities are searched in logarithms and every residual is divided by the scale of
+    its channel, otherwise the search does not converge.
 
     Args:
         guess: (7,) parameters to start from.
         recording: Runs.
-        substeps: Runge-Kutta steps an interval.
-        free_starts: Whether the first current and speed of every run are fitted too.
+        substeps: Runge-Kutta steps per interval.
+        free_starts: Whether the initial state of each run is fitted as well.
     """
     size = np.array([np.std(recording.current), np.std(recording.speed)])
     logged = np.stack([recording.current, recording.speed], axis=2)

@@ -1,10 +1,10 @@
-"""How long five long runs take, and how much memory.
+"""Time and memory of a fit of five long runs.
 
     python -m benchmarks.long_runs [--rows 24000] [--effects brush_drop=0.03,coulomb_friction=0.02]
 
-Four training runs and one left out of a servo motor with hidden effects go through the whole job,
-search and posterior included; the largest memory is that of this process, the simulation of the
-bench included.
+Four training runs and one validation run of a servo motor with hidden effects are identified,
+including the search and the posterior.  The peak memory is that of this process, including the
+simulation of the bench.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ __all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Identify the motor, and print seconds, memory and what was named."""
+    """Identify the motor, and print time, memory and the named effects."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", type=int, default=24_000, help="samples a run")
+    parser.add_argument("--rows", type=int, default=24_000, help="samples per run")
     parser.add_argument("--effects", default="brush_drop=0.03", help="KIND=SIZE, ...")
-    parser.add_argument("--no-posterior", action="store_true", help="intervals from the fit")
+    parser.add_argument(
+        "--no-posterior", action="store_true", help="intervals from the covariance of the fit"
+    )
     options = parser.parse_args(arguments)
     pairs = [word.split("=") for word in options.effects.split(",") if word]
     hidden = [(kind, float(size)) for kind, size in pairs]

@@ -2,9 +2,9 @@
 
     python -m benchmarks.short_runs [--motors 38] [--rows 370]
 
-Each motor is drawn at random, with one run that holds dry friction, and goes through the whole
-command: reading, search, posterior, report.  Compiled loops are kept in a directory that is empty
-at the beginning, so that the first motor pays for them.
+Each motor is drawn at random, with one run that contains dry friction, and is identified by the
+complete command: reading, search, posterior, report.  The cache of compiled loops is empty at the
+start, so the time of the first motor includes the compilation.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ __all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit them, and print seconds of the wall clock and of processors, and memory."""
+    """Fit the motors, and print elapsed time, processor time and memory."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--motors", type=int, default=38)
-    parser.add_argument("--rows", type=int, default=370, help="samples a run")
+    parser.add_argument("--rows", type=int, default=370, help="samples per run")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _written(number: int, rows: int, folder: Path) -> Path:
-    """One run of a motor, as a file."""
+    """Write one run of a motor to a file."""
     motor = sorted(MOTORS)[number % len(MOTORS)]
     size = float(np.random.default_rng(number).uniform(0.01, 0.05))
     measured = make_campaign(
@@ -59,7 +59,7 @@ def _written(number: int, rows: int, folder: Path) -> Path:
 
 
 def _fitted(file: Path, folder: Path) -> tuple[float, float]:
-    """Seconds of the wall clock and of processors of one command."""
+    """Elapsed time and processor time of one command [s]."""
     program = "from app.cli import main; main()"
     command = [sys.executable, "-c", program, "fit", str(file), "--out", str(folder / file.stem)]
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
