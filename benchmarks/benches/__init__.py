@@ -1,1 +1,1 @@
-"""Campaigns as benches record them: a simulator of its own, its cases and the measurement."""
+"""Realistic test bench recordings: an independent simulator, its cases and the measurement."""

@@ -1,12 +1,12 @@
-"""Identification of motors from runs as benches record them.
+"""Identification of motors from realistic test bench recordings.
 
     python -m benchmarks.benches [--first 0] [--count 120] [--rows 24000] [--case encoder:clean]
     python -m benchmarks.benches --withhold cogging_torque --case everything_angle --count 4
 
-Campaign number n is of case n modulo the number of cases, so that any beginning is a fair mixture;
-its number determines everything about it.  One line of JSON a campaign is appended to the log, and
-campaigns that are there are not repeated: a log holds campaigns of one setting.  The page is made
-from the whole log.  What counts as right stands in `benchmarks.benches.cases`.
+Campaign n belongs to cell n modulo the number of cells, so the first n campaigns are a balanced
+sample; the number determines the campaign.  Each campaign appends one line of JSON to the log, and
+campaigns in the log are not repeated, so a log must contain campaigns of one setting.  The page is
+generated from the whole log.  `benchmarks.benches.cases` defines the correct answers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Identify the campaigns that are missing in the log and write the page."""
+    """Identify the campaigns that are missing from the log and write the page."""
     chosen = _arguments(arguments)
     settings = Settings(chosen.rows, chosen.posterior, tuple(chosen.withhold))
     chosen.log.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""One campaign: recorded, written to files, read, identified and compared with the truth."""
+"""Simulation and identification of one campaign, and comparison with the true values."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Settings:
     """Options of all campaigns.
 
     Args:
-        rows: Samples a run.
-        posterior: Whether it is sampled; without, intervals come from the fit's covariance.
-        withheld: Kinds that the search must not add.
+        rows: Samples per run.
+        posterior: Whether to sample the posterior; otherwise intervals use the fit's covariance.
+        withheld: Effect types excluded from the search.
     """
 
     rows: int = 24_000
@@ -43,7 +43,7 @@ class Settings:
 
 
 def wanted(first: int, count: int, cell: str | None) -> Iterator[int]:
-    """Numbers of campaigns, those of one cell or of one case where asked for.
+    """Numbers of the campaigns, optionally of one cell or case.
 
     Args:
         first: The first number.
@@ -60,7 +60,7 @@ def wanted(first: int, count: int, cell: str | None) -> Iterator[int]:
 
 
 def identified(number: int, settings: Settings) -> dict[str, Any]:
-    """Identify one campaign and say how it ended, as a line of the log.
+    """Identify one campaign and return its line of the log.
 
     Args:
         number: Of the campaign; it determines cell, motor and noise.
@@ -103,7 +103,7 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
 
 
 def isolated(number: int, settings: Settings) -> dict[str, Any]:
-    """`identified` in a process of its own, so that its peak memory is its own.
+    """Run `identified` in a separate process, to measure its peak memory.
 
     Args:
         number: Of the campaign.
@@ -118,7 +118,7 @@ def isolated(number: int, settings: Settings) -> dict[str, Any]:
 
 
 def _written(measured: Recorded, directory: Path) -> list[Path]:
-    """Files of the runs, as a bench writes them, the validation run last."""
+    """Write the run files; the validation run is the last."""
     paths = []
     for number, table in enumerate(measured.tables, 1):
         path = directory / f"run_{number}.csv"
@@ -130,7 +130,7 @@ def _written(measured: Recorded, directory: Path) -> list[Path]:
 def _compared(
     number: int, measured: Recorded, result: dict[str, Any], withheld: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Names, errors and intervals beside the truth."""
+    """Compare names, errors and intervals with the true values."""
     case = CELLS[number % len(CELLS)].case
     named = tuple(effect["name"] for effect in result["effects"])
     others = tuple(a["name"] for effect in result["effects"] for a in effect["alternatives"])
@@ -167,7 +167,7 @@ def _is_sure(effect: dict[str, Any]) -> bool:
 def _counted(
     uncounted: Sequence[str], measured: Recorded, result: dict[str, Any]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Parameters that the runs determine and that have a true value."""
+    """Identified parameters that have a true value."""
     for name in measured.truth:
         entry = result["parameters"][name]
         if entry["identified"] and name not in uncounted:
@@ -175,7 +175,7 @@ def _counted(
 
 
 def _located(error: Exception) -> str:
-    """Type, message and the innermost source location in the project."""
+    """Type, message and innermost source location in the project."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if "identification" in f.filename.split(os.sep)]
     at = (own or frames)[-1]

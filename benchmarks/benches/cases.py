@@ -1,9 +1,9 @@
-"""The cases, and what counts as right in each.
+"""Cases of the benchmark, with the required and the permitted effects of each.
 
 Each case has a clean motor and one with dry friction and a voltage drop at the brushes; the cases
 "everything" hide three to five effects of realistic size.
 
-| case | has to be named | may be named as well |
+| case | required effects | further permitted effects |
 |---|---|---|
 | any clean motor | nothing | nothing |
 | any with friction | `coulomb_friction` and `brush_drop` | nothing |
@@ -11,22 +11,22 @@ Each case has a clean motor and one with dry friction and a voltage drop at the 
 
 and in addition to that
 
-| case | has to be named | may be named as well |
+| case | required effects | further permitted effects |
 |---|---|---|
 | encoder | | `channel_delay` or `speed_filter`: a mean over the interval lags by half of it |
 | commanded | | `brush_drop`: a dead time takes a voltage with the sign of the current; |
-| | | `voltage_offset`, `unlisted`: a dead zone and a supply that sags are in no catalogue |
+| | | `voltage_offset`, `unlisted`: dead zone and supply resistance, not in the catalogue |
 | current_filter | `current_filter` | |
 | current_zero | `current_offset` | |
 | thermocouple | | `winding_lag` or `magnet_lag`: the thermometer lags |
 
-One direction only: friction and a load torque, and a brush drop and a zero error of the voltage,
-are the same; either is right, and so is one of them as an alternative of another naming.
+With one direction of motion, friction is confounded with a load torque, and a brush drop with a
+zero error of the voltage; either name is correct, also as an alternative.
 
-`Ra25` is not counted where the voltage is commanded, since the supply is in series with it.
-The voltage of a missing row is lost: where it changed there, no model comes down to the noise.
-Without a thermometer, the temperature of the first run is 25 degC by definition: the true `Ra25`
-and `Kt25` are those at that temperature.
+`Ra25` is not counted with a commanded voltage, because the supply resistance is in series with it.
+The voltage of a missing row is lost; if it changed there, no model reaches the noise level.
+Without a thermometer, the temperature of the first run is 25 degC by definition; the true `Ra25`
+and `Kt25` refer to that temperature.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ class Case:
     """Recording properties of a bench.
 
     Args:
-        name: Word of the case.
-        says: The case in words.
+        name: Name of the case.
+        says: Description of the case.
         intervals: Sample intervals of the runs, the validation run last [s].
         temperatures: Temperatures of the runs [degC].
-        drift: Temperature by which a run warms or cools [K].
-        needed: Kinds that have to be named in addition, since the bench adds them.
-        allowed: Kinds that may be named in addition.
+        drift: Change of the temperature during a run [K].
+        needed: Further required effect types, which the bench adds.
+        allowed: Further permitted effect types.
         uncounted: Parameters whose intervals are not counted.
-        has_alternatives: Whether alternatives count as a naming.
+        has_alternatives: Whether alternatives count as named.
     """
 
     name: str
@@ -113,10 +113,10 @@ CASES: Final[dict[str, Case]] = {
 
 @dataclass(frozen=True)
 class Cell:
-    """A case with one kind of motor.
+    """Combination of a case and a type of motor.
 
     Args:
-        case: How the bench records.
+        case: Recording properties of the bench.
         motor: ``clean``, ``friction`` (and brush drop) or ``mixed``.
     """
 
@@ -151,14 +151,14 @@ def is_right(
     others: tuple[str, ...] = (),
     withheld: tuple[str, ...] = (),
 ) -> bool:
-    """Whether every hidden effect is named, except those that the runs cannot show.
+    """Return True if every hidden effect is named, except undetectable ones.
 
     Args:
-        case: How the bench records.
-        hidden: Kinds that were hidden.
-        named: Kinds that were named.
-        others: Alternatives of these, where they count.
-        withheld: Kinds that the search must not add.
+        case: Recording properties of the bench.
+        hidden: Hidden effect types.
+        named: Named effect types.
+        others: Alternatives, if they count.
+        withheld: Effect types excluded from the search.
     """
     found = {*named, *others} if case.has_alternatives else set(named)
     needed = [kind for kind in (*hidden, *case.needed) if kind not in withheld]
@@ -166,12 +166,12 @@ def is_right(
 
 
 def wrong_kinds(case: Case, hidden: tuple[str, ...], named: tuple[str, ...]) -> list[str]:
-    """Kinds that were named and may not be.
+    """Named effect types that are not permitted.
 
     Args:
-        case: How the bench records.
-        hidden: Kinds that were hidden.
-        named: Kinds that were named.
+        case: Recording properties of the bench.
+        hidden: Hidden effect types.
+        named: Named effect types.
     """
     fine = {*case.needed, *case.allowed}
     fine = fine.union(*(_equal(case, kind) for kind in hidden))
@@ -179,6 +179,6 @@ def wrong_kinds(case: Case, hidden: tuple[str, ...], named: tuple[str, ...]) -> 
 
 
 def _equal(case: Case, kind: str) -> frozenset[str]:
-    """The kinds that cannot be told from this one on such a bench, itself among them."""
+    """Effect types confounded with this one on such a bench, including itself."""
     same = [group for group in _EQUAL_ONE_WAY if kind in group] if case.name == "one_way" else []
     return same[0] if same else frozenset({kind})

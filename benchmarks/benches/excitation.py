@@ -1,7 +1,7 @@
-"""Excitation of the motor: voltage levels, triangles and a binary sequence on top.
+"""Excitation of the motor: voltage levels, triangles and a superimposed binary sequence.
 
-The levels change no faster than a drive allows whose current is limited to some times the rated
-one; the binary sequence, a fraction of the voltage at stall with rated current, shows the
+The slew rate of the levels corresponds to a drive with a current limit of a few times the rated
+current.  The binary sequence, a fraction of the voltage at stall with rated current, excites the
 inductance.
 """
 
@@ -26,14 +26,14 @@ _STILL: Final = 0.15
 
 
 def voltages(motor: BenchMotor, time: Array, number: int, one_way: bool, rng: Random) -> Array:
-    """Voltage asked of the drive at each sample [V].
+    """Voltage command at each sample [V].
 
     Args:
         motor: The motor.
         time: (n_sample,) [s].
-        number: Of the run; every third is a triangle.
-        one_way: Whether it may not reverse.
-        rng: Source of randomness.
+        number: Number of the run; every third is a triangle.
+        one_way: Whether the voltage keeps its sign.
+        rng: Random generator.
     """
     full = motor.rated_voltage
     if number % 3 == 2:
@@ -51,12 +51,12 @@ def voltages(motor: BenchMotor, time: Array, number: int, one_way: bool, rng: Ra
 
 
 def speeds(motor: BenchMotor, time: Array, rng: Random) -> Array:
-    """Speed asked of the controller at each sample [rad/s].
+    """Speed reference at each sample [rad/s].
 
     Args:
         motor: The motor.
         time: (n_sample,) [s].
-        rng: Source of randomness.
+        rng: Random generator.
     """
     target = motor.rated_speed * _levels(motor, time, False, rng)
     slope = _OVERLOAD * motor.rated_torque / motor.J
@@ -76,7 +76,7 @@ def _levels(motor: BenchMotor, time: Array, one_way: bool, rng: Random) -> Array
 
 
 def _limited(target: Array, most: Array) -> Array:
-    """The target, changing by no more than `most` from one sample to the next."""
+    """Limit the change of the target per sample to `most`."""
     out, value = np.empty_like(target), 0.0
     for k, wanted in enumerate(target):
         value += min(max(wanted - value, -most[k]), most[k])
@@ -85,6 +85,6 @@ def _limited(target: Array, most: Array) -> Array:
 
 
 def _binary(rows: int, rng: Random) -> Array:
-    """A random sequence of -1 and 1 whose values last two to eight samples."""
+    """Random sequence of -1 and 1 with constant values over two to eight samples."""
     lasting = rng.integers(2, 9, rows)
     return np.asarray(np.repeat(rng.choice([-1.0, 1.0], rows), lasting)[:rows])

@@ -6,8 +6,8 @@ Mechanical time constants of 4 to 30 ms, electrical ones of 0.1 to 2 ms, and vis
 of a few per cent of the rated torque: Electro-Craft, DC Motors, Speed Controls, Servo Systems, 5th
 edition (1980), chapter 2.
 Copper: 1 / (234.5 + 25) per kelvin, IEC 60034-1, section 8.6.2.
-Magnets (ferrite, NdFeB, SmCo): reversible temperature coefficients of the remanence as makers of
-magnets state them, -0.20, -0.11 and -0.04 % per kelvin.
+Magnets (ferrite, NdFeB, SmCo): reversible temperature coefficients of the remanence from
+magnet data sheets, -0.20, -0.11 and -0.04 % per kelvin.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ class BenchMotor:
 
 
 def drawn_motor(rng: np.random.Generator) -> BenchMotor:
-    """Draw a motor; the voltage follows the power, with overlap.
+    """Draw a motor; the voltage classes overlap in power.
 
     Args:
-        rng: Source of randomness.
+        rng: Random generator.
     """
     power = 5.0 * 100.0 ** rng.uniform()
     weights = np.array([1.2 - 0.5 * np.log10(power), 1.0, 0.4 * np.log10(power)]).clip(0.05)
@@ -75,7 +75,7 @@ def drawn_motor(rng: np.random.Generator) -> BenchMotor:
     efficiency = float(np.clip(efficiency, 0.45, 0.92))
     speed = 520.0 * (power / 50.0) ** -0.1 * rng.lognormal(0.0, 0.25)
     current = power / (voltage * efficiency)
-    # Copper takes most of the losses; the rest is friction, which the effects and b stand for.
+    # Most losses are copper losses; the rest is friction, modelled by b and the effects.
     resistance = 0.8 * (1.0 - efficiency) * voltage / current
     torque_constant = (voltage - resistance * current) / speed
     mechanical = 0.012 * rng.lognormal(0.0, 0.4)

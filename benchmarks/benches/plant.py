@@ -1,8 +1,8 @@
 """Motor, drive and speed controller in the time domain: classical Runge-Kutta at a fixed fine step.
 
-Dry friction is set-valued (Karnopp, J. Dynamic Systems 107 (1985), 100-103): its sign is held
-within a step, a shaft that stops sticks, and it breaks away where the torque on it exceeds the
-friction at standstill.  The code is plain Python on floats, compiled by numba; it shares nothing
+Dry friction is set-valued (Karnopp, J. Dynamic Systems 107 (1985), 100-103): its sign is constant
+within a step, a shaft that stops sticks, and it breaks away if the torque exceeds the static
+friction.  The code is plain Python on floats, compiled by numba; it shares nothing
 with `bench/` or with the library.
 """
 
@@ -34,14 +34,14 @@ class Hidden:
 
     Args:
         dry: Coulomb friction [N m].
-        stribeck: Friction at standstill on top of it [N m].
-        stribeck_speed: Speed at which that has fallen to 1/e [rad/s].
+        stribeck: Additional friction at standstill [N m].
+        stribeck_speed: Speed at which `stribeck` has decreased to 1/e [rad/s].
         brush: Voltage drop at the brushes [V].
-        brush_knee: Current of its knee [A].
+        brush_knee: Knee current of the voltage drop [A].
         cogging: Amplitude [N m].
-        cogging_order: Periods a revolution.
-        heating: Rise of the winding over its loss [K/W].
-        heating_time: Time constant of the rise [s].
+        cogging_order: Periods per revolution.
+        heating: Thermal resistance of the winding [K/W].
+        heating_time: Thermal time constant of the winding [s].
         filter_time: Time constant of the current sensor [s].
     """
 
@@ -62,13 +62,13 @@ class Drive:
     """Output stage and speed controller; zero for an ideal voltage source without controller.
 
     Args:
-        limit: Largest voltage, that of the supply [V].
+        limit: Maximum output voltage [V].
         proportional: Gain of the speed controller [V s/rad]; 0 for an open loop.
         integral: Its integral gain [V/rad].
         source: Resistance of the supply [ohm].
         dead_time: Voltage lost to dead times, with the sign of the current [V].
-        dead_zone: Command below which the output stage rests at zero [V].
-        current_scale: Current at which the sign of the current is clear [A].
+        dead_zone: Command below which the output is zero [V].
+        current_scale: Current scale of the smoothed sign function [A].
     """
 
     limit: float
@@ -85,9 +85,9 @@ class Trajectory:
     """The true signals at the samples, (n_sample,) each.
 
     Args:
-        command: Voltage asked of the drive from this sample to the next [V].
+        command: Voltage command from this sample to the next [V].
         current: [A].
-        filtered: Current behind the sensor's filter [A].
+        filtered: Current after the filter of the sensor [A].
         speed: [rad/s].
         angle: [rad].
     """
@@ -142,9 +142,9 @@ def simulated(
 
     Args:
         motor: The motor.
-        hidden: Effects beside the nominal model.
+        hidden: Effects in addition to the nominal model.
         drive: Drive and controller.
-        time: (n_sample,) instants of the samples, where the voltage changes as well [s].
+        time: (n_sample,) sampling times, at which the voltage changes as well [s].
         wanted: (n_sample,) voltage [V], or speed [rad/s] where the drive has a controller.
         temperature: (n_sample,) of magnet and housing [degC].
         noise: (n_sample,) of the speed that the controller sees [rad/s].
@@ -231,7 +231,7 @@ def _run(p, time, wanted, temperature, noise, angle, longest):  # type: ignore[n
             after = _step(i, w, phi, f, v, s, loss, ra, kt, p, h)
             if still > 0.0 and s * after[1] < 0.0:
                 if w != 0.0:
-                    # The step ends where the shaft stops; its friction turns there.
+                    # The step ends when the shaft stops, because the friction changes its sign.
                     h *= w / (w - after[1])
                     after = _step(i, w, phi, f, v, s, loss, ra, kt, p, h)
                 i, w, phi, f = after[0], 0.0, after[2], after[3]

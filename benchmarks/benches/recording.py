@@ -1,4 +1,4 @@
-"""A campaign of one case: the motor, what is hidden in it, and the tables that the bench writes."""
+"""Recording of a campaign: the motor, its hidden effects and the tables of the bench."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Recorded:
 
     Args:
         motor: The motor.
-        hidden: Kinds of the effects that are hidden in motor and sensors.
-        tables: One a run, the validation run last.
+        hidden: Types of the effects hidden in motor and sensors.
+        tables: One per run, the validation run last.
         truth: True values of the parameters that are counted.
         noise: (2,) noise in the validation run, root mean square [A, rad/s].
     """
@@ -68,7 +68,7 @@ def recorded(cell: Cell, seed: int, rows: int) -> Recorded:
     Args:
         cell: Case and kind of motor.
         seed: Equal seeds give equal campaigns.
-        rows: Samples a run.
+        rows: Samples per run.
     """
     rng = np.random.default_rng([seed, 1210])
     motor = drawn_motor(rng)
@@ -105,7 +105,7 @@ def _kinds(cell: Cell, rng: Random) -> tuple[str, ...]:
 
 
 def _hidden(motor: BenchMotor, kinds: Sequence[str], rng: Random) -> Hidden:
-    """Effects of realistic size; every size is drawn, so that a seed means the same motor."""
+    """Effects of realistic size; all sizes are drawn, so that a seed determines the motor."""
     torque, copper = motor.rated_torque, motor.Ra25 * motor.rated_current**2
     sizes = {
         "coulomb_friction": {"dry": rng.uniform(0.03, 0.08) * torque},
@@ -188,7 +188,7 @@ def _run(bench: _Bench, number: int, rows: int, rng: Random) -> tuple[pd.DataFra
 def _logged(
     bench: _Bench, number: int, time: Array, true: Trajectory, seen: Array, rng: Random
 ) -> tuple[pd.DataFrame, dict[str, Array]]:
-    """The electrical and mechanical columns, and what they would be without noise."""
+    """Electrical and mechanical columns, with and without noise."""
     case, motor, rows = bench.cell.case, bench.motor, time.size
     current = true.filtered + bench.zeros[number]
     speed, measured = true.speed, _rounded(true.speed + seen, _SPEED_STEP * motor.rated_speed)
@@ -228,7 +228,7 @@ def _thermometer(time: Array, temperature: Array, lag: float, rng: Random) -> Ar
 
 
 def _with_missing(table: pd.DataFrame, rng: Random) -> pd.DataFrame:
-    """The table without 0.5 % of its rows and without a block of 2 %."""
+    """Remove 0.5 % of the rows and a block of 2 %."""
     kept = rng.random(len(table)) > 0.005
     start = int(rng.integers(len(table) // 3, len(table) // 2))
     kept[start : start + len(table) // 50] = False

@@ -1,1 +1,1 @@
-"""The container image without a container engine: built, run as an engine runs it, and checked."""
+"""Build, run and test of the container image without a container engine."""

@@ -1,4 +1,4 @@
-"""Builds the container image without an engine, runs it as an engine would, and checks it.
+"""Build the container image without an engine, run it as an engine would, and test it.
 
     python -m benchmarks.container [--python PREFIX]
 
@@ -22,7 +22,7 @@ _PROGRAMS = ("buildah", "unshare", "nsenter", "ip")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Build and check; the status is 1 where something failed."""
+    """Build and test; the status is 1 after a failure."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.container", description=__doc__)
     parser.add_argument("--python", type=Path, help="prefix of a Python, not the system's own")
     chosen = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""A container as an engine makes it: own namespaces, read-only root, a user without capabilities.
+"""Container as an engine creates it: own namespaces, read-only root, user without capabilities.
 
 Its network has the loopback device and nothing else; who calls it enters that network.
 """

@@ -1,4 +1,4 @@
-"""What the container must show: locked down, healthy, quick to stop, and nothing lost."""
+"""Tests of the container: restrictions, health, shutdown time and persistence."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The service under what benches, networks and machines do to it."""
+"""Stress tests of the service: hostile files, clients, networks and machines."""

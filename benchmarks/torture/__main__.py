@@ -1,4 +1,4 @@
-"""Runs the torture tests and writes their table.
+"""Run the stress tests and write their page.
 
     python -m benchmarks.torture [--short] [--only kills,files] [--out FILE.md]
 
@@ -36,11 +36,13 @@ _TABLE = Path("docs/benchmarks/torture.md")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is asked for; the status is 1 where something failed."""
+    """Run the chosen modules; the status is 1 after a failure."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.torture", description=__doc__)
-    parser.add_argument("--short", action="store_true", help="minutes in place of hours")
+    parser.add_argument(
+        "--short", action="store_true", help="short version: minutes instead of hours"
+    )
     parser.add_argument("--only", default=",".join(MODULES), help="modules, separated by commas")
-    parser.add_argument("--out", type=Path, default=_TABLE, help="Markdown file of the table")
+    parser.add_argument("--out", type=Path, default=_TABLE, help="Markdown file of the page")
     chosen = parser.parse_args(arguments)
     has_passed = True
     for name in chosen.only.split(","):

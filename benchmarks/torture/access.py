@@ -1,4 +1,4 @@
-"""Every route with every key that does not open it, and names of files that try to be paths."""
+"""Access control: all routes with invalid keys, and path traversal in file names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["run"]
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Try all of them; there is no shorter way."""
+    """Run all tests; there is no short version."""
     data_dir = directory / "data"
     alice_key, bob_key = (make_key(data_dir, name) for name in ("alice", "bob"))
     with (

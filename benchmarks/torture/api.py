@@ -1,4 +1,4 @@
-"""The interface under schemathesis: whatever its description allows or forbids, no answer is a 5xx.
+"""Property-based test of the HTTP interface with schemathesis: no answer may be a 5xx.
 
 The cases come from the description that the server itself gives; `api_hooks` puts real runs into
 some of them, without which no fit would ever begin.  What was sent and answered is counted twice,

@@ -1,4 +1,4 @@
-"""Loaded by schemathesis: puts real runs into some of the requests that it makes up."""
+"""Hooks of schemathesis that put real runs into some of the generated requests."""
 
 from __future__ import annotations
 

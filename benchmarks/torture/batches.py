@@ -1,4 +1,4 @@
-"""A batch of many small motors that is killed again and again, on this machine and at a service.
+"""Repeated kills of a batch of many small motors, on this machine and on a service.
 
 The command, and at the service the server as well, are killed with signal 9 when a random number of
 motors is done and a random moment later.  What must hold at the end: a row for each motor, each

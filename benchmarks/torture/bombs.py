@@ -1,4 +1,4 @@
-"""Files that crash, flood or rob whoever reads them carelessly, each made when it is needed."""
+"""Hostile files: decompression bombs, crashing files and huge texts, generated on demand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clients that never give up: what they were told was accepted is what must come out.
+"""Clients with unlimited retries, which check that each accepted fit ends once.
 
 Each sends fits with an Idempotency-Key, again and again where no answer comes, and looks at those
 that it sent until they have ended.  Once a fit has succeeded, its answer must stay as it is.

@@ -1,4 +1,4 @@
-"""Files that crash, flood or rob their reader, sent to a server that must not notice.
+"""Upload of hostile files: each must be refused without effect on the server.
 
 Each has to be refused with a 4xx that names why, within 5 s of its last byte; the process that
 reads it may fill 2 GB, and the server may grow by 50 MB.

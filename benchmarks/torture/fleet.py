@@ -1,4 +1,4 @@
-"""A fleet of small motors of one kind, measured on the bench, for batches."""
+"""Fleet of small motors of one type, recorded on the simulated bench, for batches."""
 
 from __future__ import annotations
 

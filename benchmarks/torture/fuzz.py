@@ -1,4 +1,4 @@
-"""Mutated run files and mappings: each is a run or an error with a name, and nobody dies of them.
+"""Fuzzing of the reader with mutated run files and mappings: a run or a named error each.
 
 Most go straight to the process that reads uploads, one child for each, as the service has it; some
 come over HTTP.  The same seed makes the same files.

@@ -1,4 +1,4 @@
-"""Hostile jobs beside a normal client: huge mappings, hundreds of runs, long names, dead servers.
+"""Hostile jobs in parallel with a normal client: huge mappings, many runs, long names, kills.
 
 One client sends whatever makes a job large, or makes its process die.  Another, in a workspace of
 its own, has fits of two seconds computed one after the other; each of them must end in its first
@@ -32,7 +32,7 @@ _SEEDS = (QUICK, KILLED, RAISES, SILENT, BAD_INPUT)
 
 @dataclass
 class _Seen:
-    """What became of the calls and fits of the hostile client."""
+    """Outcomes of the calls and fits of the hostile client."""
 
     uploads: Counter[int] = field(default_factory=Counter)
     fits: Counter[str] = field(default_factory=Counter)

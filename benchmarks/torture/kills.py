@@ -1,4 +1,4 @@
-"""Kills everything that a service consists of, at random, while clients go on sending fits.
+"""Random kills of all processes of a service while clients submit fits.
 
 Killed with signal 9 are the server, the process that forks, those that compute, and where there
 are such the scheduler and the workers of the cluster; PostgreSQL is stopped as by a crash, or one
@@ -46,8 +46,8 @@ def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     """Kill 200 times over both databases and both engines, or a few times over two.
 
     Args:
-        short: Whether there is only a minute.
-        directory: Where data go.
+        short: Whether to run the short version.
+        directory: Directory of the data.
     """
     chosen = [pair for pair in COMBINATIONS if pair[0] == "sqlite" or MISSING is None]
     if short:
@@ -67,7 +67,7 @@ def cancelled(directory: Path, engine: str, count: int) -> Outcome:
     """How long it takes from the call to the end of all processes of a fit.
 
     Args:
-        directory: Where data go.
+        directory: Directory of the data.
         engine: ``local`` or ``dask``.
         count: How many fits are cancelled.
     """
@@ -101,7 +101,7 @@ def resumed(directory: Path) -> Outcome:
     """A real fit, killed in each of two attempts while it samples, beside one that is left alone.
 
     Args:
-        directory: Where data go.
+        directory: Directory of the data.
     """
     settings = {"PIPELINE": _REAL, "WORKERS": 1, "CHECKPOINT_S": 0, "LOG_LEVEL": "info"}
     kept: list[bool] = []
@@ -131,7 +131,7 @@ def torture(directory: Path, database: str, engine: str, kills: int, rng: random
     """Kill so many times, and see what is left.
 
     Args:
-        directory: Where data go.
+        directory: Directory of the data.
         database: ``sqlite`` or ``postgresql``.
         engine: ``local`` or ``dask``.
         kills: How many.

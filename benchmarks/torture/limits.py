@@ -1,4 +1,4 @@
-"""A disk that is full, a clock that jumps, memory that runs out: named or retried, nothing lost."""
+"""Full disk, clock jumps and exhausted memory: a named error or a retry, and no lost data."""
 
 from __future__ import annotations
 

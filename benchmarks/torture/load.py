@@ -1,4 +1,4 @@
-"""Many callers at once, and slow ones: health stays quick, and what was accepted is there."""
+"""Load test: many parallel clients and slow uploads, response time of the health check."""
 
 from __future__ import annotations
 

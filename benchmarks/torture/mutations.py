@@ -1,4 +1,4 @@
-"""Files with something done to them: bits, cuts, splices, numbers, encodings."""
+"""Mutations of files: bits, cuts, splices, numbers, encodings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one torture test asked, measured and concluded."""
+"""Outcome of one stress test."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class Outcome:
     """One line of the table.
 
     Args:
-        test: What was done to the service.
-        asked: What it must show.
-        measured: What it showed, with its figures.
-        passed: Whether that is what was asked.
+        test: Description of the test.
+        asked: Requirement.
+        measured: Measured result, with numbers.
+        passed: Whether the requirement is met.
     """
 
     test: str

@@ -1,4 +1,4 @@
-"""A pipeline that does to its machine what a real one may do in a bad hour; the seed says what.
+"""Pipeline with failures for tests: the seed selects load, exhausted memory or a large result.
 
 Served with MOTORID_PIPELINE=benchmarks.torture.pipeline:identify.
 """
@@ -43,7 +43,7 @@ def identify(
     options: FitOptions,
     progress: Callable[[str, float], None],
 ) -> _Result:
-    """Do what the seed says."""
+    """Behave as the seed selects."""
     progress("fit", 0.0)
     if options.seed == BURNS:
         _burn(progress)

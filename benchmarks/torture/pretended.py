@@ -1,4 +1,4 @@
-"""A pipeline that takes as long as the seed says, so that hundreds of fits go through in minutes.
+"""Pipeline of short duration, set by the seed, for tests with hundreds of fits.
 
 The processes that compute import it by name; see `MOTORID_PIPELINE`.
 """

@@ -1,4 +1,4 @@
-"""Which processes there are, as the system lists them."""
+"""Processes of the machine, as listed by the system."""
 
 from __future__ import annotations
 

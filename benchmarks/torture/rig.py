@@ -1,4 +1,4 @@
-"""A service with everything it runs on, all of it on loopback and all of it to be killed.
+"""Service with its database and engine on loopback, in which every process can be killed.
 
     with Rig.running(directory, database="postgresql", engine="dask") as rig:
         rig.kill("scheduler")

@@ -1,4 +1,4 @@
-"""Fits a minute with as many workers as cores, over those with one, in one run.
+"""Throughput: fits per minute with one worker per core, relative to one worker.
 
 Each fit has one thread, so that one worker stands for one core.  Two servers run side by side, of
 which one is idle at a time; they take turns, and the same fits without a service follow in each
@@ -93,8 +93,8 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     """Measure the ratio in a few turns.
 
     Args:
-        short: Whether there is only a minute.
-        directory: Where data go.
+        short: Whether to run the short version.
+        directory: Directory of the data.
     """
     cores = len(os.sched_getaffinity(0))
     outcomes = []
@@ -135,7 +135,7 @@ def turns(
     """Turn after turn.
 
     Args:
-        directory: Where data go.
+        directory: Directory of the data.
         workers: How many workers are compared with one.
         kind: What is fitted.
         has_bare: Whether processes without a service take part.

@@ -1,4 +1,4 @@
-"""What processes use, read from the kernel while they do it."""
+"""Resource use of processes, read from the kernel while they run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LOOK_S = 0.02
 
 @dataclass
 class Watch:
-    """The most that was seen.
+    """Maxima of the observed memory use.
 
     Args:
         resident: Memory of the process itself [bytes].
