@@ -63,7 +63,7 @@ def check_present(file: Path, stored: int) -> None:
     is_empty = not file.exists() or (file.is_file() and file.stat().st_size == 0)
     if is_empty and stored:
         state = "is empty" if file.exists() else "is missing"
-        raise DamagedDatabase(file, f"{state} beside the files of {stored} runs and fits")
+        raise DamagedDatabase(file, f"{state} although the files of {stored} runs and fits exist")
 
 
 def check_file(file: Path) -> None:
