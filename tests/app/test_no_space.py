@@ -174,7 +174,7 @@ def test_no_error_of_the_database_shows_sql(
     assert main(["keys", "create", "b", "--data-dir", str(data)]) == 1
 
     shown = capsys.readouterr().err
-    assert "IntegrityError: a value is there already (set" in shown
+    assert "IntegrityError: a value is there already (please report it" in shown
     assert "INSERT" not in shown
     assert DIGEST not in shown
 

@@ -99,7 +99,7 @@ def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> 
 
     assert answer.status_code == 404
     assert answer.json()["code"] == "not_ready"
-    assert "without a posterior" in answer.json()["detail"]
+    assert "has no posterior" in answer.json()["detail"]
     assert "posterior" not in fit["links"]
 
 

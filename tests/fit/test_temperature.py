@@ -98,7 +98,7 @@ def test_a_result_says_at_which_temperatures_its_runs_were_taken(
     for name, warmer in (("run1.csv", 30.0), ("run2.csv", 60.0), ("run3.csv", 20.0)):
         value = float(told.split(f"{name} (")[1].split(" degC")[0])
         assert value == pytest.approx(25.0 + rise * warmer, abs=1.5)
-    assert "run0.csv, called 25 degC" in told
+    assert "run0.csv, which is assumed to be at 25 degC" in told
 
 
 def test_a_run_that_was_not_logged_is_predicted_at_the_temperature_it_had(

@@ -75,7 +75,7 @@ def test_lost_worker_and_lost_scheduler_lose_what_ran_and_nothing_else(
         second.kill()
         ends = [first.exit(), second.exit()]
         until(lambda: bench.engine.capacity() == 0)
-        with pytest.raises(OSError, match="is not connected"):
+        with pytest.raises(OSError, match="no connection to the scheduler"):
             bench.start(QUICK, 3)
         until(lambda: cluster.workers[0].poll() is not None)
         cluster.tend()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,16 @@ import pytest
 from app.cli import main
 from identification.ingest import write_run
 from tests.motors import campaign, motor_named
+
+
+@pytest.fixture(autouse=True)
+def signals_end_processes() -> Iterator[None]:
+    """Reset signals that a shell ignores for background jobs; child processes inherit them."""
+    hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    interrupt = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGHUP, hangup)
+    signal.signal(signal.SIGINT, interrupt)
 
 
 @pytest.fixture(scope="session")

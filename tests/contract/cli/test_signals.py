@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
@@ -30,14 +30,6 @@ ENDS = [
 
 
 _ATTEMPTS = 3
-
-
-@pytest.fixture(autouse=True)
-def hangups_end_processes() -> Iterator[None]:
-    """Also where the tests run under nohup, which lets what it begins ignore them."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    yield
-    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture
