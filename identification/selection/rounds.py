@@ -51,11 +51,13 @@ class State:
         trials: Cache of all fits and scores.
         current: Model to which the next effect is added.
         searched: Examined candidates, in order.
+        predicted_gain: Predicted gain of the effect that was added last; zero before the first.
     """
 
     trials: Trials
     current: Judged
     searched: list[Searched] = field(default_factory=list)
+    predicted_gain: float = 0.0
 
 
 def forward(state: State, round_: int) -> bool:
@@ -74,6 +76,7 @@ def forward(state: State, round_: int) -> bool:
     if chosen is None:
         return False
     state.current = chosen
+    state.predicted_gain = next(s.promised for s in reversed(state.searched) if s.chosen)
     return True
 
 
@@ -128,12 +131,12 @@ def taken(
 
 
 def lacks_more(state: State) -> bool:
-    """Whether a candidate has a larger predicted gain than the last accepted change had.
+    """Whether a candidate has a larger predicted gain than the effect that was added last had.
 
     Backward elimination and exchange are then postponed.
     """
-    promised = [one.promised for one in state.searched if one.chosen]
-    return any(score.gain > promised[-1] for score in state.trials.scores(state.current))
+    scores = state.trials.scores(state.current)
+    return any(score.gain > state.predicted_gain for score in scores)
 
 
 def enrich(state: State, round_: int) -> None:

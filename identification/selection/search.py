@@ -193,7 +193,7 @@ def _asks_for_a_curve(state: State, round_: int) -> bool:
         return False
     if round_ > 1:
         return bool(_is_left(state))
-    return left > max(one.promised for one in state.searched if one.chosen)
+    return left > state.predicted_gain
 
 
 def _curve_alone(state: State, declared: Judged) -> Judged | None:
