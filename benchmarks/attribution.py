@@ -36,10 +36,10 @@ from identification.effort import EFFORTS
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
-from identification.fit.noise import effective_share, with_noise_model
+from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
-from identification.selection.gauge import with_linear_parts
+from identification.selection.non_identifiable import with_linear_parts
 from identification.selection.search import search
 from identification.work import metered
 
@@ -164,7 +164,7 @@ def _noise_there(measured: Recorded, exact: Recorded, noise: Sequence[float]) ->
 def _deviations(fit: Fit, truth: dict[str, float]) -> dict[str, float]:
     """Error of each nominal parameter in posterior standard deviations."""
     final = with_noise_model(with_linear_parts(fit))
-    posterior = Posterior(final, effective_share(final))
+    posterior = Posterior(final, effective_fraction(final))
     spread = np.sqrt(np.diag(posterior.covariance()))
     at = dict(zip(final.coordinates.names, range(final.position.size), strict=True))
     wanted = final.values.copy()

@@ -30,7 +30,7 @@ from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
-from identification.fit.noise import effective_share, with_noise_model
+from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_scale_drawn
 from identification.ingest.run import Run
@@ -43,8 +43,13 @@ from identification.report.assemble import assemble
 from identification.report.findings import Findings
 from identification.report.gather import write_outputs
 from identification.selection.confounded import confounded_terms
-from identification.selection.gauge import Line, lines_of, with_linear_parts, with_lines_drawn
 from identification.selection.long import search_long
+from identification.selection.non_identifiable import (
+    Line,
+    lines_of,
+    with_linear_parts,
+    with_lines_drawn,
+)
 from identification.selection.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
 from identification.selection.outcome import Outcome
 from identification.threads import repeatable_algebra
@@ -162,10 +167,10 @@ def _identified(
     omitted = unknown_gain(closed, [gain.ratio for gain in gains])
     omitted += outcome.omitted if outcome else ()
     omitted += _confounded(declared, outcome)
-    share = effective_share(closed)
+    fraction = effective_fraction(closed)
     tell("posterior", 0.55)
     chain, draws = _drawn(
-        Posterior(closed, share),
+        Posterior(closed, fraction),
         lines_of(final),
         omitted,
         options,
@@ -186,7 +191,7 @@ def _identified(
         declared=declared,
         declared_draws=declared_draws,
         final=final,
-        share=share,
+        fraction=fraction,
         draws=draws,
         sample=chain,
         feedback=metrics,
@@ -355,7 +360,7 @@ def _declared_draws(
     """Draws from the nominal model's posterior; those of the final model if it has no effects."""
     if outcome is None or not outcome.effects:
         return draws
-    draws = normal_draws(Posterior(declared, effective_share(declared)), options.seed)
+    draws = normal_draws(Posterior(declared, effective_fraction(declared)), options.seed)
     return _within_signs(with_scale_drawn(draws, declared, options.seed))
 
 

@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from identification.diagnosis.remains import (
-    Remains,
-    remains_of_training,
-    remains_of_validation,
+from identification.diagnosis.channel_residuals import (
+    ChannelResiduals,
+    residuals_of_training,
+    residuals_of_validation,
 )
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
@@ -117,8 +117,8 @@ def detect(fit: Fit, campaign: Campaign, noise: Array) -> Detection:
         noise: (2,) noise of current and speed from `localise` [A, rad/s].
     """
     floor = np.asarray(noise, dtype=np.float64)
-    training = remains_of_training(fit)
-    validation = remains_of_validation(fit, campaign.validation, floor)
+    training = residuals_of_training(fit)
+    validation = residuals_of_validation(fit, campaign.validation, floor)
     questions = _QUESTIONS * (len(training) + len(validation))
     checks = [
         _check(channel, "training", left, float(floor[k]), None, LEVEL / questions)
@@ -136,9 +136,9 @@ def detect(fit: Fit, campaign: Campaign, noise: Array) -> Detection:
 def _check(
     channel: Channel,
     role: Role,
-    left: Remains,
+    left: ChannelResiduals,
     noise: float,
-    training: Remains | None,
+    training: ChannelResiduals | None,
     level: float,
 ) -> ChannelCheck:
     if left.count < 8 or not noise > 0.0 or not left.rms > 0.0:
@@ -160,7 +160,9 @@ def _check(
     return ChannelCheck(channel, role, ratio, limit, whiteness, outside, not reasons, reason)
 
 
-def _limit(left: Remains, noise: float, training: Remains | None, level: float) -> float:
+def _limit(
+    left: ChannelResiduals, noise: float, training: ChannelResiduals | None, level: float
+) -> float:
     """Upper limit of the noise ratio: noise of the training runs plus parameter uncertainty."""
     variance = left.scatter() + (training.scatter() if training is not None else 0.0)
     mean, more = left.imitated(noise)

@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from identification.diagnosis.ascent import climb
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import HYPER, likelihood
+from identification.diagnosis.maximise import maximise
 
 __all__ = ["Strengths", "longest_memory", "p_value_of", "strongest"]
 
@@ -132,7 +132,7 @@ def strongest(
         pieces: Independent segments of the records.
         allowed: Whether a missing voltage and a missing torque are allowed.
         start: (11,) starting point; the best point of a grid if None.
-        rival: Log likelihood to compare the result with, see `climb`.
+        rival: Log likelihood to compare the result with, see `maximise`.
     """
     lower, upper = _bounds(deviation, pieces, allowed)
 
@@ -142,7 +142,7 @@ def strongest(
     if start is None:
         grid = np.clip(_grid(pieces), lower[:, None], upper[:, None])
         start = grid[:, int(np.argmax(valued(grid)))]
-    found = climb(valued, start, (lower, upper), rival=rival)
+    found = maximise(valued, start, (lower, upper), rival=rival)
     return Strengths(found.place, found.value)
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Literal
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, amplitude, columns, shape
 from identification.effects.orders import HIGHEST_ORDER
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -157,23 +157,23 @@ class CoggingTorque(AbstractTorque):
         return torque
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """Starts at the orders 1 to 36 and those of the residual, sine and cosine scored together.
 
         A logged angle gives two candidates: amplitudes common to all runs, and per-record
         amplitudes.  An integrated angle gives only the latter.
         """
-        revolutions = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
+        revolutions = max(float(np.ptp(r.column("angle"))) for r in scales.records) / (2 * np.pi)
         if revolutions < 0.5:
             return []
-        size = 0.05 * survey.torque
+        size = 0.05 * scales.torque
         starts = [
             (float(order), *phase, *[0.0] * (2 * (_USUAL - 1)))
-            for order in (*range(1, HIGHEST_ORDER + 1), *survey.orders)
+            for order in (*range(1, HIGHEST_ORDER + 1), *scales.orders)
             for phase in ((size, 0.0), (0.0, size))
         ]
-        scanned = cls(survey.torque, logged=True)
-        fitted = [cls(survey.torque, False, angle="integrated", duration=survey.duration)]
-        if survey.angle_logged:
-            fitted = [scanned, cls(survey.torque, False)]
+        scanned = cls(scales.torque, logged=True)
+        fitted = [cls(scales.torque, False, angle="integrated", duration=scales.duration)]
+        if scales.angle_logged:
+            fitted = [scanned, cls(scales.torque, False)]
         return [Candidate(scanned, columns(*starts), joint=2, fitted=form) for form in fitted]

@@ -23,7 +23,7 @@ from identification.model.term import AbstractDelay, AbstractHold, AbstractMean,
 __all__ = [
     "AbstractForced",
     "Candidate",
-    "Survey",
+    "CampaignScales",
     "amplitude",
     "asymmetry",
     "columns",
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Survey:
+class CampaignScales:
     """Scales of one campaign, from its signals and a fit.
 
     Args:

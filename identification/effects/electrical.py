@@ -7,7 +7,14 @@ from typing import ClassVar, Final
 
 import casadi as ca
 
-from identification.effects.effect import Candidate, Survey, amplitude, asymmetry, columns, shape
+from identification.effects.effect import (
+    CampaignScales,
+    Candidate,
+    amplitude,
+    asymmetry,
+    columns,
+    shape,
+)
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -97,15 +104,15 @@ class BrushDrop(AbstractVoltage):
         return -values.voltage * (share + values.asymmetry * even)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its knee scanned."""
-        term = cls(survey.voltage, survey.current)
+        term = cls(scales.voltage, scales.current)
         knees = (0.02, 0.1, 0.4)
         return [
             Candidate(
                 term,
                 columns(
-                    *[(0.03 * survey.voltage, k * survey.current, 2.0, 1.0, 0.0) for k in knees]
+                    *[(0.03 * scales.voltage, k * scales.current, 2.0, 1.0, 0.0) for k in knees]
                 ),
             )
         ]
@@ -190,9 +197,9 @@ class FluxSaturation(_Saturation):
     )
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate with three starts: two exponents, and a fall that soon ends."""
-        term = cls(1.5 * survey.current)
+        term = cls(1.5 * scales.current)
         return [Candidate(term, columns((0.05, 1.3, 0.3), (0.05, 2.5, 0.3), (0.2, 2.0, 0.95)))]
 
 
@@ -223,13 +230,13 @@ class InductanceSaturation(_Saturation):
     )
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, with starts from the onset of saturation to little more than leakage.
 
         The nominal inductance is that at the usual current, far from that at zero current, so the
         scores of most starts understate the gain of a refit.
         """
-        term = cls(1.5 * survey.current)
+        term = cls(1.5 * scales.current)
         starts = [(0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (1.0, 1.3, 0.4), (1.0, 2.5, 0.1)]
         starts += [(3.0, 1.3, 0.4), (3.0, 2.5, 0.4), (5.0, 2.0, 0.15)]
         return [Candidate(term, columns(*starts))]

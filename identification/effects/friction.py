@@ -7,7 +7,14 @@ from typing import ClassVar
 
 import casadi as ca
 
-from identification.effects.effect import Candidate, Survey, amplitude, asymmetry, columns, shape
+from identification.effects.effect import (
+    CampaignScales,
+    Candidate,
+    amplitude,
+    asymmetry,
+    columns,
+    shape,
+)
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -74,10 +81,10 @@ class CoulombFriction(AbstractTorque):
         return -values.torque * (1 + values.asymmetry * sign) * sign
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate."""
-        term = cls(survey.torque, _WIDTH * survey.speed)
-        return [Candidate(term, columns((0.05 * survey.torque, 0.0)))]
+        term = cls(scales.torque, _WIDTH * scales.speed)
+        return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
 
 
 @dataclass(frozen=True)
@@ -133,10 +140,10 @@ class StribeckFriction(AbstractTorque):
         return -values.torque * fading * speed / size
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its speed scanned."""
-        term = cls(survey.torque, survey.speed, _WIDTH * survey.speed)
-        starts = [(0.05 * survey.torque, f * survey.speed, 1.0) for f in (0.03, 0.1, 0.3)]
+        term = cls(scales.torque, scales.speed, _WIDTH * scales.speed)
+        starts = [(0.05 * scales.torque, f * scales.speed, 1.0) for f in (0.03, 0.1, 0.3)]
         return [Candidate(term, columns(*starts))]
 
 
@@ -183,10 +190,10 @@ class QuadraticDrag(AbstractTorque):
         return -values.torque * ratio * even * (1 + values.asymmetry * ratio / size)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate."""
         return [
-            Candidate(cls(survey.torque, survey.speed), columns((0.05 * survey.torque, 2.0, 0.0)))
+            Candidate(cls(scales.torque, scales.speed), columns((0.05 * scales.torque, 2.0, 0.0)))
         ]
 
 
@@ -240,8 +247,8 @@ class ViscousTemperature(AbstractCoefficient):
         return ca.exp(-fall * bent)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, if the temperature range is at least 3 K."""
-        if survey.heated < 3.0:
+        if scales.heated < 3.0:
             return []
         return [Candidate(cls(), columns((0.01, 0.2), (-0.005, 0.2)))]

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractTemperature,
@@ -40,9 +40,9 @@ _WORDS: Final = {
 _IN_STEPS: Final = ", coarse resolution"
 
 
-def _moves(survey: Survey) -> bool:
+def _moves(scales: CampaignScales) -> bool:
     """Whether the logged temperature varies enough within a record to reveal a lag."""
-    movement = (float(np.ptp(record.column("temperature"))) for record in survey.records)
+    movement = (float(np.ptp(record.column("temperature"))) for record in scales.records)
     return max(movement) >= _LEAST_MOVEMENT
 
 
@@ -86,12 +86,12 @@ class _Lag(AbstractTemperature):
         return [(signals.temperature - states.temperature) / values.time_constant]
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its time constant scanned, if the temperature varies within a record."""
-        if not _moves(survey):
+        if not _moves(scales):
             return []
-        term = cls(survey.duration / 200, survey.duration * 5)
-        return [Candidate(term, columns(*[(f * survey.duration,) for f in _SCANNED]))]
+        term = cls(scales.duration / 200, scales.duration * 5)
+        return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]
 
 
 @dataclass(frozen=True)
@@ -183,19 +183,19 @@ class WindingLag(_Lag):
         return [states.warming / self.duration, states.bend / self.duration, ca.SX(0)]
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate per direction of the lag, if the temperature varies within a record."""
-        if not _moves(survey):
+        if not _moves(scales):
             return []
-        shortest, longest = survey.duration / 200, survey.duration
+        shortest, longest = scales.duration / 200, scales.duration
         # A record cannot reveal a lag of the log that is longer than the record.
-        starts = columns(*[(f * survey.duration,) for f in _SCANNED[:-1]])
-        step = max(record.resolution for record in survey.records)
+        starts = columns(*[(f * scales.duration,) for f in _SCANNED[:-1]])
+        step = max(record.resolution for record in scales.records)
         ahead = [
-            Candidate(cls(shortest, longest, d, survey.duration, step), starts)
+            Candidate(cls(shortest, longest, d, scales.duration, step), starts)
             for d in (_AHEAD, _BOTH_AHEAD)
         ]
-        return [*super().candidates(survey), *ahead]
+        return [*super().candidates(scales), *ahead]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, amplitude, columns, shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,
     resonances,
@@ -74,9 +74,9 @@ class LoadTorque(AbstractTorque):
         return -values.torque
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate."""
-        return [Candidate(cls(survey.torque), columns((0.05 * survey.torque,)))]
+        return [Candidate(cls(scales.torque), columns((0.05 * scales.torque,)))]
 
 
 @dataclass(frozen=True)
@@ -159,9 +159,9 @@ class LoadStep(AbstractTorque):
         return -values.torque * here * (passed(values.start) - passed(values.stop))
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate for single runs and groups of runs; spans of 1/2, 1/4 and 1/8 of a run."""
-        lengths = sorted({record.run: float(record.time[-1]) for record in survey.records}.values())
+        lengths = sorted({record.run: float(record.time[-1]) for record in scales.records}.values())
         starts: list[Sequence[float]] = []
         scanned = 0.0
         for last in lengths:
@@ -172,8 +172,8 @@ class LoadStep(AbstractTorque):
                 length = last / parts
                 for k in range(2 * parts - 1):
                     begin = 0.5 * k * length
-                    starts.append((0.1 * survey.torque, begin, begin + length))
-        term = cls(None, survey.torque, 2 * survey.interval, survey.duration)
+                    starts.append((0.1 * scales.torque, begin, begin + length))
+        term = cls(None, scales.torque, 2 * scales.interval, scales.duration)
         return [Candidate(term, columns(*starts), by_run=True, recurs=True)]
 
 
@@ -226,9 +226,9 @@ class InertiaChange(AbstractCoefficient):
         return 1 + values.change * here
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate for single runs, if there are at least two."""
-        if len(survey.runs) < 2:
+        if len(scales.runs) < 2:
             return []
         return [Candidate(cls(None), columns((0.2,), (-0.15,)), by_run=True)]
 
@@ -292,13 +292,13 @@ class ShaftCompliance(AbstractSecondInertia):
         return spring + 2 * values.damping * values.resonance * slip
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its resonance scanned with heavy damping."""
-        reach = resonances(survey)
+        reach = resonances(scales)
         if reach is None:
             return []
         slowest, fastest = reach
-        term = cls(survey.torque, slowest, fastest)
+        term = cls(scales.torque, slowest, fastest)
         scanned = np.geomspace(1.5 * slowest, 0.7 * fastest, 16)
         starts = [(share, w, 0.3, 0.0) for share in (0.2, 0.5) for w in scanned]
         return [Candidate(term, columns(*starts))]

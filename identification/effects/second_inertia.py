@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, Final
 
-from identification.effects.effect import Survey, shape
+from identification.effects.effect import CampaignScales, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -71,10 +71,10 @@ def share_of_inertia(meaning: str) -> Parameter:
     return shape("share", "-", meaning, 0.003, 0.99)
 
 
-def resonances(survey: Survey) -> tuple[float, float] | None:
+def resonances(scales: CampaignScales) -> tuple[float, float] | None:
     """Lowest and highest identifiable resonance [rad/s]; None if their ratio is below two.
 
     The duration of the longest record limits the lowest, the sample interval the highest.
     """
-    slowest, fastest = 20.0 / survey.duration, 2.5 / survey.interval
+    slowest, fastest = 20.0 / scales.duration, 2.5 / scales.interval
     return None if fastest < _LEAST_RANGE * slowest else (slowest, fastest)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate, Survey, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
@@ -99,24 +99,24 @@ class _Filter(AbstractSensor):
         return states.filtered + 0 * before
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate of each order, its time constant scanned."""
-        scanned = [f * survey.interval for f in (0.7, 3.0, 12.0, 50.0)]
-        ends = 0.1 * survey.interval, 300 * survey.interval
+        scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
+        ends = 0.1 * scales.interval, 300 * scales.interval
         return [
             Candidate(
-                cls(*ends), columns(*[(time,) for time in scanned]), traded=cls._traded(survey, ())
+                cls(*ends), columns(*[(time,) for time in scanned]), traded=cls._traded(scales, ())
             ),
             Candidate(
                 cls(*ends, 2),
                 columns(*[(time, 0.4) for time in scanned]),
-                traded=cls._traded(survey, (0.4,)),
+                traded=cls._traded(scales, (0.4,)),
             ),
         ]
 
     @classmethod
     def _traded(
-        cls, survey: Survey, shape: tuple[float, ...]
+        cls, scales: CampaignScales, shape: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
         """Starting points at which nominal parameters give back the lag that they had absorbed."""
         return ()
@@ -166,9 +166,9 @@ class SpeedFilter(_Filter):
     laws: ClassVar[tuple[type[AbstractTerm], ...]] = (SpeedMean,)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A low-pass filter of each order, its time constant scanned, and the mean."""
-        return [*super().candidates(survey), Candidate(SpeedMean(), columns(()))]
+        return [*super().candidates(scales), Candidate(SpeedMean(), columns(()))]
 
 
 @dataclass(frozen=True)
@@ -187,13 +187,13 @@ class CurrentFilter(_Filter):
 
     @classmethod
     def _traded(
-        cls, survey: Survey, shape: tuple[float, ...]
+        cls, scales: CampaignScales, shape: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
         """Splits of the fitted lag L / Ra25 between winding and filter, their sum unchanged.
 
         A fit without the filter explains its lag by a larger inductance.
         """
-        lag = float(survey.values[6] / survey.values[0])
+        lag = float(scales.values[6] / scales.values[0])
         return tuple(
             (np.array([(1.0 - share) * lag, *shape]), {"L": share}) for share in _INDUCTANCES
         )
@@ -239,14 +239,14 @@ class ChannelDelay(AbstractDelay):
         )
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate per channel."""
         depth = 8
-        starts = columns(*[(f * survey.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
+        starts = columns(*[(f * scales.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
         # The current may jump at every voltage sample, so each interval can have a local optimum.
-        tried = survey.interval * np.arange(0.5, depth, 0.5)[None, :]
+        tried = scales.interval * np.arange(0.5, depth, 0.5)[None, :]
         return [
-            Candidate(cls(channel, depth, survey.interval), starts, tried=tried)
+            Candidate(cls(channel, depth, scales.interval), starts, tried=tried)
             for channel in ("current", "speed", "voltage")
         ]
 
@@ -265,6 +265,6 @@ class InputHold(AbstractHold):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate without parameters."""
         return [Candidate(cls(), columns(()))]

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -161,13 +161,13 @@ class SelfHeating(AbstractTemperature):
         return found
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its time constant scanned."""
-        power = float(survey.values[0]) * survey.current**2
-        fastest, slowest = survey.duration / 300, survey.duration * 5
-        least = 0.0 if survey.knows_temperatures else _LEAST_RISE
-        term = cls(power, fastest, slowest, survey.speed, least=least)
-        scanned = survey.duration * np.array([0.01, 0.05, 0.2, 1.0])
+        power = float(scales.values[0]) * scales.current**2
+        fastest, slowest = scales.duration / 300, scales.duration * 5
+        least = 0.0 if scales.knows_temperatures else _LEAST_RISE
+        term = cls(power, fastest, slowest, scales.speed, least=least)
+        scanned = scales.duration * np.array([0.01, 0.05, 0.2, 1.0])
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
 
 
@@ -201,9 +201,9 @@ class ResistanceCurvature(AbstractCoefficient):
         return 1 + values.curvature * rise**2 / (1 + values.alpha_Ra * rise)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, if the temperature range is at least 10 K."""
-        return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if survey.heated >= 10.0 else []
+        return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if scales.heated >= 10.0 else []
 
 
 @dataclass(frozen=True)
@@ -259,9 +259,9 @@ class Demagnetization(AbstractCoefficient):
         return 1 - values.loss * 0.5 * (1 + late / ca.sqrt(late * late + 1))
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its threshold scanned, if the temperature range is at least 5 K."""
-        columns_ = [record.column("temperature") for record in survey.records]
+        columns_ = [record.column("temperature") for record in scales.records]
         coldest = min(float(c.min()) for c in columns_)
         hottest = max(float(c.max()) for c in columns_)
         if hottest - coldest < 5.0:

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns
+from identification.effects.effect import CampaignScales, Candidate, amplitude, columns
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractSensor,
@@ -29,9 +29,9 @@ _EACH_RUN: Final = "separate value for each run"
 _FEWEST_RUNS: Final = 3
 
 
-def _forms(survey: Survey) -> tuple[bool, ...]:
+def _forms(scales: CampaignScales) -> tuple[bool, ...]:
     """Values of `drifts` to try: a drift needs three runs."""
-    return (False, True) if len(survey.runs) >= _FEWEST_RUNS else (False,)
+    return (False, True) if len(scales.runs) >= _FEWEST_RUNS else (False,)
 
 
 def _zero_error(unit: str, size: float, drifts: bool) -> tuple[Parameter, ...]:
@@ -83,12 +83,12 @@ class _ZeroError(AbstractSensor):
         return before + _error_in_run(signals, values, self.drifts)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with three runs or more, a drifting one."""
-        size = float(getattr(survey, cls.channel))
+        size = float(getattr(scales, cls.channel))
         return [
             Candidate(cls(size, drifts), _zero_starts(cls.tried * size, drifts), joint=1 + drifts)
-            for drifts in _forms(survey)
+            for drifts in _forms(scales)
         ]
 
 
@@ -144,11 +144,11 @@ class CurrentOffset(_ZeroError):
         return super().logged(before, signals, states, values)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with several runs, one free in each record: it covers any drift."""
-        constant, *_ = super().candidates(survey)
-        own = replace(constant, fitted=cls(survey.current, own=True))
-        return [constant, own] if len(survey.runs) > 1 else [constant]
+        constant, *_ = super().candidates(scales)
+        own = replace(constant, fitted=cls(scales.current, own=True))
+        return [constant, own] if len(scales.runs) > 1 else [constant]
 
 
 @dataclass(frozen=True)
@@ -195,10 +195,10 @@ class VoltageOffset(AbstractSupply):
         return before - _error_in_run(signals, values, self.drifts)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with three runs or more, a drifting one."""
-        size = survey.voltage
+        size = scales.voltage
         return [
             Candidate(cls(size, drifts), _zero_starts(0.03 * size, drifts), joint=1 + drifts)
-            for drifts in _forms(survey)
+            for drifts in _forms(scales)
         ]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.fit.start import starting_values
 from identification.fit.temperature import unlogged_of, with_expected
 from identification.model.composite import Hold, MotorModel
@@ -85,7 +85,7 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
     Far from the start the inductance may be so small that the Taylor series of the plan fails.  The
     error of the series then acts as a barrier, along which the fit creeps until its step limit.
     """
-    fit = solve(simulator, coordinates, position, patience=Patience(steps=_LEG))
+    fit = solve(simulator, coordinates, position, limits=TerminationLimits(steps=_LEG))
     for _ in range(_LEGS):
         if fit.converged:
             break
@@ -94,7 +94,12 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
         if not plan.suits(Simulator.rate(model, records, fit.values)):
             simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
         fit = solve(
-            simulator, coordinates, fit.position, fit.states, fit.weighting, Patience(steps=_LEG)
+            simulator,
+            coordinates,
+            fit.position,
+            fit.states,
+            fit.weighting,
+            TerminationLimits(steps=_LEG),
         )
     return replanned(fit)
 
@@ -108,17 +113,17 @@ def settled(fit: Fit) -> Fit:
     return solve(fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting)
 
 
-def replanned(fit: Fit, patience: Patience | None = None) -> Fit:
+def replanned(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """Refit with an integrator plan that suits the optimum; unchanged if the plan already does."""
-    patience = patience or Patience()
+    limits = limits or TerminationLimits()
     for _ in range(3):
         simulator = fit.simulator
         model, records, plan = simulator.model, simulator.records, simulator.plan
         rate = Simulator.rate(model, records, fit.values)
-        if plan.suits(rate) or patience.over:
+        if plan.suits(rate) or limits.over:
             return fit
         simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
-        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, patience)
+        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, limits)
     return fit
 
 

@@ -42,18 +42,18 @@ _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 
 
 def identified(
-    fit: Fit, share: float, added: Array | None = None, *, by_runs: bool = False
+    fit: Fit, fraction: float, added: Array | None = None, *, by_runs: bool = False
 ) -> dict[str, bool]:
     """Whether the data, with the known values, determine each parameter of the fit.
 
     Args:
         fit: The fit.
-        share: Effective sample fraction, see `effective_share`.
+        fraction: Effective sample fraction, see `effective_fraction`.
         added: (n_parameter,) variances for omitted terms, added in search coordinates.
         by_runs: Whether known values are ignored.
     """
     known = np.array([bool(p.origin) and not by_runs for p in fit.coordinates.parameters])
-    deviations = _data_deviations(fit, share, known)
+    deviations = _data_deviations(fit, fraction, known)
     if added is not None:
         deviations = np.sqrt(deviations**2 + added)
     slopes = fit.coordinates.slopes(fit.position)
@@ -87,9 +87,9 @@ def _beforehand(parameter: Parameter) -> float:
     return _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
 
 
-def _data_deviations(fit: Fit, share: float, known: NDArray[np.bool_]) -> Array:
+def _data_deviations(fit: Fit, fraction: float, known: NDArray[np.bool_]) -> Array:
     """(n_parameter,) standard deviations in search coordinates, infinite where undetermined."""
-    information = share * fit.equations.information
+    information = fraction * fit.equations.information
     if known.any():
         information = information + np.diag(np.where(known, fit.coordinates.prior_sd, np.inf) ** -2)
     size = np.sqrt(np.maximum(np.diag(information), 0.0))

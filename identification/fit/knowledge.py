@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from identification.fit.declared import replanned
-from identification.fit.noise import effective_share
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, solve
 from identification.known import Prior
 from identification.linear import solution
@@ -125,8 +125,8 @@ class Knowledge:
 
     def compared(self, fit: Fit) -> list[Comparison]:
         """Comparison of all known values under the model of a fit, largest |z| first."""
-        share = effective_share(fit)
-        found = [compared(fit, share, prior) for prior in self.priors]
+        fraction = effective_fraction(fit)
+        found = [compared(fit, fraction, prior) for prior in self.priors]
         return sorted(found, key=lambda one: -abs(one.distance))
 
     def contradictions(self, fit: Fit) -> tuple[Comparison, ...]:
@@ -136,7 +136,7 @@ class Knowledge:
         found = [one for one in self.compared(fit) if one.contradicts]
         if self.friction is not None:
             bound = Prior("b", self.friction, 0.3 * self.friction, NAMEPLATE)
-            own = compared(fit, effective_share(fit), bound)
+            own = compared(fit, effective_fraction(fit), bound)
             found += [own] if own.contradicts and own.estimate > self.friction else []
         return tuple(sorted(found, key=lambda one: -abs(one.distance)))
 
@@ -158,18 +158,18 @@ class Knowledge:
         return _refitted(fit, Coordinates(parameters))
 
 
-def compared(fit: Fit, share: float, prior: Prior) -> Comparison:
+def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
     """Compare a known value with the estimate of the runs without it.
 
     Args:
         fit: Fit of any model, with or without the prior.
-        share: Effective sample fraction.
+        fraction: Effective sample fraction.
         prior: The known value.
     """
     k = fit.coordinates.names.index(prior.name)
     parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
     own = 1.0 / float(fit.coordinates.prior_sd[k]) ** 2
-    precision = _precision(fit, share, k) - own
+    precision = _precision(fit, fraction, k) - own
     precision = 1.0 / (1.0 / precision + _unsaid(fit, prior.name) ** 2) if precision > 0 else 0.0
     slope = float(fit.coordinates.slopes(fit.position)[k])
     estimate = float(fit.values[k])
@@ -193,10 +193,10 @@ def _unsaid(fit: Fit, name: str) -> float:
     return _WITHOUT_TEMPERATURE.get(name, 0.0) if fit.simulator.model.unlogged.is_relative else 0.0
 
 
-def _precision(fit: Fit, share: float, k: int) -> float:
+def _precision(fit: Fit, fraction: float, k: int) -> float:
     """Inverse posterior variance of search coordinate `k`, all others free."""
     equations = fit.equations
-    matrix = equations.matrix - (1.0 - share) * equations.information
+    matrix = equations.matrix - (1.0 - fraction) * equations.information
     others = np.arange(matrix.shape[0]) != k
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)

@@ -26,13 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
 
 __all__ = [
     "autoregression",
-    "effective_share",
+    "effective_fraction",
     "noise_deviation",
     "student",
     "with_noise_model",
@@ -97,7 +97,7 @@ def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
             changed.position,
             changed.states,
             changed.weighting,
-            Patience(_LEG),
+            TerminationLimits(_LEG),
         )
         if not np.all(plain.sums_of_squares(changed.residuals()) <= most):
             return fit
@@ -114,7 +114,7 @@ def _tolerated_rise(fit: Fit) -> float:
     noise cannot be distinguished from a missing effect.
     """
     unknowns = fit.position.size + sum(state.size for state in fit.states)
-    samples = float(fit.weighting.counts.max()) * effective_share(fit)
+    samples = float(fit.weighting.counts.max()) * effective_fraction(fit)
     return 1.0 + min(3.0 * unknowns / max(samples, 1.0), _LARGEST_RISE)
 
 
@@ -237,7 +237,7 @@ def noise_deviation(fit: Fit) -> Array:
     return found
 
 
-def effective_share(fit: Fit) -> float:
+def effective_fraction(fit: Fit) -> float:
     """Effective sample fraction: independent samples over all samples, at most one.
 
     With residuals e, weights w and sensitivities a, the fit solves sum a w e = 0.  Its covariance

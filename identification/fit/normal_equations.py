@@ -231,13 +231,13 @@ class NormalEquations:
             free &= ~beyond
         return step
 
-    def covariance(self, share: float = 1.0) -> Array:
+    def covariance(self, fraction: float = 1.0) -> Array:
         """Covariance of the search coordinates, prior included.
 
         Args:
-            share: Effective sample fraction; the prior keeps its weight.
+            fraction: Effective sample fraction; the prior keeps its weight.
         """
-        return _inverse(self.matrix - (1.0 - share) * self.information)
+        return _inverse(self.matrix - (1.0 - fraction) * self.information)
 
     def state_response(self, k: int) -> Array:
         """(n_state, n_parameter) derivative of the best initial state of record `k`."""

@@ -32,7 +32,7 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 from identification.work import Budget
 
-__all__ = ["Fit", "Patience", "solve"]
+__all__ = ["Fit", "TerminationLimits", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -55,12 +55,12 @@ _PROBE: Final = 0.1
 
 
 @dataclass(frozen=True)
-class Patience:
+class TerminationLimits:
     """Termination limits of a fit.
 
     Args:
         steps: Largest number of steps.
-        hopeless: Cost at which the refit is abandoned: the fit stops if it is not predicted to
+        abandon_cost: Cost at which the refit is abandoned: the fit stops if it is not predicted to
             reach this cost.
         budget: Operations that the fit may take; None for no limit.
         reference: Cost of a better model, with which the fit is compared.  The fit has converged
@@ -68,7 +68,7 @@ class Patience:
     """
 
     steps: int = 60
-    hopeless: float = np.inf
+    abandon_cost: float = np.inf
     budget: Budget | None = None
     reference: float = np.inf
 
@@ -111,10 +111,10 @@ class Fit:
         """(n_parameter,) physical values."""
         return self.coordinates.values(self.position)
 
-    def is_behind(self, patience: Patience) -> bool:
-        """Whether the fit is not predicted to reach `Patience.hopeless`."""
-        promised = self.equations.decrement_within(self.position, self.coordinates)
-        return self.cost - _OPTIMISM * promised > patience.hopeless
+    def is_behind(self, limits: TerminationLimits) -> bool:
+        """Whether the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
+        predicted = self.equations.decrement_within(self.position, self.coordinates)
+        return self.cost - _OPTIMISM * predicted > limits.abandon_cost
 
     def light(self) -> Fit:
         """Copy without cached sensitivities, which use most of the memory."""
@@ -148,7 +148,7 @@ def solve(
     position: Array,
     states: Sequence[Array] | None = None,
     weighting: Weighting | None = None,
-    patience: Patience | None = None,
+    limits: TerminationLimits | None = None,
 ) -> Fit:
     """Fit parameters and initial states to the records of `simulator`.
 
@@ -158,7 +158,7 @@ def solve(
         position: (n_parameter,) start in search coordinates.
         states: Initial states to start from; taken from the first samples if absent.
         weighting: Noise model; white with unknown deviations if absent.
-        patience: Termination limits.
+        limits: Termination limits.
 
     Returns:
         The optimum; `converged` is False if the fit stopped before it.  The cost is infinite if the
@@ -174,15 +174,15 @@ def solve(
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
     if not equations.is_finite:
         cost = np.inf
-    patience = patience or Patience()
+    limits = limits or TerminationLimits()
     ladder = _LADDER
-    for number in range(patience.steps):
-        if patience.over or not equations.is_finite:
+    for number in range(limits.steps):
+        if limits.over or not equations.is_finite:
             break
         decrement = equations.decrement_within(at, coordinates)
-        if decrement < patience.enough(cost):
+        if decrement < limits.enough(cost):
             break
-        if number >= _TRIED and cost - _OPTIMISM * decrement > patience.hopeless:
+        if number >= _TRIED and cost - _OPTIMISM * decrement > limits.abandon_cost:
             break
         trial = _ladder(equations, coordinates, at, x0, ladder)
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
@@ -206,7 +206,7 @@ def solve(
             break
         at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
-    converged |= equations.decrement_within(at, coordinates) < patience.enough(cost)
+    converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 
 

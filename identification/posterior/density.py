@@ -42,12 +42,12 @@ class Posterior:
 
     Args:
         fit: Optimum around which the initial states are linearised.
-        share: Effective sample fraction; below one if the residuals are heavy-tailed, or are
+        fraction: Effective sample fraction; below one if the residuals are heavy-tailed, or are
             autocorrelated in a way that the noise model does not describe.
     """
 
     fit: Fit
-    share: float
+    fraction: float
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -67,14 +67,14 @@ class Posterior:
     @cached_property
     def ridge(self) -> Ridge:
         """Shear between sampled and search coordinates."""
-        return ridge_of(self.fit, self.share)
+        return ridge_of(self.fit, self.fraction)
 
     def covariance(self) -> Array:
         """(n_dim, n_dim) covariance of the normal approximation at the optimum."""
         n = self.fit.position.size
         covariance = np.zeros((n + 2, n + 2))
-        covariance[:n, :n] = self.fit.equations.covariance(self.share)
-        counts = np.maximum(self.fit.weighting.counts * self.share, 2.0)
+        covariance[:n, :n] = self.fit.equations.covariance(self.fraction)
+        counts = np.maximum(self.fit.weighting.counts * self.fraction, 2.0)
         covariance[n:, n:] = np.diag(0.5 / counts)
         return covariance
 
@@ -143,5 +143,5 @@ class Posterior:
         counts = fit.weighting.counts[:, None]
         with np.errstate(over="ignore", invalid="ignore"):
             channels = counts * log_deviation + 0.5 * sums * np.exp(-2 * log_deviation)
-            density = prior - self.share * np.sum(channels, axis=0)
+            density = prior - self.fraction * np.sum(channels, axis=0)
         return np.where(inside & np.isfinite(density), density, -np.inf)

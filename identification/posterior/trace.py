@@ -75,31 +75,31 @@ class _Direction:
     free: NDArray[np.bool_]
 
 
-def ridge_of(fit: Fit, share: float) -> Ridge:
+def ridge_of(fit: Fit, fraction: float) -> Ridge:
     """The ridge through the optimum; straight if the posterior is close to normal.
 
     Args:
         fit: The optimum.
-        share: Effective sample fraction.
+        fraction: Effective sample fraction.
     """
-    directions = _directions(fit, share)
-    excess = _excess(fit, share, directions)
+    directions = _directions(fit, fraction)
+    excess = _excess(fit, fraction, directions)
     direction = directions[int(np.argmax(excess))]
-    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, share), 0.0)}
+    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, fraction), 0.0)}
     if excess.max() > _BENT:
         for sign in (1.0, -1.0):
-            points |= _traced(fit, share, direction, sign)
-    return _ridge(fit, share, direction, points)
+            points |= _traced(fit, fraction, direction, sign)
+    return _ridge(fit, fraction, direction, points)
 
 
-def _precision(equations: NormalEquations, share: float) -> Array:
+def _precision(equations: NormalEquations, fraction: float) -> Array:
     """Inverse covariance of the posterior, (n_parameter, n_parameter)."""
-    return np.asarray(equations.matrix - (1.0 - share) * equations.information)
+    return np.asarray(equations.matrix - (1.0 - fraction) * equations.information)
 
 
-def _directions(fit: Fit, share: float) -> list[_Direction]:
+def _directions(fit: Fit, fraction: float) -> list[_Direction]:
     """The least certain directions, and the inward direction from each active bound."""
-    coordinates, precision = fit.coordinates, _precision(fit.equations, share)
+    coordinates, precision = fit.coordinates, _precision(fit.equations, fraction)
     lower, upper = fit.position <= coordinates.lower, fit.position >= coordinates.upper
     free = ~(lower | upper)
     root = _scaled_root(precision[np.ix_(free, free)])
@@ -131,7 +131,7 @@ def _directions(fit: Fit, share: float) -> list[_Direction]:
     return kept or [_Direction(first, first, free)]
 
 
-def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:
+def _excess(fit: Fit, fraction: float, directions: list[_Direction]) -> Array:
     """(n_direction,) deviation of the log density from normality, two standard deviations away."""
     count = len(directions)
     tangents = _PROBE * np.array([direction.tangent for direction in directions]).T
@@ -141,35 +141,35 @@ def _excess(fit: Fit, share: float, directions: list[_Direction]) -> Array:
         start[:, None] + fit.equations.state_response(k) @ steps
         for k, start in enumerate(fit.states)
     ]
-    falls = _falls(fit, share, position, states)
+    falls = _falls(fit, fraction, position, states)
     unlike = np.abs(falls - 0.5 * _PROBE**2)
     unlike = np.where(np.isinf(fit.coordinates.log_prior(position)), _CUT, unlike)
     unlike = np.where(np.isfinite(unlike), unlike, np.inf)
     return np.asarray(np.maximum(unlike[:count], unlike[count:]))
 
 
-def _falls(fit: Fit, share: float, position: Array, states: list[Array]) -> Array:
+def _falls(fit: Fit, fraction: float, position: Array, states: list[Array]) -> Array:
     """(n_point,) drop of the log density from the optimum."""
     points = np.column_stack([fit.position, position])
     starts = [np.column_stack([own, x]) for own, x in zip(fit.states, states, strict=True)]
     sums = fit.simulator.misfit(fit.coordinates.values(points), starts, fit.weighting)
     with np.errstate(over="ignore", invalid="ignore"):
         misfit = 0.5 * np.sum(sums / fit.weighting.deviation[:, None] ** 2, axis=0)
-        height = fit.coordinates.log_prior(points) - share * misfit
+        height = fit.coordinates.log_prior(points) - fraction * misfit
         return np.asarray(height[0] - height[1:])
 
 
-def _traced(fit: Fit, share: float, direction: _Direction, sign: float) -> dict[float, _Point]:
+def _traced(fit: Fit, fraction: float, direction: _Direction, sign: float) -> dict[float, _Point]:
     """Points of the ridge on one side, by position."""
     found: dict[float, _Point] = {}
     way, step = 0.0, _STEP
     slope = direction.tangent
-    here = _Point(fit.position, fit.states, _precision(fit.equations, share), 0.0)
+    here = _Point(fit.position, fit.states, _precision(fit.equations, fraction), 0.0)
     while len(found) < _MOST and here.fall < _ENOUGH:
         way += sign * step
         # Extrapolate from the last two points of the ridge.
         ahead = here.position + sign * step * slope
-        point = _optimised(fit, share, ahead, here.states, direction, way)
+        point = _optimised(fit, fraction, ahead, here.states, direction, way)
         if point is None or not point.fall < 2.0 * _ENOUGH:
             break
         slope = (point.position - here.position) / (sign * step)
@@ -181,7 +181,7 @@ def _traced(fit: Fit, share: float, direction: _Direction, sign: float) -> dict[
 
 def _optimised(
     fit: Fit,
-    share: float,
+    fraction: float,
     position: Array,
     states: tuple[Array, ...],
     direction: _Direction,
@@ -195,7 +195,7 @@ def _optimised(
         equations = normal_equations(fit.simulator, coordinates, position, states, fit.weighting)
         if not equations.is_finite:
             return None
-        precision = _precision(equations, share)
+        precision = _precision(equations, fraction)
         short = way - float(direction.along @ (position - fit.position))
         step = np.zeros_like(position)
         step[free] = _step(equations, direction.along, short, free)
@@ -213,7 +213,7 @@ def _optimised(
         )
         if far < _FAR and _is_inside(fit, position, free):
             # The precision is unchanged by so short a step.
-            fall = _falls(fit, share, position[:, None], [x[:, None] for x in states])
+            fall = _falls(fit, fraction, position[:, None], [x[:, None] for x in states])
             return _Point(position, states, precision, float(fall[0]))
     return None
 
@@ -234,7 +234,7 @@ def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[
     return least_squares(matrix / np.outer(size, size), right / size, 1e-14) / size
 
 
-def _ridge(fit: Fit, share: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
+def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
     """The ridge of the traced points, in the order of their positions."""
     tangent, along = direction.tangent, direction.along
     way = np.array(sorted(points))

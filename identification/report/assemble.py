@@ -48,7 +48,7 @@ from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 from identification.report.summary import NEAR_NOISE
 from identification.report.worse import worse_warnings
-from identification.selection.gauge import lines_of
+from identification.selection.non_identifiable import lines_of
 from identification.selection.omitted import consider_variances
 
 __all__ = ["assemble"]
@@ -66,7 +66,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
     final, declared = findings.final, findings.declared
     sample = findings.sample
-    known = identified(declared, findings.share)
+    known = identified(declared, findings.fraction)
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
     implausible = _implausible(findings)
@@ -136,7 +136,7 @@ def _implausible(findings: Findings) -> list[Finding]:
     """
     final = findings.final
     others = [term for term in findings.omitted if not term.parameter]
-    known = identified(final, findings.share, consider_variances(final, others))
+    known = identified(final, findings.fraction, consider_variances(final, others))
     given = {p.name for p in final.coordinates.parameters if p.origin} & {"J", "L"}
     values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
@@ -259,7 +259,7 @@ def _checks(admission: Admission | None, found: Sequence[Finding]) -> dict[str, 
 def _parameters(
     fit: Fit, draws: dict[str, Array], known: dict[str, bool], findings: Findings
 ) -> dict[str, dict[str, Any]]:
-    priors = prior_entries(fit, findings.share, findings.options.priors, findings.contradicted)
+    priors = prior_entries(fit, findings.fraction, findings.options.priors, findings.contradicted)
     return {
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
@@ -346,8 +346,8 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
         *coarse_warnings(campaign.training_runs, findings.noise),
         *_worse(findings),
         *omitted_warnings(findings.final, findings.omitted),
-        *confounded_warnings(findings.final, findings.share, findings.omitted),
-        *known_only_warnings(findings.final, findings.share),
+        *confounded_warnings(findings.final, findings.fraction, findings.omitted),
+        *known_only_warnings(findings.final, findings.fraction),
         *_temperatures(findings),
         *campaign.warnings,
         *(str(warning) for run in runs for warning in run.warnings),

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Survey
+from identification.effects.effect import CampaignScales
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
@@ -27,9 +27,9 @@ from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.report.atomic import write_text
 from identification.report.confusions import CONFUSIONS
-from identification.selection.survey import survey_of
+from identification.selection.scales import scales_of
 
-__all__ = ["effects_page", "example_survey", "main"]
+__all__ = ["effects_page", "example_scales", "main"]
 
 PAGE: Final = Path("docs/effects.md")
 
@@ -72,17 +72,17 @@ A prior "x / f" is log-normal with median x; one standard deviation is a factor 
 """
 
 
-def effects_page(survey: Survey) -> str:
+def effects_page(scales: CampaignScales) -> str:
     """Markdown text of the page.
 
     Args:
-        survey: Scales of the signals and parameters of the example.
+        scales: Scales of the signals and parameters of the example.
     """
     ra, _, kt, _, inertia, *_ = _MOTOR
     head = _HEAD.format(
-        Ra25=ra, Kt25=kt, J=inertia, voltage=_number(survey.voltage),
-        current=_number(survey.current), speed=_number(survey.speed),
-        duration=_number(survey.duration), interval=1e3 * survey.interval,
+        Ra25=ra, Kt25=kt, J=inertia, voltage=_number(scales.voltage),
+        current=_number(scales.current), speed=_number(scales.speed),
+        duration=_number(scales.duration), interval=1e3 * scales.interval,
     )  # fmt: skip
     index = ["| effect | equation | drivers | description |", "|---|---|---|---|"]
     sections = []
@@ -90,11 +90,11 @@ def effects_page(survey: Survey) -> str:
         text, formulas, remark = _documentation(kind)
         drivers = ", ".join(kind.drivers) or "none (constant)"
         index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {text} |")
-        sections.append(_section(name, kind, survey, (text, formulas, remark)))
+        sections.append(_section(name, kind, scales, (text, formulas, remark)))
     return "\n".join([head, *index, "", *sections, _confusions()])
 
 
-def example_survey() -> Survey:
+def example_scales() -> CampaignScales:
     """Signal and parameter scales of an example with varying temperature and a logged shaft angle.
 
     A known motor is simulated, noise is added and the nominal model is fitted, as for any runs.
@@ -120,13 +120,13 @@ def example_survey() -> Survey:
                 temperature, np.cumsum(speed) * _INTERVAL,
             )
         )  # fmt: skip
-    return survey_of(fit_declared(records_of(runs), "zoh"))
+    return scales_of(fit_declared(records_of(runs), "zoh"))
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Write the page to the given path, by default docs/effects.md."""
     given = sys.argv[1:] if arguments is None else arguments
-    write_text(Path(given[0]) if given else PAGE, effects_page(example_survey()))
+    write_text(Path(given[0]) if given else PAGE, effects_page(example_scales()))
 
 
 def _documentation(kind: Any) -> tuple[str, list[str], str]:
@@ -154,7 +154,7 @@ _FORMULA: Final = re.compile(r"(=|->).*\[[^\]]+\]\s*$")
 
 
 def _section(
-    name: str, kind: Any, survey: Survey, documentation: tuple[str, list[str], str]
+    name: str, kind: Any, scales: CampaignScales, documentation: tuple[str, list[str], str]
 ) -> str:
     text, formulas, remark = documentation
     drivers = ", ".join(kind.drivers)
@@ -165,7 +165,7 @@ def _section(
         lines += ["", remark]
     lines += ["", f"Equation: {kind.equation}. Drivers: {drivers or 'none (constant)'}."]
     lines.append(f"Source: {kind.source}.")
-    candidates = kind.candidates(survey)
+    candidates = kind.candidates(scales)
     parameters = candidates[0].term.parameters if candidates else ()
     if parameters:
         lines += ["", "| parameter | unit | meaning | prior | bounds |", "|---|---|---|---|---|"]

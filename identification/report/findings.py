@@ -46,7 +46,7 @@ class Findings:
         declared: Fit of the nominal model (before).
         declared_draws: Draws of its posterior, physical, by name.
         final: Fit of the final model (after).
-        share: Effective sample fraction in the final model.
+        fraction: Effective sample fraction in the final model.
         draws: Draws of the final model's posterior, physical, by name.
         sample: The chain, None if none was requested.
         feedback: The feedback list of the result.
@@ -69,7 +69,7 @@ class Findings:
     declared: Fit
     declared_draws: dict[str, Array]
     final: Fit
-    share: float
+    fraction: float
     draws: dict[str, Array]
     sample: Sample | None
     feedback: list[dict[str, object]]
@@ -100,7 +100,7 @@ class Findings:
     @cached_property
     def known(self) -> dict[str, bool]:
         """Whether the data identify each parameter of the final model, omitted terms considered."""
-        return identified(self.final, self.share, consider_variances(self.final, self.omitted))
+        return identified(self.final, self.fraction, consider_variances(self.final, self.omitted))
 
     @property
     def has_effects(self) -> bool:

@@ -17,7 +17,7 @@ from identification.report.data import Candidate, MissingTerm, MissingTrace, Sto
 from identification.report.numbers import number_text
 from identification.report.pictured import undrawn_sentence
 from identification.report.result import parameter_entry
-from identification.selection.evidence import Gates
+from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome, Searched
 from identification.surrogates.unlisted import LAWS
 
@@ -79,12 +79,12 @@ def _settings(term: AbstractTerm) -> dict[str, Any]:
 
 
 def _evidence(found: Found) -> dict[str, Any]:
-    gates = found.gates
+    criteria = found.criteria
     return {
-        "log_likelihood_gain": gates.gain,
-        "log_likelihood_gain_by_chance": gates.needed,
-        "error_fall_training": gates.training,
-        "error_fall_validation": gates.validation,
+        "log_likelihood_gain": criteria.gain,
+        "log_likelihood_gain_by_chance": criteria.needed,
+        "error_fall_training": criteria.training,
+        "error_fall_validation": criteria.validation,
     }
 
 
@@ -95,10 +95,10 @@ def searched_entries(outcome: Outcome | None) -> list[dict[str, Any]]:
             "name": s.name,
             "variant": s.detail or None,
             "round": s.round,
-            "promised_log_likelihood_gain": s.promised,
-            "log_likelihood_gain": s.gates.gain if s.gates else None,
-            "error_fall_training": s.gates.training if s.gates else None,
-            "error_fall_validation": s.gates.validation if s.gates else None,
+            "promised_log_likelihood_gain": s.predicted_gain,
+            "log_likelihood_gain": s.criteria.gain if s.criteria else None,
+            "error_fall_training": s.criteria.training if s.criteria else None,
+            "error_fall_validation": s.criteria.validation if s.criteria else None,
             "chosen": s.chosen,
             "reason": _reason(s),
         }
@@ -111,9 +111,9 @@ def _reason(searched: Searched) -> str:
         return "meets all acceptance criteria and reduces the error most"
     if searched.flaw:
         return searched.flaw
-    if searched.gates is None:
+    if searched.criteria is None:
         return "predicted gain smaller than that of the candidates that were fitted"
-    return searched.gates.refusal or "another candidate reduces the error more"
+    return searched.criteria.refusal or "another candidate reduces the error more"
 
 
 def story_of(
@@ -187,10 +187,9 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
 def _found_sentence(found: Found, term: AbstractTerm) -> str:
     words = found.name.replace("_", " ").capitalize()
     words += f" ({term.variant})" if term.variant else ""
+    training, unseen = found.criteria.training, found.criteria.validation
     validation = (
-        ""
-        if found.gates.validation is None
-        else f" and {_change(found.gates.validation, found.gates.training)} on the validation runs"
+        "" if unseen is None else f" and {_change(unseen, training)} on the validation runs"
     )
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
@@ -200,12 +199,12 @@ def _found_sentence(found: Found, term: AbstractTerm) -> str:
         text = (
             f"No effect of the catalogue explains the missing {missing} of the {term.equation} "
             f"equation; {form} represents it. With it, the simulation error "
-            f"{_change(found.gates.training)} on the training runs{validation}."
+            f"{_change(training)} on the training runs{validation}."
         )
     else:
         text = (
             f"{words} acts in the {term.equation} equation. With it, the simulation "
-            f"error {_change(found.gates.training)} on the training runs{validation}."
+            f"error {_change(training)} on the training runs{validation}."
         )
     if found.alternatives:
         others = ", ".join(
@@ -276,15 +275,16 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Can
     alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
     rows: dict[str, Candidate] = {}
     for found in outcome.effects:
+        refusal = found.criteria.refusal
         rows[found.name] = _candidate(
-            found.name, _equation(found.name, terms), found.gates, "chosen", found.probability,
-            "meets all acceptance criteria" if found.gates.passed
-            else f"in the final model, but together with the other effects {found.gates.refusal}",
+            found.name, _equation(found.name, terms), found.criteria, "chosen", found.probability,
+            f"in the final model, but together with the other effects {refusal}" if refusal
+            else "meets all acceptance criteria",
         )  # fmt: skip
     for s in outcome.searched:
         if s.name not in rows:
             rows[s.name] = _candidate(
-                s.name, _equation(s.name, terms), s.gates,
+                s.name, _equation(s.name, terms), s.criteria,
                 "alternative" if s.name in alternatives else "ruled out",
                 alternatives.get(s.name),
                 "selected first, then replaced by another effect" if s.chosen else _reason(s),
@@ -296,16 +296,16 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Can
 def _candidate(
     name: str,
     equation: str,
-    gates: Gates | None,
+    criteria: AcceptanceCriteria | None,
     verdict: Literal["chosen", "alternative", "ruled out"],
     probability: float | None,
     reason: str,
 ) -> Candidate:
-    held_out = None if gates is None else gates.validation
+    held_out = None if criteria is None else criteria.validation
     return Candidate(
         name=name,
         equation=equation,
-        explained=None if gates is None else max(0.0, 1 - _power(-2 * gates.training)),
+        explained=None if criteria is None else max(0.0, 1 - _power(-2 * criteria.training)),
         held_out=None if held_out is None else _power(-2 * held_out) - 1,
         probability=probability,
         verdict=verdict,

@@ -10,11 +10,11 @@ import numpy as np
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import Candidate
 from identification.fit.solve import Fit
+from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
-from identification.selection.survey import survey_of
 from identification.surrogates.unlisted import LAWS
 
-__all__ = ["candidates_of", "promising", "without_shared"]
+__all__ = ["candidates_of", "with_predicted_gain", "without_shared"]
 
 _WORTH: Final = 2.0
 """Predicted gain that a candidate needs, by default."""
@@ -22,7 +22,7 @@ _COMMON: Final = 4.0
 """Predicted gain of a local effect over the median of the other runs, at least."""
 
 
-def promising(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
+def with_predicted_gain(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
     """Candidates with the largest predicted gain, one per variant and two per effect type.
 
     Args:
@@ -47,13 +47,13 @@ def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
         fit: Fit of the current model.
         withheld: Effect types that are no candidates.
     """
-    survey = survey_of(fit)
+    scales = scales_of(fit)
     absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
     return [
         candidate
         for kind in (*CATALOGUE.values(), *LAWS)
         if kind.name not in absent
-        for candidate in kind.candidates(survey)
+        for candidate in kind.candidates(scales)
     ]
 
 
@@ -67,16 +67,16 @@ def without_shared(scores: Sequence[Score]) -> list[Score]:
     Args:
         scores: Best first.
     """
-    promised: dict[str, dict[int, float]] = {}
+    predicted: dict[str, dict[int, float]] = {}
     for score in scores:
         concerned = _runs_of(score)
         if len(concerned) == 1:
-            runs = promised.setdefault(score.candidate.term.name, {})
+            runs = predicted.setdefault(score.candidate.term.name, {})
             runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
     kept = []
     for score in scores:
         concerned = _runs_of(score)
-        runs = promised.get(score.candidate.term.name, {}) if concerned else {}
+        runs = predicted.get(score.candidate.term.name, {}) if concerned else {}
         control = [gain for run, gain in runs.items() if run not in concerned]
         each = score.gain / max(len(concerned), 1)
         if not control or each >= _COMMON * float(np.median(control)):

@@ -44,16 +44,16 @@ from identification.effects.effect import Candidate, columns
 from identification.effects.friction import CoulombFriction
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_share
-from identification.fit.solve import Fit, Patience
+from identification.fit.noise import effective_fraction
+from identification.fit.solve import Fit, TerminationLimits
 from identification.model.excitation import Record
 from identification.selection.evidence import LEAST_SIZE
 from identification.selection.omitted import OmittedTerm
-from identification.selection.part import fitted_to, part_of_fit
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Along, Start
-from identification.selection.survey import survey_of
+from identification.selection.subset import fitted_to, subset_of_fit
 
 __all__ = ["LIMIT", "confounded_terms", "turns_one_way"]
 
@@ -119,21 +119,21 @@ def confounded_terms(
             then wrong somewhere, and a loss excludes an optimum only if it is as large as the gain
             that the size criterion requires.
     """
-    share = effective_share(final)
-    known = identified(final, share)
+    fraction = effective_fraction(final)
+    known = identified(final, fraction)
     present = {term.name for term in final.simulator.model.terms}
     origins = {p.name: p.origin for p in final.coordinates.parameters}
     bases = [final] if nominal is None else [nominal, final]
-    parts = [part_of_fit(base) for base in bases]
-    deviations = np.sqrt(np.diag(final.equations.covariance()) / share)
+    parts = [subset_of_fit(base) for base in bases]
+    deviations = np.sqrt(np.diag(final.equations.covariance()) / fraction)
     least = dict(zip(final.coordinates.names, -_SEEN * deviations, strict=True))
     found: dict[str, OmittedTerm] = {}
     for rival in _rivals(final):
         name = rival.parameter
         if not known[name] or origins[name] or rival.name in present:
             continue
-        swapped = _swapped(final, parts, rival, share, is_structured=is_structured)
-        for term in (*_near(final, parts[-1], rival, share), *swapped):
+        swapped = _swapped(final, parts, rival, fraction, is_structured=is_structured)
+        for term in (*_near(final, parts[-1], rival, fraction), *swapped):
             if term.steps[name] < least[name]:
                 found[name], least[name] = term, term.steps[name]
     return tuple(found.values())
@@ -152,21 +152,21 @@ def turns_one_way(records: Sequence[Record]) -> bool:
 
 def _rivals(fit: Fit) -> Iterator[_Rival]:
     """The confounded effects in their textbook forms."""
-    survey = survey_of(fit)
+    scales = scales_of(fit)
     at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
     lag = at["L"] / at["Ra25"]
-    delays = [c for c in ChannelDelay.candidates(survey) if c.term.variant == "current"]
-    filters = CurrentFilter.candidates(survey)[0], SpeedFilter.candidates(survey)[0]
+    delays = [c for c in ChannelDelay.candidates(scales) if c.term.variant == "current"]
+    filters = CurrentFilter.candidates(scales)[0], SpeedFilter.candidates(scales)[0]
     yield _lagging("L", filters[0], lag, swaps=True)
     yield _lagging("L", delays[0], lag)
     # A logged current follows the true speed and so separates the motor's lag from the sensor's.
     unseen = not fit.weighting.counts[0] > 0
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
     yield _lagging("J", filters[1], slow, swaps=unseen)
-    if turns_one_way(survey.records):
-        friction = CoulombFriction.candidates(survey)[0]
+    if turns_one_way(scales.records):
+        friction = CoulombFriction.candidates(scales)[0]
         first = friction.starts[:, :1]
-        whole = at["b"] * survey.speed / float(first[0, 0])
+        whole = at["b"] * scales.speed / float(first[0, 0])
         yield _Rival("b", Candidate(friction.term, first), whole)
 
 
@@ -179,9 +179,9 @@ def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) 
     return _Rival(name, near, max(lag / small, 1.0), float(nearly) if swaps else None)
 
 
-def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[OmittedTerm]:
+def _near(final: Fit, part: Fit, rival: _Rival, fraction: float) -> Iterator[OmittedTerm]:
     """First-order change by an effect of small, free amplitude."""
-    share *= _rows(final) / _rows(part)
+    fraction *= _rows(final) / _rows(part)
     for score in screened(part, [rival.near]):
         if score.along is None or score.covariance is None:
             continue
@@ -192,14 +192,14 @@ def _near(final: Fit, part: Fit, rival: _Rival, share: float) -> Iterator[Omitte
             weight = float(score.start[0] / rival.near.starts[0, 0])
         if not weight > 0.0:
             continue
-        size = 1.0 / np.sqrt(share / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
+        size = 1.0 / np.sqrt(fraction / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
         step = np.reshape(score.along.position, -1) / weight * size
         if np.isfinite(step).all():
-            yield _term(final, rival, step, share * score.gain, LIMIT)
+            yield _term(final, rival, step, fraction * score.gain, LIMIT)
 
 
 def _swapped(
-    final: Fit, parts: Sequence[Fit], rival: _Rival, share: float, *, is_structured: bool
+    final: Fit, parts: Sequence[Fit], rival: _Rival, fraction: float, *, is_structured: bool
 ) -> Iterator[OmittedTerm]:
     """Changes to optima that are not excluded and at which the sensor has most of the lag."""
     if rival.swapped is None:
@@ -212,21 +212,21 @@ def _swapped(
         still = tuple(np.zeros_like(state) for state in base.states)
         along = Along(base.coordinates.of(values) - base.position, still)
         start = Start(np.array([rival.swapped]), along=along)
-        limit = _limit(part, share, is_structured=is_structured)
+        limit = _limit(part, fraction, is_structured=is_structured)
         if part is not final:
             # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
             limit += part.position.size
         fit = refitted_with(
-            base, rival.near.term, [start], Patience(_STEPS, part.cost + limit / share)
+            base, rival.near.term, [start], TerminationLimits(_STEPS, part.cost + limit / fraction)
         )
-        loss = share * (fit.cost - part.cost)
+        loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
-        limit = _limit(final, share, is_structured=is_structured)
+        limit = _limit(final, fraction, is_structured=is_structured)
         if part is not final and _rows(final) <= _MOST:
-            patience = Patience(_STEPS, final.cost + limit / share)
-            fit = fitted_to(final.simulator.records, fit, patience)
-            loss = share * (fit.cost - final.cost)
+            limits = TerminationLimits(_STEPS, final.cost + limit / fraction)
+            fit = fitted_to(final.simulator.records, fit, limits)
+            loss = fraction * (fit.cost - final.cost)
         if loss < limit:
             there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
             moved = final.coordinates.of(np.array([there[name] for name in names]))
@@ -235,9 +235,9 @@ def _swapped(
             yield _term(final, rival, step, -loss, limit, float(time))
 
 
-def _limit(fit: Fit, share: float, *, is_structured: bool) -> float:
+def _limit(fit: Fit, fraction: float, *, is_structured: bool) -> float:
     """Loss of log likelihood, on the records of a fit, that excludes an optimum."""
-    size = LEAST_SIZE * float(fit.weighting.counts.max()) * share
+    size = LEAST_SIZE * float(fit.weighting.counts.max()) * fraction
     return max(LIMIT, size) if is_structured else LIMIT
 
 

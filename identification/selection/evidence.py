@@ -47,9 +47,9 @@ from identification.model.term import AbstractTerm, State
 __all__ = [
     "LEAST_SIZE",
     "UNCOMPUTED",
-    "Gates",
-    "Judged",
-    "judged",
+    "AcceptanceCriteria",
+    "EvaluatedModel",
+    "evaluated",
     "probabilities",
     "scores_of",
 ]
@@ -73,7 +73,7 @@ UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equat
 
 
 @dataclass(frozen=True)
-class Gates:
+class AcceptanceCriteria:
     """Result of the three acceptance criteria.
 
     Args:
@@ -143,7 +143,7 @@ class Gates:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class ValidationErrors:
     """Simulation errors of a model on the validation runs.
 
     Args:
@@ -158,25 +158,25 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class Judged:
+class EvaluatedModel:
     """A model with its validation errors.
 
     Args:
         fit: The fit.
-        share: Effective sample fraction [-].
+        fraction: Effective sample fraction [-].
         unseen: Errors on the validation runs; None without such runs.
     """
 
     fit: Fit
-    share: float
-    unseen: Unseen | None = None
+    fraction: float
+    unseen: ValidationErrors | None = None
 
     @property
     def is_computed(self) -> bool:
         """Whether cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
-    def gates(self, simpler: Judged, tried: int) -> Gates:
+    def criteria(self, simpler: EvaluatedModel, tried: int) -> AcceptanceCriteria:
         """Acceptance criteria of this model against a simpler one.
 
         Args:
@@ -186,7 +186,7 @@ class Judged:
         more = self.fit.position.size - simpler.fit.position.size
         more += _lasting(self.fit) - _lasting(simpler.fit)
         counts = self.fit.weighting.counts
-        samples = max(float(counts.sum()) * self.share, 2.0)
+        samples = max(float(counts.sum()) * self.fraction, 2.0)
         terms = self.fit.simulator.model.terms
         known = {term.name for term in simpler.fit.simulator.model.terms}
         added = [term for term in terms if term.name not in known]
@@ -203,9 +203,9 @@ class Judged:
             validation = float(np.sum(ratio[counts > 0]))
             scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
             possible = float(np.sum(excess[counts > 0])) - _SURELY * scatter
-            log_odds = self.share * float(np.sum((ratio * self.unseen.count)[counts > 0]))
-        return Gates(
-            gain=self.share * (simpler.fit.cost - self.fit.cost),
+            log_odds = self.fraction * float(np.sum((ratio * self.unseen.count)[counts > 0]))
+        return AcceptanceCriteria(
+            gain=self.fraction * (simpler.fit.cost - self.fit.cost),
             needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
             training=float(np.sum(fall[counts > 0])),
             validation=validation,
@@ -227,34 +227,34 @@ class Judged:
                 return term.flaw(own)
         return ""
 
-    def predicts_worse(self, other: Judged) -> bool:
+    def predicts_worse(self, other: EvaluatedModel) -> bool:
         """Whether the validation runs prefer the other model by twenty to one."""
         if self.unseen is None or other.unseen is None:
             return False
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = 0.5 * np.log(other.unseen.square / self.unseen.square)
         counted = (ratio * self.unseen.count)[self.fit.weighting.counts > 0]
-        return bool(max(self.share, other.share) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
+        return bool(max(self.fraction, other.fraction) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
 
-    def score(self, share: float) -> float:
+    def score(self, fraction: float) -> float:
         """Criterion for the comparison of models; smaller is better.
 
         Half the BIC of the training runs, plus the negative predictive log likelihood of the
         validation runs.
 
         Args:
-            share: Effective sample fraction, the same for all compared models [-].
+            fraction: Effective sample fraction, the same for all compared models [-].
 
         Returns:
             The criterion; infinity for a model that cannot be computed.
         """
         if not self.is_computed:
             return float("inf")
-        samples = max(float(self.fit.weighting.counts.sum()) * share, 2.0)
+        samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
         return (
-            share * (self.fit.cost + self._foretold())
+            fraction * (self.fit.cost + self._foretold())
             + 0.5 * size * float(np.log(samples))
             + chance
         )
@@ -296,26 +296,26 @@ def _determined(fit: Fit) -> float:
     return float(np.trace(least_squares(fit.equations.matrix, fit.equations.information)))
 
 
-def scores_of(models: Sequence[Judged]) -> list[float]:
+def scores_of(models: Sequence[EvaluatedModel]) -> list[float]:
     """Criteria of several models, counted in the effective samples of the whitest residual.
 
     A missing effect makes the residual autocorrelated, so the best model gives the best estimate of
     the effective sample fraction.
     """
-    share = max((one.share for one in models if np.isfinite(one.fit.cost)), default=1.0)
-    return [one.score(share) for one in models]
+    fraction = max((one.fraction for one in models if np.isfinite(one.fit.cost)), default=1.0)
+    return [one.score(fraction) for one in models]
 
 
-def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
+def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     """Evaluate a fit on the validation runs.
 
     Args:
         fit: The fit.
         campaign: Training and validation records.
-        share: Effective sample fraction [-].
+        fraction: Effective sample fraction [-].
     """
     if not campaign.validation:
-        return Judged(fit, share)
+        return EvaluatedModel(fit, fraction)
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
     simulated = simulate_unseen(fit, campaign.validation, whole=own)
     total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -327,8 +327,8 @@ def judged(fit: Fit, campaign: Campaign, share: float) -> Judged:
     square = total / many
     with np.errstate(divide="ignore", invalid="ignore"):
         uneven = np.maximum(np.nan_to_num(fourth / many / square**2 - 1.0), 0.0)
-    scatter = 0.5 * np.sqrt(uneven / (many * share))
-    return Judged(fit, share, Unseen(square, count, scatter))
+    scatter = 0.5 * np.sqrt(uneven / (many * fraction))
+    return EvaluatedModel(fit, fraction, ValidationErrors(square, count, scatter))
 
 
 def probabilities(scores: Sequence[float]) -> Array:

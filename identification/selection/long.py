@@ -1,6 +1,6 @@
 """Search on long records: representative subset first, then all samples.
 
-    subset    search the segments that `part_of` selects
+    subset    search the segments that `representative_subset` selects
     fit       fit the selected model to all samples, and also without each of its effects
     check     compare the simulation error of all samples with that of the subset
 
@@ -22,8 +22,8 @@ from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.evidence import LEAST_SIZE
 from identification.selection.outcome import Found, Outcome
-from identification.selection.part import fitted_to, part_of
 from identification.selection.search import search
+from identification.selection.subset import fitted_to, representative_subset
 from identification.selection.trials import Trials
 from identification.work import Budget
 
@@ -50,7 +50,7 @@ def search_long(
         withheld: Names of effect types that are not candidates.
     """
     tell = progress or (lambda fraction: None)
-    part = part_of(campaign, declared)
+    part = representative_subset(campaign, declared)
     if part is None:
         return search(declared, campaign, progress, work, withheld=withheld)
     budget = Budget(work)
@@ -89,15 +89,15 @@ def _confirmed(
     if not found.effects:
         return declared, ()
     trials = Trials(campaign, budget, tried=max(len(found.searched), 1))
-    trials.judge(declared)
-    current = trials.judge(fitted_to(declared.simulator.records, found.fit, trials.patience()))
+    trials.evaluate(declared)
+    current = trials.evaluate(fitted_to(declared.simulator.records, found.fit, trials.limits()))
     kept: list[Found] = []
     for effect in found.effects:
         term = next(t for t in current.fit.simulator.model.terms if t.name == effect.name)
         simpler = trials.without(current, term)
-        gates = current.gates(simpler, trials.tried)
-        if gates.passed:
-            kept.append(replace(effect, gates=gates))
+        criteria = current.criteria(simpler, trials.tried)
+        if criteria.passed:
+            kept.append(replace(effect, criteria=criteria))
         else:
             current = simpler
-    return current.fit, tuple(sorted(kept, key=lambda effect: -effect.gates.gain))
+    return current.fit, tuple(sorted(kept, key=lambda effect: -effect.criteria.gain))

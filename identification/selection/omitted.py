@@ -61,21 +61,21 @@ class OmittedTerm:
 
 
 def omitted_terms(
-    fit: Fit, share: float, scores: Iterable[Score], tried: int
+    fit: Fit, fraction: float, scores: Iterable[Score], tried: int
 ) -> tuple[OmittedTerm, ...]:
     """Terms with a predicted gain above chance, one per effect type, best first.
 
     Args:
         fit: The model at its optimum.
-        share: Effective sample fraction [-].
+        fraction: Effective sample fraction [-].
         scores: Scores of the terms in addition to the model.
         tried: Number of prototypes from which the best was selected.
     """
-    samples = max(float(fit.weighting.counts.sum()) * share, 2.0)
+    samples = max(float(fit.weighting.counts.sum()) * fraction, 2.0)
     found: dict[str, OmittedTerm] = {}
     for score in sorted(scores, key=lambda score: -score.gain):
         chance = 0.5 * score.candidate.joint * np.log(samples) + np.log(max(tried, 1))
-        gain = share * score.gain
+        gain = fraction * score.gain
         if score.along is None or not gain > chance or score.candidate.term.name in found:
             continue
         position = np.reshape(score.along.position, -1)

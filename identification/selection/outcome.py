@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification.fit.solve import Fit
-from identification.selection.evidence import Gates
+from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.omitted import OmittedTerm
 from identification.selection.tracing import Trace
 
@@ -32,13 +32,13 @@ class Found:
     Args:
         name: Effect type.
         probability: Posterior probability against the alternatives [-].
-        gates: Acceptance criteria against the model without the effect.
+        criteria: Acceptance criteria against the model without the effect.
         alternatives: Other effect types in its place, the most probable first.
     """
 
     name: str
     probability: float
-    gates: Gates
+    criteria: AcceptanceCriteria
     alternatives: tuple[Alternative, ...]
 
 
@@ -49,8 +49,8 @@ class Searched:
     Args:
         name: Effect type.
         round: Number of the round, from 1.
-        promised: Predicted gain of the log likelihood; for an extended variant the achieved gain.
-        gates: Acceptance criteria after the refit; None without a refit.
+        predicted_gain: Predicted gain of the log likelihood; achieved gain of an extended variant.
+        criteria: Acceptance criteria after the refit; None without a refit.
         chosen: Whether the candidate was accepted in that round.
         detail: Variant of the effect type, for example the channel or the run.
         flaw: Why the candidate could not be computed; empty if it could.
@@ -58,8 +58,8 @@ class Searched:
 
     name: str
     round: int
-    promised: float
-    gates: Gates | None
+    predicted_gain: float
+    criteria: AcceptanceCriteria | None
     chosen: bool
     detail: str = ""
     flaw: str = ""

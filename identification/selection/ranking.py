@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
 from identification.fit.solve import Fit
-from identification.selection.evidence import LEAST_SIZE, Judged, scores_of
+from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, scores_of
 
 __all__ = ["is_better", "is_strained", "ranked", "replaces"]
 
@@ -27,7 +27,7 @@ _WITHIN: Final = 2.0
 """Standard deviations within which a shape parameter counts as at its bound."""
 
 
-def ranked(models: Sequence[Judged]) -> list[int]:
+def ranked(models: Sequence[EvaluatedModel]) -> list[int]:
     """Indices of the models, best first; ties are decided by the catalogue, common types first.
 
     Args:
@@ -44,13 +44,13 @@ def ranked(models: Sequence[Judged]) -> list[int]:
     return sorted(range(len(models)), key=key)
 
 
-def is_better(one: Judged, other: Judged) -> bool:
+def is_better(one: EvaluatedModel, other: EvaluatedModel) -> bool:
     """Whether the criterion prefers one model to another."""
     scores = scores_of([one, other])
     return scores[0] < scores[1]
 
 
-def replaces(alone: Judged, listed: Judged) -> bool:
+def replaces(alone: EvaluatedModel, listed: EvaluatedModel) -> bool:
     """Whether a curve replaces the effects of the catalogue.
 
     The curve has to rank better, and its validation error must not be clearly larger.  In place of

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.fit.accuracy import TOLERATED, accurate, change_between
 from identification.fit.declared import replanned
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
@@ -44,7 +44,7 @@ _NEAR: Final = 0.005
 
 
 def refitted_with(
-    fit: Fit, term: AbstractTerm, starts: Sequence[Start], patience: Patience | None = None
+    fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits | None = None
 ) -> Fit:
     """Fit of the model with `term` added, from the optimum of `fit`.
 
@@ -54,21 +54,21 @@ def refitted_with(
             implausible, a second fit starts from the usual coefficients with the same budget, and
             the better fit is returned.
         starts: Starting points; the fit continues from the best of them.
-        patience: Termination limits.
+        limits: Termination limits.
     """
-    model, patience = fit.simulator.model.adding(term), patience or Patience(_STEPS)
+    model, limits = fit.simulator.model.adding(term), limits or TerminationLimits(_STEPS)
     began = operations()
-    found = _refitted(fit, model, starts, patience)
+    found = _refitted(fit, model, starts, limits)
     if term.equation == "thermal" and has_odd_coefficients(fit):
-        again = patience
-        if patience.budget is not None:
-            again = replace(patience, budget=patience.budget.longer(operations() - began))
+        again = limits
+        if limits.budget is not None:
+            again = replace(limits, budget=limits.budget.longer(operations() - began))
         other = _refitted(with_usual_coefficients(fit), model, starts, again)
         found = min(found, other, key=lambda one: one.cost)
     return found
 
 
-def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) -> Fit:
+def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None = None) -> Fit:
     """Fit with a term in an extended variant, from the optimum of `fit`.
 
     New parameters start at their neutral values.  Substeps are chosen beforehand so that the whole
@@ -80,13 +80,13 @@ def refitted_as(fit: Fit, term: AbstractTerm, patience: Patience | None = None) 
     model = replace(before, terms=terms)
     known = set(fit.coordinates.names)
     new = np.array([p.prior_mean for p in model.parameters if p.name not in known])
-    return _refitted(fit, model, [Start(new)], patience or Patience(_STEPS), finely=True)
+    return _refitted(fit, model, [Start(new)], limits or TerminationLimits(_STEPS), finely=True)
 
 
-def refitted_without(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
+def refitted_without(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
-    return _refitted(fit, model, (), patience or Patience(_STEPS))
+    return _refitted(fit, model, (), limits or TerminationLimits(_STEPS))
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:
@@ -97,7 +97,7 @@ def as_declared(fit: Fit, declared: Fit) -> Fit:
     return replace(fit, position=place)
 
 
-def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:
+def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with the prior scale of per-record amplitudes set to their fitted RMS value.
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
@@ -114,14 +114,16 @@ def with_known_amplitudes(fit: Fit, patience: Patience | None = None) -> Fit:
         terms.append(term)
     if tuple(terms) == model.terms:
         return fit
-    return _refitted(fit, replace(model, terms=tuple(terms)), (), patience or Patience(_STEPS))
+    return _refitted(
+        fit, replace(model, terms=tuple(terms)), (), limits or TerminationLimits(_STEPS)
+    )
 
 
 def _refitted(
     fit: Fit,
     model: MotorModel,
     starts: Sequence[Start],
-    patience: Patience,
+    limits: TerminationLimits,
     *,
     finely: bool = False,
 ) -> Fit:
@@ -136,10 +138,10 @@ def _refitted(
     if finely:
         values = coordinates.values(position)
         simulator = accurate(simulator, values, states, weighting.deviation, simulator.divisions)
-    return replanned(solve(simulator, coordinates, position, states, weighting, patience), patience)
+    return replanned(solve(simulator, coordinates, position, states, weighting, limits), limits)
 
 
-def refined(fit: Fit, patience: Patience | None = None) -> Fit:
+def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with substeps whose integration error is far below the noise.
 
     The substeps that are needed depend on the optimum, so the error is measured there.  If the
@@ -148,11 +150,11 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
 
     Args:
         fit: The fit.
-        patience: Termination limits.
+        limits: Termination limits.
     """
-    patience = patience or Patience(_STEPS)
+    limits = limits or TerminationLimits(_STEPS)
     for _ in range(_ATTEMPTS):
-        if patience.over:
+        if limits.over:
             return fit
         deviation = fit.weighting.deviation
         states = fit.states
@@ -161,9 +163,9 @@ def refined(fit: Fit, patience: Patience | None = None) -> Fit:
         if np.all(change < TOLERATED * deviation):
             return fit
         before = fit
-        fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, patience)
+        fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, limits)
         # With finer substeps the fit may reach a stiffer motor than its step plan allows.
-        fit = replanned(fit, patience)
+        fit = replanned(fit, limits)
         if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
             return fit
     return fit

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from identification.selection.candidates import promising
-from identification.selection.evidence import UNCOMPUTED, Judged
+from identification.selection.candidates import with_predicted_gain
+from identification.selection.evidence import UNCOMPUTED, EvaluatedModel
 from identification.selection.outcome import Searched
 from identification.selection.ranking import ranked
 from identification.selection.score import Score
@@ -24,8 +24,8 @@ __all__ = [
     "enrich",
     "exchange",
     "forward",
-    "hopeless_for",
-    "is_promised",
+    "abandon_cost",
+    "has_predicted_gain",
     "lacks_more",
     "rivals_of",
     "taken",
@@ -55,7 +55,7 @@ class State:
     """
 
     trials: Trials
-    current: Judged
+    current: EvaluatedModel
     searched: list[Searched] = field(default_factory=list)
     predicted_gain: float = 0.0
 
@@ -64,10 +64,10 @@ def forward(state: State, round_: int) -> bool:
     """Add the best candidate that meets the acceptance criteria; return False if there is none."""
     trials, current = state.trials, state.current
     scores = trials.scores(current)
-    wanted = promising(scores, _REFITTED, _least(trials, current, scores))
+    wanted = with_predicted_gain(scores, _REFITTED, _least(trials, current, scores))
     chosen = taken(state, wanted, round_)
     looked = {(s.candidate.term.name, s.candidate.final.variant) for s in wanted}
-    for score in promising(scores, len(scores)):
+    for score in with_predicted_gain(scores, len(scores)):
         key = (score.candidate.term.name, score.candidate.final.variant)
         if key not in looked:
             state.searched.append(Searched(key[0], round_, score.gain, None, False, key[1]))
@@ -76,58 +76,58 @@ def forward(state: State, round_: int) -> bool:
     if chosen is None:
         return False
     state.current = chosen
-    state.predicted_gain = next(s.promised for s in reversed(state.searched) if s.chosen)
+    state.predicted_gain = next(s.predicted_gain for s in reversed(state.searched) if s.chosen)
     return True
 
 
-def _least(trials: Trials, current: Judged, scores: Sequence[Score]) -> float:
+def _least(trials: Trials, current: EvaluatedModel, scores: Sequence[Score]) -> float:
     """Predicted gain below which no candidate is refitted."""
     most = max((score.gain for score in scores), default=0.0)
     return max(trials.worth_a_refit(current), _FAR_LESS * most)
 
 
-def is_promised(state: State) -> bool:
+def has_predicted_gain(state: State) -> bool:
     """Whether the predicted gain of any candidate justifies a refit."""
     scores = state.trials.scores(state.current)
-    return bool(promising(scores, 1, _least(state.trials, state.current, scores)))
+    return bool(with_predicted_gain(scores, 1, _least(state.trials, state.current, scores)))
 
 
 def taken(
-    state: State, wanted: Sequence[Score], round_: int, hopeless: float = np.inf
-) -> Judged | None:
+    state: State, wanted: Sequence[Score], round_: int, abandon_cost: float = np.inf
+) -> EvaluatedModel | None:
     """Refit candidates and return the best accepted model; None if none is accepted.
 
-    Fits with a cost above `hopeless` are dropped.
+    Fits with a cost above `abandon_cost` are dropped.
     """
     trials, current = state.trials, state.current
-    fits = trials.refits(current, wanted, hopeless)
+    fits = trials.refits(current, wanted, abandon_cost)
     near = trials.near(current, fits)
     order = ranked(near)
-    passing = [k for k in order if near[k].gates(current, trials.tried).passed]
+    passing = [k for k in order if near[k].criteria(current, trials.tried).passed]
     # Rank the passing models again, because ties are counted from the best model of the set.
     chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
     left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
     if chosen is None and left_out:
         # Candidates with a far smaller predicted gain are refitted only if the best have failed.
-        fits += trials.refits(current, left_out, hopeless)
+        fits += trials.refits(current, left_out, abandon_cost)
         left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
-    far = [Judged(fit, current.share) for _, fit in fits[len(near) :]]
+    far = [EvaluatedModel(fit, current.fraction) for _, fit in fits[len(near) :]]
     if chosen is None and far:
         # Fits far from the best are evaluated only if the near ones have failed.
-        far = [trials.judge(one.fit, current.share) for one in far]
-        passed = [one.gates(current, trials.tried).passed for one in far]
+        far = [trials.evaluate(one.fit, current.fraction) for one in far]
+        passed = [one.criteria(current, trials.tried).passed for one in far]
         chosen = len(near) + passed.index(True) if any(passed) else None
-    judgements = [*near, *far]
+    evaluations = [*near, *far]
     for k in [*order, *range(len(near), len(fits))]:
-        score, gates = fits[k][0], judgements[k].gates(current, trials.tried)
+        score, criteria = fits[k][0], evaluations[k].criteria(current, trials.tried)
         term = score.candidate.final
         state.searched.append(
-            Searched(term.name, round_, score.gain, gates, k == chosen, term.variant)
+            Searched(term.name, round_, score.gain, criteria, k == chosen, term.variant)
         )
     for score in left_out:
         term = score.candidate.final
         state.searched.append(Searched(term.name, round_, score.gain, None, False, term.variant))
-    return None if chosen is None else judgements[chosen]
+    return None if chosen is None else evaluations[chosen]
 
 
 def lacks_more(state: State) -> bool:
@@ -146,11 +146,11 @@ def enrich(state: State, round_: int) -> None:
         while left and not state.trials.over:
             term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
-            gates = richer.gates(state.current, state.trials.tried)
+            criteria = richer.criteria(state.current, state.trials.tried)
             state.searched.append(
-                Searched(term.name, round_, gates.gain, gates, gates.refines, term.variant)
+                Searched(term.name, round_, criteria.gain, criteria, criteria.refines, term.variant)
             )
-            if gates.refines:
+            if criteria.refines:
                 state.current, left = richer, list(term.richer)
 
 
@@ -160,7 +160,7 @@ def backward(state: State) -> None:
         if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
             return
         simpler = state.trials.without(state.current, term)
-        if not state.current.gates(simpler, state.trials.tried).passed:
+        if not state.current.criteria(simpler, state.trials.tried).passed:
             state.current = simpler
 
 
@@ -173,23 +173,23 @@ def exchange(state: State) -> None:
         rivals = [
             rival
             for rival in rivals_of(state, simpler, term.name)
-            if rival.gates(simpler, state.trials.tried).passed
+            if rival.criteria(simpler, state.trials.tried).passed
         ]
         if rivals:
             models = [state.current, *rivals]
             state.current = models[ranked(models)[0]]
 
 
-def rivals_of(state: State, simpler: Judged, name: str) -> list[Judged]:
+def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
     """Models with another effect type in place of `name` and a cost close to the current one."""
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
-    hopeless = hopeless_for(current, simpler)
-    least = max(_least(trials, simpler, scores), (simpler.fit.cost - hopeless) / UNDERSTATED)
-    wanted = promising(scores, _RIVALS, least)
-    return trials.near(simpler, trials.refits(simpler, wanted, hopeless))
+    abandon = abandon_cost(current, simpler)
+    least = max(_least(trials, simpler, scores), (simpler.fit.cost - abandon) / UNDERSTATED)
+    wanted = with_predicted_gain(scores, _RIVALS, least)
+    return trials.near(simpler, trials.refits(simpler, wanted, abandon))
 
 
-def hopeless_for(current: Judged, simpler: Judged) -> float:
+def abandon_cost(current: EvaluatedModel, simpler: EvaluatedModel) -> float:
     """Cost above which an extension of the simpler model is no rival of the current model."""
     return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))

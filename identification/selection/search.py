@@ -25,18 +25,18 @@ import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
-from identification.selection.evidence import Judged, probabilities, scores_of
+from identification.selection.evidence import EvaluatedModel, probabilities, scores_of
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.ranking import is_better, is_strained, ranked, replaces
 from identification.selection.refit import with_known_amplitudes
 from identification.selection.rounds import (
     State,
+    abandon_cost,
     backward,
     enrich,
     exchange,
     forward,
-    hopeless_for,
-    is_promised,
+    has_predicted_gain,
     lacks_more,
     rivals_of,
     taken,
@@ -94,14 +94,14 @@ def search(
     tell = progress or (lambda fraction: None)
     trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
     listed = Budget(_LISTED_SHARE * work)
-    first = trials.judge(declared)
-    state = State(trials, first if begin is None else trials.judge(begin))
-    alone: Judged | None = None
+    first = trials.evaluate(declared)
+    state = State(trials, first if begin is None else trials.evaluate(begin))
+    alone: EvaluatedModel | None = None
     is_exhausted = is_cut_short = is_postponed = False
     for round_ in range(1, _MOST_EFFECTS + 1):
         tell((round_ - 1) / (_MOST_EFFECTS + 2))
         if listed.spent:
-            is_cut_short = is_promised(state)
+            is_cut_short = has_predicted_gain(state)
             is_exhausted = not is_cut_short
             break
         if not forward(state, round_):
@@ -174,7 +174,7 @@ def _is_left(state: State) -> list[Score]:
     ]
 
 
-def _amplitudes(current: Judged, score: Score) -> int:
+def _amplitudes(current: EvaluatedModel, score: Score) -> int:
     """Number of amplitudes of a curve; per-record amplitudes count once for each record."""
     records = len(current.fit.states) if score.candidate.by_record else 1
     return score.candidate.joint * records
@@ -196,7 +196,7 @@ def _asks_for_a_curve(state: State, round_: int) -> bool:
     return left > state.predicted_gain
 
 
-def _curve_alone(state: State, declared: Judged) -> Judged | None:
+def _curve_alone(state: State, declared: EvaluatedModel) -> EvaluatedModel | None:
     """Fit the best curve to the nominal model alone if the effects leave structured residuals.
 
     If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
@@ -205,11 +205,11 @@ def _curve_alone(state: State, declared: Judged) -> Judged | None:
     if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
         return None
     curves = state.trials.curves(declared)[:_CURVES]
-    needed = hopeless_for(state.current, declared)
+    needed = abandon_cost(state.current, declared)
     return taken(State(state.trials, declared), curves, 1, needed)
 
 
-def _ends(state: State, round_: int, alone: Judged, declared: Judged) -> bool:
+def _ends(state: State, round_: int, alone: EvaluatedModel, declared: EvaluatedModel) -> bool:
     """Whether a curve fits so much better than the effects that further rounds would not help."""
     if round_ > 1:
         return replaces(alone, state.current)
@@ -217,7 +217,7 @@ def _ends(state: State, round_: int, alone: Judged, declared: Judged) -> bool:
     return is_far and not _closes_the_gap(state, alone)
 
 
-def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
+def _is_far_better(alone: EvaluatedModel, listed: EvaluatedModel, declared: EvaluatedModel) -> bool:
     """Whether a curve gains more than three times as much as the best effect.
 
     The missing effect is then not in the catalogue, and further rounds would accumulate surrogates.
@@ -226,17 +226,19 @@ def _is_far_better(alone: Judged, listed: Judged, declared: Judged) -> bool:
     return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
 
 
-def _closes_the_gap(state: State, alone: Judged) -> bool:
+def _closes_the_gap(state: State, alone: EvaluatedModel) -> bool:
     """Whether a further effect is predicted to gain most of what the curve gains over the model.
 
     Two effects of the catalogue can be confounded with one curve in two signals.
     """
     gap = state.current.fit.cost - alone.fit.cost
-    promised = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    return promised > _MOST_OF_IT * gap
+    predicted = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
+    return predicted > _MOST_OF_IT * gap
 
 
-def _unlisted(state: State, declared: Judged, alone: Judged | None, is_exhausted: bool) -> None:
+def _unlisted(
+    state: State, declared: EvaluatedModel, alone: EvaluatedModel | None, is_exhausted: bool
+) -> None:
     """Replace the effects by a curve, or add a curve to them, if the curve is accepted.
 
     If the residual has structure, or an effect has a shape parameter at its bound, all effects may
@@ -277,18 +279,18 @@ def _settled(state: State) -> list[Found]:
     return effects
 
 
-def _explained(state: State) -> tuple[list[Found], Judged | None]:
+def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     """Effects of the current model with alternatives, and a better-ranked model if there is one."""
     current, trials = state.current, state.trials
     effects, better = [], None
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
-        gates = current.gates(simpler, trials.tried)
+        criteria = current.criteria(simpler, trials.tried)
         looked = trials.known_beside(simpler, term)
         if not trials.over and term.name != "unlisted":
             curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
             looked = [*rivals_of(state, simpler, term.name), *curves]
-        rivals = [r for r in looked if r.gates(simpler, trials.tried).passed]
+        rivals = [r for r in looked if r.criteria(simpler, trials.tried).passed]
         models = [current, *rivals]
         odds = probabilities(scores_of(models))
         best = models[ranked(models)[0]]
@@ -302,5 +304,5 @@ def _explained(state: State) -> tuple[list[Found], Judged | None]:
             for other, probability in sorted(others.items(), key=lambda item: -item[1])
             if probability > _KEPT
         )
-        effects.append(Found(term.name, float(odds[0]), gates, alternatives))
-    return sorted(effects, key=lambda effect: -effect.gates.gain), better
+        effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
+    return sorted(effects, key=lambda effect: -effect.criteria.gain), better

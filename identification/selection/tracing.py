@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
-from identification.selection.survey import survey_of
 from identification.surrogates.angular import AngularFriction
+from identification.surrogates.backlash import Backlash
 from identification.surrogates.curve import MissingTorque, MissingVoltage
 from identification.surrogates.curves import curves
-from identification.surrogates.hysteresis import LaggingFriction
-from identification.surrogates.loose import LoosePart
+from identification.surrogates.dahl import DahlFriction
 from identification.surrogates.ripple import ripples
 
 __all__ = ["Trace", "missing_curves", "traced"]
@@ -66,10 +66,10 @@ def missing_curves(fit: Fit) -> list[Score]:
     Args:
         fit: Fit of a model at its optimum.
     """
-    survey = survey_of(fit)
-    candidates = [*curves(survey), *ripples(survey, _peaks(fit))]
-    for kind in (AngularFriction, LaggingFriction, LoosePart):
-        candidates += kind.candidates(survey)
+    scales = scales_of(fit)
+    candidates = [*curves(scales), *ripples(scales, _peaks(fit))]
+    for kind in (AngularFriction, DahlFriction, Backlash):
+        candidates += kind.candidates(scales)
     return gathered(screened(fit, candidates))
 
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
-from identification.fit.noise import effective_share
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.noise import effective_fraction
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
-from identification.selection.evidence import LEAST_SIZE, Judged, judged
+from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.refit import (
     as_declared,
@@ -71,7 +71,7 @@ class Trials:
     longest: float = np.inf
     tried: int = 1
     withheld: Collection[str] = ()
-    _judged: dict[Key, Judged] = field(default_factory=dict)
+    _judged: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
@@ -84,39 +84,41 @@ class Trials:
         """Whether the budget is spent."""
         return self.budget.spent
 
-    def patience(
-        self, hopeless: float = np.inf, longest: float = np.inf, reference: float = np.inf
-    ) -> Patience:
+    def limits(
+        self, abandon_cost: float = np.inf, longest: float = np.inf, reference: float = np.inf
+    ) -> TerminationLimits:
         """Termination limits of a fit.
 
         Args:
-            hopeless: Cost that the fit has to approach; it is abandoned once it is predicted to
+            abandon_cost: Cost that the fit has to approach; it is abandoned once it is predicted to
                 stay above it.
             longest: Operations after which the fit stops.
             reference: Cost of a better model with which the fit is compared.
         """
-        return Patience(_STEPS, hopeless, Budget(longest, within=self.budget), reference)
+        return TerminationLimits(
+            _STEPS, abandon_cost, Budget(longest, within=self.budget), reference
+        )
 
-    def judge(self, fit: Fit, share: float | None = None) -> Judged:
+    def evaluate(self, fit: Fit, fraction: float | None = None) -> EvaluatedModel:
         """Evaluate a fit on the validation runs; one result per model structure is cached.
 
         A later fit replaces the cached one if its cost is lower by more than 0.001.
 
         Args:
             fit: The fit.
-            share: Effective sample fraction [-]; computed from the residual of the fit if None.
+            fraction: Effective sample fraction [-]; computed from the residual of the fit if None.
         """
         key = _key(fit)
         known = self._judged.get(key)
         if known is None and not np.isfinite(fit.cost):
             # The simulation diverges; it is never selected, and a term that stabilises it is kept.
-            known = self._judged[key] = Judged(fit.light(), 1.0)
+            known = self._judged[key] = EvaluatedModel(fit.light(), 1.0)
         elif known is None or fit.cost < known.fit.cost - 1e-3:
-            share = effective_share(fit) if share is None else share
-            known = self._judged[key] = judged(fit.light(), self.campaign, share)
+            fraction = effective_fraction(fit) if fraction is None else fraction
+            known = self._judged[key] = evaluated(fit.light(), self.campaign, fraction)
         return known
 
-    def without(self, current: Judged, term: AbstractTerm) -> Judged:
+    def without(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
         """Model without one of its terms.
 
         A cached fit that has not converged is repeated from the current optimum: the removed term
@@ -126,33 +128,33 @@ class Trials:
         known = self._judged.get(key)
         if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
             self._led.add((key, _key(current.fit)))
-            patience = self.patience(reference=current.fit.cost)
-            fit = refitted_without(current.fit, term.name, patience)
+            limits = self.limits(reference=current.fit.cost)
+            fit = refitted_without(current.fit, term.name, limits)
             if not np.isfinite(fit.cost):
                 # Without the term the simulation diverges; restart from the nominal parameters.
                 declared = self._judged[frozenset()].fit
                 place = as_declared(current.fit, declared)
-                fit = refitted_without(place, term.name, patience)
-            known = self.judge(refined(fit, patience) if np.isfinite(fit.cost) else fit)
+                fit = refitted_without(place, term.name, limits)
+            known = self.evaluate(refined(fit, limits) if np.isfinite(fit.cost) else fit)
         return known
 
-    def enriched(self, current: Judged, term: AbstractTerm) -> Judged:
+    def enriched(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
         """Model with a term replaced by an extended variant, fitted over continuation steps."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit, hopeless = current.fit, current.fit.cost + _SLACK
+            fit, abandon_cost = current.fit, current.fit.cost + _SLACK
             (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
             for form in (*term.leads(before), term):
-                led = refitted_as(fit, form, self.patience(hopeless, self.longest))
+                led = refitted_as(fit, form, self.limits(abandon_cost, self.longest))
                 if led.cost > fit.cost and fit is not current.fit:
                     break
                 fit = led
-            fit = self._finished(fit) if fit.cost < hopeless else fit
-            known = self.judge(fit, current.share)
+            fit = self._finished(fit) if fit.cost < abandon_cost else fit
+            known = self.evaluate(fit, current.fraction)
         return known
 
-    def known_beside(self, simpler: Judged, term: AbstractTerm) -> list[Judged]:
+    def known_beside(self, simpler: EvaluatedModel, term: AbstractTerm) -> list[EvaluatedModel]:
         """Evaluated models that add a term of another type than `term` to the simpler model."""
         key = _key(simpler.fit)
         return [
@@ -163,7 +165,7 @@ class Trials:
             and next(iter(known - key))[0] != term.name
         ]
 
-    def scores(self, current: Judged) -> list[Score]:
+    def scores(self, current: EvaluatedModel) -> list[Score]:
         """Scores of all prototypes of the effect types that are not in the model, best first."""
         key = _key(current.fit)
         known = self._scores.get(key)
@@ -179,11 +181,11 @@ class Trials:
             self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
         return known
 
-    def uncomputed(self, current: Judged) -> list[str]:
+    def uncomputed(self, current: EvaluatedModel) -> list[str]:
         """Effect types without a finite score for a screened model."""
         return self._uncomputed.get(_key(current.fit), [])
 
-    def curves(self, current: Judged) -> list[Score]:
+    def curves(self, current: EvaluatedModel) -> list[Score]:
         """Scores of terms that belong to no effect type (curves, ripples, ...), best first."""
         key = _key(current.fit)
         known = self._curves.get(key)
@@ -191,75 +193,77 @@ class Trials:
             known = self._curves[key] = missing_curves(current.fit)
         return known
 
-    def omitted(self, current: Judged) -> tuple[OmittedTerm, ...]:
+    def omitted(self, current: EvaluatedModel) -> tuple[OmittedTerm, ...]:
         """Terms outside the model with a predicted gain above chance, effect types and curves."""
         scores = [*self.scores(current), *self.curves(current)]
-        return omitted_terms(current.fit, current.share, scores, self.tried)
+        return omitted_terms(current.fit, current.fraction, scores, self.tried)
 
     def refits(
-        self, current: Judged, scores: Sequence[Score], hopeless: float = np.inf
+        self, current: EvaluatedModel, scores: Sequence[Score], abandon_cost: float = np.inf
     ) -> list[tuple[Score, Fit]]:
         """Fits of the model with each candidate added, best first; poor fits are stopped early.
 
         A candidate is skipped if `UNDERSTATED` times its predicted gain is less than the gain that
-        `hopeless` requires, or less than a gain close to the best so far.
+        `abandon_cost` requires, or less than a gain close to the best so far.
 
         Args:
             current: Model to which the candidates are added.
             scores: Candidates.
-            hopeless: Cost that has to be reached.
+            abandon_cost: Cost that has to be reached.
         """
         found = []
         best = current.fit.cost
         for score in scores:
             key = _key(current.fit) | {_name(score.candidate.final)}
             fit = self._fits.get(key)
-            needed = current.fit.cost - min(hopeless, current.fit.cost)
+            needed = current.fit.cost - min(abandon_cost, current.fit.cost)
             needed = max(needed, (1.0 - _REACH) * (current.fit.cost - best))
             if fit is None and UNDERSTATED * score.gain < needed:
                 continue
             if fit is None:
                 slack = max(_SLACK, _REACH * (current.fit.cost - best))
-                patience = self.patience(min(best + slack, hopeless), self.longest)
+                limits = self.limits(min(best + slack, abandon_cost), self.longest)
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
                     starts += [Start(place) for place in score.candidate.tried.T]
                 starts += traded(current.fit, score.candidate)
-                fit = refitted_with(current.fit, score.candidate.final, starts, patience)
+                fit = refitted_with(current.fit, score.candidate.final, starts, limits)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
-            if fit.cost <= hopeless:
+            if fit.cost <= abandon_cost:
                 found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
 
-    def runners(self) -> list[Judged]:
+    def runners(self) -> list[EvaluatedModel]:
         """Runner-up models with a single effect: more than 20 % of the best gain."""
         bare = self._judged[frozenset()].fit.cost
         alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
         gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
         most = max(gains.values(), default=0.0)
         far = [key for key, gain in gains.items() if gain > _PART * most][1:]
-        return [self.judge(self._finished(self._fits[key])) for key in far]
+        return [self.evaluate(self._finished(self._fits[key])) for key in far]
 
-    def near(self, current: Judged, trials: Sequence[tuple[Score, Fit]]) -> list[Judged]:
+    def near(
+        self, current: EvaluatedModel, trials: Sequence[tuple[Score, Fit]]
+    ) -> list[EvaluatedModel]:
         """Finish and evaluate the fits with a cost close to the best, in their order."""
         if not trials:
             return []
         reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
-        finer: list[Judged] = []
+        finer: list[EvaluatedModel] = []
         for score, fit in trials:
             if fit.cost > reach:
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
             best = min((one.fit.cost for one in finer), default=np.inf)
             began = operations()
-            share = min((one.share for one in finer), default=1.0)
-            patience = self.patience(best + _SLACK / share, self.longest_finish, best)
-            finished = self._finished(fit, patience)
-            if finished.is_behind(patience) or operations() - began > self.longest_finish:
+            fraction = min((one.fraction for one in finer), default=1.0)
+            limits = self.limits(best + _SLACK / fraction, self.longest_finish, best)
+            finished = self._finished(fit, limits)
+            if finished.is_behind(limits) or operations() - began > self.longest_finish:
                 self._unfinished.add(key)
             # Evaluate the fit while its derivatives are still in memory.
-            finer.append(self.judge(finished))
+            finer.append(self.evaluate(finished))
             self._fits[key] = finished.light()
         return finer
 
@@ -268,31 +272,31 @@ class Trials:
         """Operation limit for finishing a model to which further terms may be added."""
         return _FINISH * self.longest
 
-    def final(self, current: Judged) -> Fit:
+    def final(self, current: EvaluatedModel) -> Fit:
         """Fit of the final model, finished now if the search had left it unfinished."""
         fit = current.fit
         return (
-            refined(fit, Patience(_STEPS, budget=Budget()))
+            refined(fit, TerminationLimits(_STEPS, budget=Budget()))
             if _key(fit) in self._unfinished
             else fit
         )
 
-    def _finished(self, fit: Fit, patience: Patience | None = None) -> Fit:
+    def _finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         """Fit at its optimum, with substeps as fine as it needs.
 
         If the base model had not converged, every added effect would seem to improve it.
 
         Args:
             fit: The fit.
-            patience: Termination limits.
+            limits: Termination limits.
         """
-        patience = patience or self.patience()
-        return self._converged(refined(self._converged(fit, patience), patience), patience)
+        limits = limits or self.limits()
+        return self._converged(refined(self._converged(fit, limits), limits), limits)
 
-    def _converged(self, fit: Fit, patience: Patience) -> Fit:
+    def _converged(self, fit: Fit, limits: TerminationLimits) -> Fit:
         """Continue a fit until it converges or gains less than 1 in log likelihood."""
         for _ in range(_LEGS):
-            if fit.converged or patience.over or fit.is_behind(patience):
+            if fit.converged or limits.over or fit.is_behind(limits):
                 break
             before = fit.cost
             fit = replanned(
@@ -302,16 +306,16 @@ class Trials:
                     fit.position,
                     fit.states,
                     fit.weighting,
-                    patience,
+                    limits,
                 ),
-                patience,
+                limits,
             )
             if before - fit.cost < 1.0:
                 break
         return fit
 
     def worth_a_refit(
-        self, current: Judged, understated: float = UNDERSTATED, amplitudes: int = 1
+        self, current: EvaluatedModel, understated: float = UNDERSTATED, amplitudes: int = 1
     ) -> float:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
@@ -325,10 +329,10 @@ class Trials:
             amplitudes: Number of fitted amplitudes.
         """
         counts = current.fit.weighting.counts
-        each = 0.5 * np.log(max(counts.sum() * current.share, 2.0))
+        each = 0.5 * np.log(max(counts.sum() * current.fraction, 2.0))
         chance = np.log(max(self.tried, 1)) + amplitudes * each
-        size = LEAST_SIZE * float(counts.max()) * current.share
-        return float(max(chance / 2, size / understated)) / current.share
+        size = LEAST_SIZE * float(counts.max()) * current.fraction
+        return float(max(chance / 2, size / understated)) / current.fraction
 
 
 def _name(term: AbstractTerm) -> tuple[str, str]:

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, Candidate, Survey, amplitude
+from identification.effects.effect import AbstractForced, CampaignScales, Candidate, amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
@@ -94,13 +94,13 @@ class AngularFriction(AbstractForced, AbstractTorque):
         return np.asarray(-(np.column_stack(waves) * direction[:, None]) @ starts)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its amplitudes scored together, if the shaft makes a full revolution."""
-        turned = max(float(np.ptp(r.column("angle"))) for r in survey.records) / (2 * np.pi)
+        turned = max(float(np.ptp(r.column("angle"))) for r in scales.records) / (2 * np.pi)
         if turned < _LEAST_TURNS:
             return []
-        shared = (survey.torque, survey.speed)
-        starts = 0.05 * survey.torque * np.eye(len(_names()))
+        shared = (scales.torque, scales.speed)
+        starts = 0.05 * scales.torque * np.eye(len(_names()))
         return [Candidate(cls(*shared, False), starts, joint=len(_names()), fitted=cls(*shared))]
 
 

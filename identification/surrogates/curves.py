@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate, Survey
+from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
 from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
 from identification.surrogates.imitation import imitated
@@ -58,13 +58,13 @@ _CURVES: Final = {
 _KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
 
 
-def curves(survey: Survey) -> list[Candidate]:
+def curves(scales: CampaignScales) -> list[Candidate]:
     """Every curve in a signal that varies, its spline coefficients scored together."""
     found = []
     for equation, pairs in _CURVES.items():
-        size = survey.torque if equation == "mechanical" else survey.voltage
+        size = scales.torque if equation == "mechanical" else scales.voltage
         for along, carrier in pairs:
-            term = _curve(survey, equation, along, carrier, size)
+            term = _curve(scales, equation, along, carrier, size)
             if term is not None:
                 starts = 0.05 * size * np.eye(HEIGHTS)
                 found.append(Candidate(term, starts, joint=HEIGHTS))
@@ -72,23 +72,23 @@ def curves(survey: Survey) -> list[Candidate]:
 
 
 def _curve(
-    survey: Survey, equation: str, along: str, carrier: str, size: float
+    scales: CampaignScales, equation: str, along: str, carrier: str, size: float
 ) -> MissingTorque | MissingVoltage | None:
     """The curve along a signal, or None if the signal is not logged or hardly varies."""
-    if along == "position" and not survey.angle_logged:
+    if along == "position" and not scales.angle_logged:
         return None
-    if along == "temperature" and survey.heated < 5.0:
+    if along == "temperature" and scales.heated < 5.0:
         return None
     signal = along.removeprefix("size of ")
-    zero = _NEAR_ZERO * float(getattr(survey, signal, 0.0) or 1.0)
-    runs = _lengths(survey.records)
+    zero = _NEAR_ZERO * float(getattr(scales, signal, 0.0) or 1.0)
+    runs = _lengths(scales.records)
     starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
     if along == "position":
         lower, upper = 0.0, 2 * np.pi
     elif along.startswith("time"):
         lower, upper = 0.0, float(np.sum(runs) if along == "time" else np.max(runs))
     else:
-        seen = np.concatenate([_logged(record, signal) for record in survey.records])
+        seen = np.concatenate([_logged(record, signal) for record in scales.records])
         if along.startswith("size of "):
             seen = np.abs(seen)
         drawn = seen if along == "temperature" else np.arcsinh(seen / zero)
@@ -96,9 +96,9 @@ def _curve(
     if not upper > lower:
         return None
     term = _KINDS[equation](
-        along, carrier, size, lower, upper, zero, survey.speed, survey.current, starts
+        along, carrier, size, lower, upper, zero, scales.speed, scales.current, starts
     )
-    curve: MissingTorque | MissingVoltage = _without_imitated(term, survey)
+    curve: MissingTorque | MissingVoltage = _without_imitated(term, scales)
     return curve
 
 
@@ -117,7 +117,7 @@ def _logged(record: Record, signal: str) -> Array:
     return record.column(signal)
 
 
-def _without_imitated(term: Any, survey: Survey) -> Any:
+def _without_imitated(term: Any, scales: CampaignScales) -> Any:
     """The curve without the part of each basis function that is collinear with current or speed.
 
     A curve in voltage may be collinear with both, since v is nearly Ra i + Kt w.
@@ -126,7 +126,7 @@ def _without_imitated(term: Any, survey: Survey) -> Any:
     places = [k for k, name in enumerate(names) if {name, "voltage"} & set(term.drivers)]
     if not places:
         return term
-    columns, regressors = sampled(term, survey.records)
+    columns, regressors = sampled(term, scales.records)
     shares = np.zeros((HEIGHTS, 2))
     shares[:, places] = imitated(columns, regressors[:, places])
     return replace(term, imitated=tuple((float(a), float(b)) for a, b in shares))

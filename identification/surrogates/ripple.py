@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, Candidate, Survey, amplitude
+from identification.effects.effect import AbstractForced, CampaignScales, Candidate, amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -160,17 +160,17 @@ _KINDS: Final[dict[str, Any]] = {
 }
 
 
-def ripples(survey: Survey, frequencies: Array) -> list[Candidate]:
+def ripples(scales: CampaignScales, frequencies: Array) -> list[Candidate]:
     """Ripple candidates in both equations, scored with amplitudes free in each record.
 
     Args:
-        survey: Scales of the campaign.
+        scales: Scales of the campaign.
         frequencies: (n,) starting frequencies [Hz].
     """
     found = []
     for equation in ("mechanical", "electrical"):
-        size = survey.torque if equation == "mechanical" else survey.voltage
-        shared = (size, 1.0 / survey.duration, 0.4 / survey.interval, survey.duration)
+        size = scales.torque if equation == "mechanical" else scales.voltage
+        shared = (size, 1.0 / scales.duration, 0.4 / scales.interval, scales.duration)
         kind = _KINDS[equation]
         amplitudes = 0.05 * size * np.eye(2 * _HARMONICS)[:2]
         starts = [(float(f), 0.0, *row) for f in frequencies for row in amplitudes]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns
+from identification.effects.effect import CampaignScales, Candidate, amplitude, columns
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractVoltage, Expression, Signals, Values
 
@@ -55,7 +55,7 @@ class SupplySag(AbstractVoltage):
         return -values.resistance * (signals.voltage / self.voltage_size) ** 2 * signals.current
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate."""
-        size = float(survey.values[0])
-        return [Candidate(cls(survey.voltage, size), columns((0.05 * size,)))]
+        size = float(scales.values[0])
+        return [Candidate(cls(scales.voltage, size), columns((0.05 * size,)))]

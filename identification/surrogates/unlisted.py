@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from identification.model.term import AbstractTerm
 from identification.surrogates.angular import AngularFriction
+from identification.surrogates.backlash import Backlash
 from identification.surrogates.curve import MissingTorque, MissingVoltage
-from identification.surrogates.hysteresis import LaggingFriction
-from identification.surrogates.loose import LoosePart
+from identification.surrogates.dahl import DahlFriction
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple
 from identification.surrogates.supply import SupplySag
 
@@ -22,8 +22,8 @@ _FORMS: Final[tuple[Any, ...]] = (
     MissingTorqueRipple,
     MissingVoltageRipple,
     AngularFriction,
-    LaggingFriction,
-    LoosePart,
+    DahlFriction,
+    Backlash,
     SupplySag,
 )
 LAWS: Final[tuple[type[SupplySag], ...]] = (SupplySag,)

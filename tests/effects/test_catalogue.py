@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Candidate, Survey
+from identification.effects.effect import CampaignScales, Candidate
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
@@ -55,8 +55,8 @@ def _records() -> list[Record]:
     return records_of(runs)
 
 
-def _survey() -> Survey:
-    return Survey(
+def _scales() -> CampaignScales:
+    return CampaignScales(
         records=tuple(_records()),
         current=4.0,
         speed=120.0,
@@ -72,7 +72,7 @@ def _survey() -> Survey:
 
 
 def _candidates(name: str) -> list[Candidate]:
-    candidates: list[Candidate] = CATALOGUE[name].candidates(_survey())
+    candidates: list[Candidate] = CATALOGUE[name].candidates(_scales())
     return candidates
 
 

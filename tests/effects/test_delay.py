@@ -14,9 +14,9 @@ from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 from identification.selection.refit import refitted_with, refitted_without
+from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 
 
@@ -33,7 +33,7 @@ def late(channel: str, motor: int, size: float) -> tuple[Recorded, Fit, Fit]:
     )
     declared = fit_declared(records_of_bench(measured).training, "zoh")
     (candidate,) = (
-        one for one in ChannelDelay.candidates(survey_of(declared)) if one.term.variant == channel
+        one for one in ChannelDelay.candidates(scales_of(declared)) if one.term.variant == channel
     )
     assert candidate.tried is not None
     scored = screened(declared, [candidate])[0].starts
@@ -52,7 +52,7 @@ def test_a_lag_comes_down_to_the_noise_whatever_was_before_the_run(
     measured, declared, fit = late(channel, motor, size)
 
     noise = np.array([measured.truth["noise"][n] for n in ("current_A", "speed_rad_s")])
-    interval = survey_of(declared).interval
+    interval = scales_of(declared).interval
     assert fit.values[-1] / interval == pytest.approx(samples, abs=0.02)
     assert np.all(fit.weighting.deviation < 1.1 * noise)
     for s in simulate_unseen(fit, records_of_bench(measured).validation):

@@ -13,11 +13,11 @@ from identification.effects.second_inertia import AbstractSecondInertia
 from identification.fit.declared import fit_declared
 from identification.model.term import Signals, Values
 from identification.selection.search import search
-from identification.surrogates.loose import LoosePart
+from identification.surrogates.backlash import Backlash
 from tests.effects.hidden import records_of_bench
 
 SHAFT = ShaftCompliance(1.0, 10.0, 1e4)
-LOOSE = LoosePart(10.0, 1e4, 1e-6, 1.0)
+LOOSE = Backlash(10.0, 1e4, 1e-6, 1.0)
 VALUES = Values(J=2e-5, share=0.3, resonance=400.0, damping=0.2, hardening=0.0, play=1e-7)
 """Physical values; the play is a ten-thousandth of the twists below."""
 SIGNALS = [field.name for field in fields(Signals)]

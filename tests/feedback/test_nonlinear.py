@@ -29,8 +29,8 @@ from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 from tests.motors import NAMES, campaign, motor_named
 
 Array = NDArray[np.float64]
@@ -245,7 +245,7 @@ def test_every_kind_of_the_catalogue_is_in_the_loop_or_left_out(
     name: str, fits: tuple[Fit, Fit]
 ) -> None:
     """Each prototype on the fitted servo gives finite speeds, or is not in the loop at all."""
-    candidates: list[Any] = CATALOGUE[name].candidates(survey_of(fits[0]))
+    candidates: list[Any] = CATALOGUE[name].candidates(scales_of(fits[0]))
     if not candidates:
         pytest.skip("the runs of the example cannot show it")
     term = candidates[0].term

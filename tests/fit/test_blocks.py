@@ -10,7 +10,7 @@ import pytest
 
 from identification.fit import derivatives, normal_equations
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_share
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, solve
 from identification.model.excitation import records_of
 from identification.model.tangent import tangent_blocks
@@ -83,10 +83,10 @@ def test_the_share_of_independent_samples_is_that_of_whole_records(
     fit = servo_fit()
     adding = np.array([1.0, 0.8])
     fit = replace(fit, weighting=replace(fit.weighting, whitening=(adding, adding)))
-    expected = effective_share(fit)
+    expected = effective_fraction(fit)
     in_blocks(monkeypatch, 600)
 
-    assert effective_share(fit.light()) == pytest.approx(expected, rel=1e-9)
+    assert effective_fraction(fit.light()) == pytest.approx(expected, rel=1e-9)
     assert expected < 0.9
 
 

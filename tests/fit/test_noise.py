@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from identification.fit.declared import fit_declared
-from identification.fit.noise import autoregression, effective_share, with_noise_model
+from identification.fit.noise import autoregression, effective_fraction, with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
@@ -56,7 +56,7 @@ def test_white_noise_is_left_alone() -> None:
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
 
     assert with_noise_model(fit) is fit
-    assert effective_share(fit) == pytest.approx(1.0, abs=0.1)
+    assert effective_fraction(fit) == pytest.approx(1.0, abs=0.1)
 
 
 def test_coloured_noise_is_whitened_by_the_filter_that_made_it() -> None:
@@ -79,7 +79,7 @@ def test_under_coloured_noise_the_uncertainty_is_believable(pole: float) -> None
         fit = fit_declared(records_of(coloured(12 + seed, np.array([0.05, 0.5]), pole)), "zoh")
         modelled = with_noise_model(fit)
         before.append(np.mean(deviations(fit) ** 2))
-        after.append(np.mean(deviations(modelled, effective_share(modelled)) ** 2))
+        after.append(np.mean(deviations(modelled, effective_fraction(modelled)) ** 2))
 
     # 28 squares of mean 1 have a mean of 1 within 0.27.
     assert 0.3 < np.mean(after) < 1.8
@@ -90,7 +90,7 @@ def test_correlated_residuals_count_for_fewer_samples() -> None:
     """A pole at 0.9 makes slow directions (1 + 0.9) / (1 - 0.9) = 19 times less certain."""
     fit = fit_declared(records_of(coloured(2, np.array([0.05, 0.5]), 0.9)), "zoh")
 
-    share = effective_share(fit)
+    share = effective_fraction(fit)
 
     assert 1.0 / 19.0 < share < 0.3
     assert np.abs(deviations(fit, share)).max() < 4.0
@@ -115,7 +115,7 @@ def test_heavy_tails_leave_the_share_of_their_information(freedom: float) -> Non
     for seed in range(6):
         fit = fit_declared(records_of(spiky(20 + seed, np.array([0.1, 1.5]), freedom)), "zoh")
         changed = with_noise_model(fit)
-        shares.append(effective_share(changed))
+        shares.append(effective_fraction(changed))
         squares.append(np.mean(deviations(changed, shares[-1]) ** 2))
 
     np.testing.assert_allclose(np.mean(shares), (freedom + 1) / (freedom + 3), rtol=0.06)

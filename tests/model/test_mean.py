@@ -17,8 +17,8 @@ from identification.model.simulate import Simulator
 from identification.model.tangent import tangent
 from identification.model.term import AbstractTerm
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.screen import screened
-from identification.selection.survey import survey_of
 from identification.surrogates.entry import term_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import driven, motor_named
@@ -132,9 +132,9 @@ def test_differenced_angle_is_a_mean_and_comes_down_to_the_noise(motor: str) -> 
         noise=Noise(kind="white"),
     )
     declared = fit_declared(records_of_bench(measured).training, "zoh")
-    survey = survey_of(declared)
+    scales = scales_of(declared)
     kinds = (SpeedFilter, ChannelDelay)
-    scores = screened(declared, [one for kind in kinds for one in kind.candidates(survey)])
+    scores = screened(declared, [one for kind in kinds for one in kind.candidates(scales)])
     (score,) = (one for one in scores if isinstance(one.candidate.term, SpeedMean))
 
     fit = refitted_with(declared, score.candidate.final, list(score.starts))

@@ -14,8 +14,8 @@ from identification.fit.solve import Fit
 from identification.posterior.coarse import coarser
 from identification.posterior.density import Posterior
 from identification.selection.refit import refined, refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def fit() -> Fit:
     )
     runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
     declared = fit_declared(campaign_of(runs, []).training, "zoh")
-    (candidate,) = BrushDrop.candidates(survey_of(declared))
+    (candidate,) = BrushDrop.candidates(scales_of(declared))
     return refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 1])]))
 
 

@@ -22,8 +22,8 @@ from identification.posterior.ridge import Ridge
 from identification.posterior.sample import sample
 from identification.posterior.trace import ridge_of
 from identification.selection.refit import refined, refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 from tests.motors import Motor, campaign, motor_named
 from tests.posterior.test_brushes import brushes_fitted
 from tests.posterior.test_sample import WHITE, servo_fit
@@ -162,7 +162,7 @@ def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
     )
     runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
     declared = fit_declared(campaign_of(runs, []).training, "zoh")
-    candidate = CATALOGUE["quadratic_drag"].candidates(survey_of(declared))[0]
+    candidate = CATALOGUE["quadratic_drag"].candidates(scales_of(declared))[0]
     fit = refined(refitted_with(declared, candidate.term, [Start(candidate.starts[:, 0])]))
 
     convergence = sample(Posterior(fit, WHITE), seed=0, most_steps=600).convergence

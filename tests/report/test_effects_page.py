@@ -8,33 +8,33 @@ from pathlib import Path
 import pytest
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Survey
+from identification.effects.effect import CampaignScales
 from identification.quantities import DECLARED_PARAMETERS
 from identification.report.confusions import CONFUSIONS, confusions_of
-from identification.report.effects_page import effects_page, example_survey
+from identification.report.effects_page import effects_page, example_scales
 
 PAGE = (Path(__file__).parents[2] / "docs/effects.md").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
-def survey() -> Survey:
+def scales() -> CampaignScales:
     """Natural sizes of the example on the page."""
-    return example_survey()
+    return example_scales()
 
 
-def test_page_is_what_the_catalogue_writes_today(survey: Survey) -> None:
+def test_page_is_what_the_catalogue_writes_today(scales: CampaignScales) -> None:
     """`python -m identification.report.effects_page` writes it anew."""
-    assert effects_page(survey) == PAGE
+    assert effects_page(scales) == PAGE
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_effect_has_its_section_with_formula_parameters_and_source(
-    name: str, survey: Survey
+    name: str, scales: CampaignScales
 ) -> None:
     """What the class says, found under its heading."""
     kind = CATALOGUE[name]
     section = PAGE.split(f"\n## {name}\n")[1].split("\n## ")[0]
-    (candidate, *_) = kind.candidates(survey)
+    (candidate, *_) = kind.candidates(scales)
 
     assert kind.source in section
     assert f"Equation: {kind.equation}." in section

@@ -15,7 +15,7 @@ from identification.effects.load import LoadStep
 from identification.effects.thermal import SelfHeating
 from identification.effects.zero import CurrentOffset
 from identification.fit.declared import fit_declared
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
@@ -47,7 +47,9 @@ def with_effect(declared: Fit, term: AbstractTerm, sizes: list[float]) -> Fit:
         for state, record in zip(declared.states, simulator.records, strict=True)
     ]
     place = coordinates.of(values)
-    return solve(simulator, coordinates, place, states, declared.weighting, Patience(steps=0))
+    return solve(
+        simulator, coordinates, place, states, declared.weighting, TerminationLimits(steps=0)
+    )
 
 
 def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:

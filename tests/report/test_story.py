@@ -10,11 +10,11 @@ import pytest
 from identification.effects.friction import CoulombFriction
 from identification.fit.solve import Fit
 from identification.report.story import searched_entries, story_of
-from identification.selection.evidence import Gates
+from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 
-PASSED = Gates(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
-CHANCE = Gates(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
+PASSED = AcceptanceCriteria(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
+CHANCE = AcceptanceCriteria(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
 
 
 class Unlisted:
@@ -117,16 +117,18 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gates", "chosen", "words"),
+    ("criteria", "chosen", "words"),
     [
         (PASSED, True, "reduces the error most"),
         (CHANCE, False, "not significant"),
         (None, False, "predicted gain"),
     ],
 )
-def test_every_candidate_has_a_reason(gates: Gates | None, chosen: bool, words: str) -> None:
+def test_every_candidate_has_a_reason(
+    criteria: AcceptanceCriteria | None, chosen: bool, words: str
+) -> None:
     """Taken, refused by a gate, or not worth a fit."""
-    searched = Searched("load_torque", 1, 5.0, gates, chosen)
+    searched = Searched("load_torque", 1, 5.0, criteria, chosen)
 
     (entry,) = searched_entries(outcome("coulomb_friction", searched))
 

@@ -12,7 +12,7 @@ from bench import EffectRequest, make_campaign
 from identification.effects.friction import CoulombFriction
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_share
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
@@ -22,15 +22,15 @@ from identification.report.omitted import confounded_warnings
 from identification.selection.confounded import LIMIT, confounded_terms
 from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import Excitation, campaign, motor_named
 
 
 def interval(fit: Fit, name: str) -> tuple[float, float]:
     """90 % interval of a parameter with what it may be taken for."""
-    posterior = Posterior(fit, effective_share(fit))
+    posterior = Posterior(fit, effective_fraction(fit))
     draws = with_omitted_drawn(normal_draws(posterior, 1), fit, confounded_terms(fit), 1)
     low, high = np.quantile(draws[name], [0.05, 0.95])
     return float(low), float(high)
@@ -39,7 +39,7 @@ def interval(fit: Fit, name: str) -> tuple[float, float]:
 def is_identified(fit: Fit, name: str) -> bool:
     """Whether a parameter is identified with what it may be taken for."""
     variances = consider_variances(fit, confounded_terms(fit))
-    return identified(fit, effective_share(fit), variances)[name]
+    return identified(fit, effective_fraction(fit), variances)[name]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: 
     hidden = make_campaign(motor, [EffectRequest("current_filter", size=size)], seed=1, rows=1500)
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
     truth = hidden.truth["parameters"]["L"]
-    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1)["L"]
+    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1)["L"]
 
     low, high = interval(fit, "L")
 
@@ -67,7 +67,7 @@ def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str
     """Nine tenths of what looks like L / Ra are a filter's: L is open, and a warning says why."""
     hidden = make_campaign(motor, [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500)
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
-    share, terms = effective_share(fit), confounded_terms(fit)
+    share, terms = effective_fraction(fit), confounded_terms(fit)
     (message,) = [w for w in confounded_warnings(fit, share, terms) if w.startswith("L is")]
 
     assert identified(fit, share)["L"]
@@ -117,7 +117,7 @@ def test_warning_is_given_beside_parameters_that_were_not_considered() -> None:
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
     term = OmittedTerm("current_filter", 10.0, LIMIT, {"L": -1.0}, "L", 4e-3)
 
-    (message,) = confounded_warnings(fit, effective_share(fit), [term])
+    (message,) = confounded_warnings(fit, effective_fraction(fit), [term])
 
     less = float(message.partition("L = ")[2].split()[0])
     assert less == pytest.approx(2.0 * np.exp(-1.0), rel=0.02)
@@ -166,10 +166,10 @@ def test_constant_torque_of_one_direction_is_friction_or_load(
         direction=direction,
     )
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
-    (candidate,) = CoulombFriction.candidates(survey_of(fit))
+    (candidate,) = CoulombFriction.candidates(scales_of(fit))
     start = Start(candidate.starts[:, 0])
     fit = refitted_with(fit, candidate.term, [start])
-    found = confounded_warnings(fit, effective_share(fit), ())
+    found = confounded_warnings(fit, effective_fraction(fit), ())
 
     assert bool(found) == (direction == "forward")
     assert all("Coulomb friction and a load torque" in message for message in found)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from identification.linear import solution
 
-__all__ = ["Summit", "climb"]
+__all__ = ["Optimum", "maximise"]
 
 Array = NDArray[np.float64]
 Valued = Callable[[Array], Array]
@@ -41,7 +41,7 @@ _FAR: Final = 50.0
 
 
 @dataclass(frozen=True)
-class Summit:
+class Optimum:
     """Result of a maximisation.
 
     Args:
@@ -55,13 +55,13 @@ class Summit:
     inverse: Array
 
 
-def climb(
+def maximise(
     valued: Valued,
     start: Array,
     bounds: tuple[Array, Array],
     inverse: Array | None = None,
     rival: float | None = None,
-) -> Summit:
+) -> Optimum:
     """Maximise a function within bounds.
 
     Args:
@@ -82,16 +82,16 @@ def climb(
         free = _free(place, gradient, bounds)
         step = np.zeros(place.size)
         step[free] = solution(_inverted(inverse)[np.ix_(free, free)], gradient[free])
-        promised = float(gradient @ step)
-        if not promised > _ENOUGH or (
-            rival is not None and _is_decided(number, value, promised, rival)
+        predicted = float(gradient @ step)
+        if not predicted > _ENOUGH or (
+            rival is not None and _is_decided(number, value, predicted, rival)
         ):
             break
         step *= min(1.0, _LONGEST / np.abs(step).max())
         tries = np.clip(place[:, None] + step[:, None] * np.array(_SHORTER), *_columns(bounds))
         full = np.clip(place + step, lower, upper)
         ahead, slope, others = _looked(valued, full, bounds, tries)
-        if not ahead > value + 1e-4 * promised or others.max() > ahead + 0.1 * abs(ahead - value):
+        if not ahead > value + 1e-4 * predicted or others.max() > ahead + 0.1 * abs(ahead - value):
             best = int(np.argmax(others))
             if not others[best] > value:
                 if small > 1:
@@ -106,13 +106,13 @@ def climb(
         place, value, gradient = full, ahead, slope
         if small > 1:
             break
-    return Summit(place, value, inverse)
+    return Optimum(place, value, inverse)
 
 
-def _is_decided(number: int, value: float, promised: float, rival: float) -> bool:
+def _is_decided(number: int, value: float, predicted: float, rival: float) -> bool:
     """Whether the value has reached its rival, or the maximum is sure to stay far below it."""
     behind = rival - value
-    return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * promised)
+    return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * predicted)
 
 
 def _columns(bounds: tuple[Array, Array]) -> tuple[Array, Array]:

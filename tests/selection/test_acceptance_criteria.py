@@ -11,14 +11,14 @@ from bench import make_campaign
 from identification.effects.load import LoadStep
 from identification.effects.thermal import SelfHeating
 from identification.fit.declared import fit_declared
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import records_of
 from identification.selection import trials
 from identification.selection.evidence import (
     UNCOMPUTED,
-    Gates,
-    Judged,
-    Unseen,
+    AcceptanceCriteria,
+    EvaluatedModel,
+    ValidationErrors,
     probabilities,
     scores_of,
 )
@@ -30,7 +30,7 @@ from tests.motors import campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
 
-REAL = Gates(
+REAL = AcceptanceCriteria(
     gain=900.0, needed=12.0, training=0.3, validation=0.25, possible=0.3, log_odds=80.0, local=False
 )
 
@@ -61,9 +61,12 @@ def test_a_candidate_without_finite_normal_equations_is_refused_and_said() -> No
     """Its score is infinite and its probability zero; numpy's least squares raised for it."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     broken = replace(fit.equations, matrix=np.full_like(fit.equations.matrix, np.nan))
-    declared, candidate = Judged(fit, 1.0), Judged(replace(fit, equations=broken), 1.0)
+    declared, candidate = (
+        EvaluatedModel(fit, 1.0),
+        EvaluatedModel(replace(fit, equations=broken), 1.0),
+    )
 
-    assert candidate.gates(declared, tried=100).refusal == UNCOMPUTED
+    assert candidate.criteria(declared, tried=100).refusal == UNCOMPUTED
     assert probabilities(scores_of([declared, candidate])).tolist() == pytest.approx([1.0, 0.0])
     assert probabilities([np.inf, np.inf]).tolist() == pytest.approx([1.0, 0.0])
 
@@ -71,12 +74,12 @@ def test_a_candidate_without_finite_normal_equations_is_refused_and_said() -> No
 def test_what_keeps_a_model_from_running_away_is_needed() -> None:
     """Without it the model cannot be simulated: it passes, and the other is never preferred."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
-    alone = Judged(replace(fit, cost=np.inf, converged=False), 1.0)
-    mended = Judged(fit, 1.0)
+    alone = EvaluatedModel(replace(fit, cost=np.inf, converged=False), 1.0)
+    mended = EvaluatedModel(fit, 1.0)
 
-    assert mended.gates(alone, tried=100).passed
+    assert mended.criteria(alone, tried=100).passed
     assert scores_of([mended, alone])[0] < scores_of([mended, alone])[1]
-    coloured = replace(mended, share=0.2)
+    coloured = replace(mended, fraction=0.2)
     assert scores_of([coloured, alone])[0] == scores_of([coloured])[0]
 
 
@@ -99,16 +102,16 @@ def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
     hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
     runs = records_of_bench(hidden)
     work = Trials(runs)
-    declared = work.judge(fit_declared(runs.training, "zoh"))
+    declared = work.evaluate(fit_declared(runs.training, "zoh"))
     score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
-    current = work.judge(work.refits(declared, [score])[0][1])
+    current = work.evaluate(work.refits(declared, [score])[0][1])
     del work._judged[frozenset()]
     work._judged[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
     begun: list[Fit] = []
 
-    def lost_once(fit: Fit, name: str, patience: Patience | None = None) -> Fit:
+    def lost_once(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
         begun.append(fit)
-        found = refitted_without(fit, name, patience)
+        found = refitted_without(fit, name, limits)
         return replace(found, cost=np.inf) if len(begun) == 1 else found
 
     monkeypatch.setattr(trials, "refitted_without", lost_once)
@@ -125,7 +128,7 @@ def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
     work = Trials(runs)
     lost = replace(fit_declared(runs.training, "zoh"), cost=np.inf, converged=False)
 
-    judged = work.judge(lost)
+    judged = work.evaluate(lost)
 
     assert judged.unseen is None
     assert work.scores(judged) == []
@@ -134,27 +137,27 @@ def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
 def test_the_times_of_an_event_count_twice_by_chance() -> None:
     """A load has a size and two times; of 4500 samples each time takes another half logarithm."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
-    simpler = Judged(fit, 1.0)
+    simpler = EvaluatedModel(fit, 1.0)
     load = LoadStep(0, 0.1, 2e-3, 1.5)
     loaded = refitted_with(fit, load, [Start(np.array([0.001, 0.3, 0.6]))])
 
-    gates = Judged(loaded, 1.0).gates(simpler, tried=100)
+    criteria = EvaluatedModel(loaded, 1.0).criteria(simpler, tried=100)
 
     samples = fit.weighting.counts.sum()
-    assert gates.needed == pytest.approx(0.5 * 5 * np.log(samples) + np.log(100))
+    assert criteria.needed == pytest.approx(0.5 * 5 * np.log(samples) + np.log(100))
 
 
 def test_a_model_that_predicts_worse_is_told() -> None:
     """Errors on runs left out that are a tenth larger, and alike."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     square, count = np.array([0.01, 1.0]), np.array([1500.0, 1500.0])
-    one = Judged(fit, 1.0, Unseen(square, count, np.zeros(2)))
-    other = Judged(fit, 1.0, Unseen(1.21 * square, count, np.zeros(2)))
+    one = EvaluatedModel(fit, 1.0, ValidationErrors(square, count, np.zeros(2)))
+    other = EvaluatedModel(fit, 1.0, ValidationErrors(1.21 * square, count, np.zeros(2)))
 
     assert other.predicts_worse(one)
     assert not one.predicts_worse(other)
     assert not one.predicts_worse(one)
-    assert not Judged(fit, 1.0).predicts_worse(one)
+    assert not EvaluatedModel(fit, 1.0).predicts_worse(one)
 
 
 def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
@@ -171,16 +174,16 @@ def test_a_second_body_that_is_warm_within_a_sample_is_no_heat() -> None:
     """A loss with the square of the current was taken for heat of a millisecond; ten are asked."""
     declared = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     heated = SelfHeating(power_size=10.0, fastest=0.01, slowest=100.0)
-    single = refitted_with(declared, heated, [Start(np.array([1.0, 1.0]))], Patience(1))
-    richer = refitted_as(single, replace(heated, bodies=2), Patience(1))
+    single = refitted_with(declared, heated, [Start(np.array([1.0, 1.0]))], TerminationLimits(1))
+    richer = refitted_as(single, replace(heated, bodies=2), TerminationLimits(1))
     at = richer.coordinates.names.index("self_heating.quickness")
 
     def flaw(quick: float) -> str:
         position = richer.position.copy()
         position[at] = np.log(quick / richer.values[at - 2])
         assert richer.coordinates.names[at - 2] == "self_heating.time_constant"
-        judged = Judged(replace(richer, position=position), 1.0)
-        return judged.gates(Judged(single, 1.0), tried=1).flaw
+        judged = EvaluatedModel(replace(richer, position=position), 1.0)
+        return judged.criteria(EvaluatedModel(single, 1.0), tried=1).flaw
 
     assert "time constant 1 ms, expected at least 10 ms" in flaw(1e-3)
     assert flaw(2e-2) == ""

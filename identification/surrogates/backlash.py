@@ -15,7 +15,7 @@ from typing import ClassVar, Final
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, columns, shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,
     resonances,
@@ -24,7 +24,7 @@ from identification.effects.second_inertia import (
 from identification.model.parameter import Parameter
 from identification.model.term import Expression, Values
 
-__all__ = ["LoosePart"]
+__all__ = ["Backlash"]
 
 _ROUNDED: Final = 0.05
 """Width of the rounded corners of the dead zone, over the play."""
@@ -33,7 +33,7 @@ _CONTACTS: Final = 7
 
 
 @dataclass(frozen=True)
-class LoosePart(AbstractSecondInertia):
+class Backlash(AbstractSecondInertia):
     """Second inertia behind backlash.
 
         a = w_0^2 d(theta) + 2 z w_0 d'(theta) (w - w_2)
@@ -82,15 +82,15 @@ class LoosePart(AbstractSecondInertia):
         return values.resonance * (values.resonance * beyond + 2 * values.damping * slope * slip)
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its play scanned with a contact nearly as stiff as the sampling resolves.
 
         The motion after an impact is sensitive to all parameters, so a fit converges only from
         nearby: the refit tries a grid of starting points.
         """
-        reach = resonances(survey)
-        narrowest = 0.1 * survey.speed * survey.interval
-        widest = survey.speed * survey.duration
+        reach = resonances(scales)
+        narrowest = 0.1 * scales.speed * scales.interval
+        widest = scales.speed * scales.duration
         if reach is None or widest < 100 * narrowest:
             return []
         slowest, fastest = reach

@@ -20,14 +20,14 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
 from identification.selection.outcome import Outcome
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.search import search
-from identification.selection.survey import survey_of
 from identification.selection.tracing import missing_curves, traced
 from identification.surrogates.angular import AngularFriction
+from identification.surrogates.backlash import Backlash
 from identification.surrogates.curve import MissingTorque
 from identification.surrogates.curves import curves
-from identification.surrogates.hysteresis import LaggingFriction
-from identification.surrogates.loose import LoosePart
+from identification.surrogates.dahl import DahlFriction
 from identification.surrogates.ripple import ripples
 from identification.surrogates.unlisted import unlisted_term
 from tests.effects.hidden import records_of_bench
@@ -66,9 +66,9 @@ def test_an_effect_in_no_catalogue_is_called_unlisted(
     term = next(t for t in outcome.fit.simulator.model.terms if t.name == "unlisted")
     assert term.equation == equation
     assert driver in term.drivers
-    gates = next(found.gates for found in outcome.effects if found.name == "unlisted")
-    assert gates.validation is not None
-    assert gates.validation > 0.5 * gates.possible
+    criteria = next(found.criteria for found in outcome.effects if found.name == "unlisted")
+    assert criteria.validation is not None
+    assert criteria.validation > 0.5 * criteria.possible
 
 
 def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
@@ -120,12 +120,12 @@ def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance()
 def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
     """Each basis function is orthogonal to current and speed over the runs, by construction."""
     campaign = _campaign("servo_150w", [], seed=23)
-    survey = survey_of(fit_declared(campaign.training, "zoh"))
-    term = next(c.term for c in curves(survey) if c.term.drivers == ("speed",))
+    scales = scales_of(fit_declared(campaign.training, "zoh"))
+    term = next(c.term for c in curves(scales) if c.term.drivers == ("speed",))
     assert isinstance(term, MissingTorque)
 
-    columns = np.concatenate([term.columns(r, *r.measured.T) for r in survey.records])
-    signals = np.concatenate([r.measured for r in survey.records])
+    columns = np.concatenate([term.columns(r, *r.measured.T) for r in scales.records])
+    signals = np.concatenate([r.measured for r in scales.records])
 
     size = np.linalg.norm(columns, axis=0)[:, None] * np.linalg.norm(signals, axis=0)
     assert np.abs(columns.T @ signals / size).max() < 0.05
@@ -148,13 +148,13 @@ def test_a_search_that_begins_with_a_curve_adds_no_second_one() -> None:
 def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
     """Its settings go through JSON; expected are the same rates of the same motor."""
     campaign = _campaign("servo_150w", [], seed=24)
-    survey = survey_of(fit_declared(campaign.training, "zoh"))
+    scales = scales_of(fit_declared(campaign.training, "zoh"))
 
-    forms = (AngularFriction, LaggingFriction, LoosePart)
-    others = [candidate for form in forms for candidate in form.candidates(survey)]
+    forms = (AngularFriction, DahlFriction, Backlash)
+    others = [candidate for form in forms for candidate in form.candidates(scales)]
     assert len(others) == len(forms)
 
-    for candidate in [*curves(survey), *ripples(survey, np.array([20.0])), *others]:
+    for candidate in [*curves(scales), *ripples(scales, np.array([20.0])), *others]:
         settings = json.loads(json.dumps(dict(vars(candidate.final))))
         again = unlisted_term(candidate.final.equation, settings)
 
@@ -169,7 +169,7 @@ def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
 def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
     """What is scored along a trajectory is what the model with the term in it has as torque."""
     campaign = _campaign("servo_150w", [], seed=24)
-    (candidate,) = AngularFriction.candidates(survey_of(fit_declared(campaign.training, "zoh")))
+    (candidate,) = AngularFriction.candidates(scales_of(fit_declared(campaign.training, "zoh")))
     term = candidate.term
     assert isinstance(term, AngularFriction)
     record = campaign.training[0]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.effects.effect import Survey
+from identification.effects.effect import CampaignScales
 from identification.effects.orders import HIGHEST_ORDER, orders_of
 from identification.fit.solve import Fit
 
-__all__ = ["survey_of"]
+__all__ = ["scales_of"]
 
 
-def survey_of(fit: Fit) -> Survey:
+def scales_of(fit: Fit) -> CampaignScales:
     """Scales of the campaign to which `fit` was fitted."""
     records = fit.simulator.records
     measured = np.concatenate([record.measured for record in records])
@@ -19,7 +19,7 @@ def survey_of(fit: Fit) -> Survey:
     size = np.sqrt(np.mean(measured**2, axis=0))
     size = np.where(size > 0, size, 1.0)
     intervals = np.concatenate([record.inputs[:-1, 0] for record in records])
-    return Survey(
+    return CampaignScales(
         records=tuple(records),
         current=float(size[0]),
         speed=float(size[1]),

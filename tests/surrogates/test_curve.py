@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.fit.declared import fit_declared
 from identification.model.excitation import records_of
 from identification.model.term import Signals
-from identification.selection.survey import survey_of
+from identification.selection.scales import scales_of
 from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
 from identification.surrogates.curves import curves
 from tests.motors import campaign, motor_named
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 def term() -> MissingTorque | MissingVoltage:
     """A curve in the speed, nothing taken away from it."""
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
-    for candidate in curves(survey_of(fit)):
+    for candidate in curves(scales_of(fit)):
         found = candidate.term
         if isinstance(found, MissingTorque) and (found.along, found.carrier) == ("speed", ""):
             return replace(found, imitated=((0.0, 0.0),) * HEIGHTS)

@@ -29,7 +29,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.solve import Fit, Patience
+from identification.fit.solve import Fit, TerminationLimits
 from identification.selection.refit import refitted_as
 from identification.surrogates.curve import (
     HEIGHTS,
@@ -140,18 +140,18 @@ def with_lines_drawn(draws: dict[str, Array], lines: Sequence[Line], seed: int) 
     return draws
 
 
-def with_linear_parts(fit: Fit, patience: Patience | None = None) -> Fit:
+def with_linear_parts(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with the linear parts of its curves free; the optimum stays where it was.
 
     Args:
         fit: Fit of a model, with or without curves.
-        patience: Termination limits.
+        limits: Termination limits.
     """
     for term in fit.simulator.model.terms:
         if isinstance(term, MissingTorque | MissingVoltage) and not term.linear:
             linear = _widths(term, fit)
             if any(linear):
-                fit = refitted_as(fit, replace(term, linear=linear), patience)
+                fit = refitted_as(fit, replace(term, linear=linear), limits)
     return fit
 
 

@@ -24,14 +24,14 @@ from identification.diagnosis.colour import spectrum
 from identification.diagnosis.residual import cross_correlation, lagged_products
 from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.initial import fitted_initial_states
-from identification.fit.noise import autoregression, effective_share
+from identification.fit.noise import autoregression, effective_fraction
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.tangent import tangent
 
-__all__ = ["Remains", "remains_of_training", "remains_of_validation"]
+__all__ = ["ChannelResiduals", "residuals_of_training", "residuals_of_validation"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ _BEYOND: Final = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Remains:
+class ChannelResiduals:
     """Residuals of one channel over the records of one role.
 
     Args:
@@ -153,14 +153,16 @@ class Remains:
         return float(np.mean(np.abs(found.values) > quantile * np.sqrt(variance)))
 
 
-def remains_of_training(fit: Fit) -> list[Remains]:
+def residuals_of_training(fit: Fit) -> list[ChannelResiduals]:
     """Residuals of current and speed over the training records."""
     simulated = simulate_fitted(fit)
     none = [np.zeros((s.record.rows, 2, 0)) for s in simulated]
     return _remains([s.record for s in simulated], [s.residual for s in simulated], none)
 
 
-def remains_of_validation(fit: Fit, records: Sequence[Record], noise: Array) -> list[Remains]:
+def residuals_of_validation(
+    fit: Fit, records: Sequence[Record], noise: Array
+) -> list[ChannelResiduals]:
     """Residuals of current and speed over the validation records; empty without records.
 
     Args:
@@ -195,7 +197,7 @@ def _spread(fit: Fit, noise: Array) -> Array:
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(rms > 0, np.minimum(noise / rms, 1.0), 1.0)
-    covariance = fit.equations.covariance(effective_share(fit)) * float(shares.max()) ** 2
+    covariance = fit.equations.covariance(effective_fraction(fit)) * float(shares.max()) ** 2
     values, vectors = eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
@@ -212,12 +214,12 @@ def _without_start(series: Array, directions: Array, weight: Array, noise: Array
 
 def _remains(
     records: Sequence[Record], residuals: Sequence[Array], errors: Sequence[Array]
-) -> list[Remains]:
+) -> list[ChannelResiduals]:
     found = []
     for channel in range(2):
         counts = [record.weight[:, channel] > 0 for record in records]
         found.append(
-            Remains(
+            ChannelResiduals(
                 tuple(r[:, channel] * c for r, c in zip(residuals, counts, strict=True)),
                 tuple(record.column("voltage") for record in records),
                 tuple(e[:, channel] * c[:, None] for e, c in zip(errors, counts, strict=True)),

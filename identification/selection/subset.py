@@ -29,12 +29,12 @@ from identification.fit.campaign import Campaign
 from identification.fit.declared import replanned
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.initial import fitted_initial_states
-from identification.fit.solve import Fit, Patience, solve
+from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
 
-__all__ = ["fitted_to", "part_of", "part_of_fit"]
+__all__ = ["fitted_to", "representative_subset", "subset_of_fit"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ _SWEEPS: Final = 2
 """Passes of the exchange over all records."""
 
 
-def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
+def representative_subset(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
     """Segments of the records of a campaign, and the nominal model fitted to them.
 
     Args:
@@ -71,7 +71,7 @@ def part_of(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
     return replace(campaign, training=tuple(training), validation=tuple(validation)), fit
 
 
-def part_of_fit(fit: Fit) -> Fit:
+def subset_of_fit(fit: Fit) -> Fit:
     """A model fitted to segments of its records; the fit itself if the records are short.
 
     Args:
@@ -83,13 +83,13 @@ def part_of_fit(fit: Fit) -> Fit:
     return fitted_to(_stretches(records, fit.residuals(), PART_ROWS), fit)
 
 
-def fitted_to(records: Sequence[Record], fit: Fit, patience: Patience | None = None) -> Fit:
+def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """Fit a model to other records, starting at its present optimum.
 
     Args:
         records: The other records.
         fit: Present fit of the model.
-        patience: Termination limits.
+        limits: Termination limits.
     """
     model, values = fit.simulator.model, fit.values
     own = any(state.is_own for term in model.terms for state in term.states)
@@ -98,8 +98,8 @@ def fitted_to(records: Sequence[Record], fit: Fit, patience: Patience | None = N
     states = fitted_initial_states(simulator, values, deviation, whole=own)
     simulator = accurate(simulator, values, states, deviation)
     weighting = replace(Weighting.white(simulator.records), deviation=deviation)
-    found = solve(simulator, fit.coordinates, fit.position, states, weighting, patience)
-    return replanned(found, patience)
+    found = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+    return replanned(found, limits)
 
 
 def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:

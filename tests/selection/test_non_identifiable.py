@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from bench import EffectRequest, make_campaign
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_share
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
 from identification.posterior.normal import normal_draws
-from identification.selection.gauge import lines_of, with_linear_parts, with_lines_drawn
+from identification.selection.non_identifiable import lines_of, with_linear_parts, with_lines_drawn
 from identification.selection.refit import refined, refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.selection.survey import survey_of
 from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
 from identification.surrogates.curves import curves
 from identification.surrogates.imitation import imitated, is_formed
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
     """The fit with a curve beside it."""
     (candidate,) = [
-        c for c in curves(survey_of(fit))
+        c for c in curves(scales_of(fit))
         if isinstance(c.term, MissingTorque | MissingVoltage)
         and (c.term.along, c.term.carrier, c.term.equation) == (along, carrier, equation)
     ]  # fmt: skip
@@ -135,11 +135,11 @@ def test_parameters_beside_a_curve_are_right_or_called_open(
 
     final = with_linear_parts(closed)
 
-    known = identified(final, effective_share(closed))
+    known = identified(final, effective_fraction(closed))
     assert [name for name in final.coordinates.names[:7] if not known[name]] == (
         {"Ra25": ["Ra25", "alpha_Ra"], "b": ["b"], "": []}[open_]
     )
-    draws = normal_draws(Posterior(closed, effective_share(closed)), seed=3)
+    draws = normal_draws(Posterior(closed, effective_fraction(closed)), seed=3)
     draws = with_lines_drawn(draws, lines_of(final), seed=3)
     for name, value in measured.truth["parameters"].items():
         off = abs(draws[name].mean() - value)

@@ -16,14 +16,14 @@ from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.effects.zero import VoltageOffset
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
-from identification.fit.solve import Patience, solve
+from identification.fit.solve import TerminationLimits, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
 from identification.selection import screen
 from identification.selection.refit import refitted_with
+from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded
-from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 
 
@@ -43,7 +43,7 @@ def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Cam
 def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
     """A small load is nearly linear; expected is where a whole refit ends."""
     declared = fit_declared(campaign("load_torque", 0.002, seed=31).training, "zoh")
-    (score,) = screened(declared, LoadTorque.candidates(survey_of(declared)))
+    (score,) = screened(declared, LoadTorque.candidates(scales_of(declared)))
 
     refit = refitted_with(declared, score.candidate.final, score.starts)
 
@@ -64,13 +64,13 @@ def test_nothing_promises_more_than_all_that_is_left() -> None:
     away = declared.position.copy()
     away[declared.coordinates.names.index("Kt25")] += 0.05
     astray = solve(
-        declared.simulator, declared.coordinates, away, declared.states, white, Patience(0)
+        declared.simulator, declared.coordinates, away, declared.states, white, TerminationLimits(0)
     )
     deviation = astray.weighting.deviation
     left = sum(0.5 * float(np.sum((r / deviation) ** 2)) for r in astray.residuals())
 
-    survey = survey_of(astray)
-    scores = screened(astray, [c for kind in CATALOGUE.values() for c in kind.candidates(survey)])
+    scales = scales_of(astray)
+    scores = screened(astray, [c for kind in CATALOGUE.values() for c in kind.candidates(scales)])
 
     assert scores
     assert max(score.gain for score in scores) < left
@@ -79,9 +79,9 @@ def test_nothing_promises_more_than_all_that_is_left() -> None:
 def test_every_fourth_sample_promises_no_more_than_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """An offset beside a fitted brush drop hides in its parameters; there is none on this motor."""
     declared = fit_declared(campaign("brush_drop", 0.03, seed=35).training, "zoh")
-    best = screened(declared, BrushDrop.candidates(survey_of(declared)))[0]
-    fit = refitted_with(declared, best.candidate.final, best.starts, Patience())
-    candidates = VoltageOffset.candidates(survey_of(fit))
+    best = screened(declared, BrushDrop.candidates(scales_of(declared)))[0]
+    fit = refitted_with(declared, best.candidate.final, best.starts, TerminationLimits())
+    candidates = VoltageOffset.candidates(scales_of(fit))
     whole = max(score.gain for score in screened(fit, candidates))
 
     monkeypatch.setattr(screen, "_ENOUGH", 900)
@@ -94,7 +94,7 @@ def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
     """A delay of 1.2 samples: of three starts the nearest is taken, whatever comes first."""
     hidden = campaign("channel_delay", 0.12, seed=32, law="speed")
     declared = fit_declared(hidden.training, "zoh")
-    interval = survey_of(declared).interval
+    interval = scales_of(declared).interval
     term = ChannelDelay("speed", 8, interval)
     starts = [Start(np.array([n * interval])) for n in (6.5, 3.5, 1.3)]
     model = declared.simulator.model.adding(term)
@@ -111,7 +111,7 @@ def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
 def test_a_lost_magnetisation_is_foretold_by_the_start_alone() -> None:
     """With Kt moved along it gains most of what is promised, and with Kt held hardly any."""
     declared = fit_declared(campaign("demagnetization", 0.06, seed=36).training, "zoh")
-    score = screened(declared, Demagnetization.candidates(survey_of(declared)))[0]
+    score = screened(declared, Demagnetization.candidates(scales_of(declared)))[0]
     model = declared.simulator.model.adding(score.candidate.final)
     coordinates = Coordinates([*declared.coordinates.parameters, *model.parameters[-3:]])
 
@@ -142,7 +142,7 @@ def test_a_winding_that_heats_itself_is_fitted_though_resistance_seemed_to_fall(
     hidden = [("self_heating", 0.3)]
     measured = make_campaign("servo_150w", hidden, seed=31, rows=1200, training=4, validation=1)
     declared = fit_declared(records_of_bench(measured).training, "zoh")
-    (candidate,) = SelfHeating.candidates(survey_of(declared))
+    (candidate,) = SelfHeating.candidates(scales_of(declared))
 
     fit = refitted_with(declared, candidate.term, [Start(start) for start in candidate.starts.T])
 
@@ -163,7 +163,7 @@ def test_an_inductance_gives_back_the_lag_it_had_taken_of_a_filter() -> None:
         position="incremental",
     )
     declared = fit_declared(records_of_bench(measured).training, "zoh")
-    candidate = CurrentFilter.candidates(survey_of(declared))[0]
+    candidate = CurrentFilter.candidates(scales_of(declared))[0]
     (score,) = screened(declared, [candidate])[:1]
 
     without = refitted_with(declared, candidate.term, score.starts)

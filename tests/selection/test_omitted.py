@@ -11,7 +11,7 @@ from identification.effects.electrical import BrushDrop
 from identification.effects.friction import CoulombFriction
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_share
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
@@ -24,8 +24,8 @@ from identification.selection.omitted import (
     unknown_gain,
     with_omitted_drawn,
 )
+from identification.selection.scales import scales_of
 from identification.selection.screen import screened
-from identification.selection.survey import survey_of
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -35,9 +35,9 @@ KINDS = (CoulombFriction, BrushDrop)
 
 def left_out(fit: Fit) -> tuple[OmittedTerm, ...]:
     """The two kinds that promise more than chance beside a fit."""
-    candidates = [c for kind in KINDS for c in kind.candidates(survey_of(fit))]
+    candidates = [c for kind in KINDS for c in kind.candidates(scales_of(fit))]
     tried = sum(candidate.prototypes for candidate in candidates)
-    return omitted_terms(fit, effective_share(fit), screened(fit, candidates), tried)
+    return omitted_terms(fit, effective_fraction(fit), screened(fit, candidates), tried)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def rubbing() -> tuple[Fit, dict[str, float]]:
 
 def test_clean_motor_omits_nothing(clean: Fit) -> None:
     """Neither kind promises more than chance reaches, and the draws stay as they are."""
-    posterior = Posterior(clean, effective_share(clean))
+    posterior = Posterior(clean, effective_fraction(clean))
     draws = normal_draws(posterior, 1, 50)
 
     assert left_out(clean) == ()
@@ -85,7 +85,7 @@ def test_intervals_with_an_omitted_term_hold_the_true_parameters(
 ) -> None:
     """By noise alone the interval of the friction is narrow and wrong."""
     fit, truth = rubbing
-    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1)
+    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1)
     wide = with_omitted_drawn(narrow, fit, left_out(fit), 1)
 
     def holds(draws: dict[str, Array], name: str) -> bool:
@@ -100,7 +100,7 @@ def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str
     """Noise and omitted terms are independent: their variances add."""
     fit, _ = rubbing
     omitted = left_out(fit)
-    narrow = normal_draws(Posterior(fit, effective_share(fit)), 1, 20_000)
+    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1, 20_000)
     wide = with_omitted_drawn(narrow, fit, omitted, 1)
 
     def variance(draws: dict[str, Array]) -> Array:
@@ -114,7 +114,7 @@ def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str
 
 def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> None:
     """A step by the whole of it leaves nothing of what the data say."""
-    share = effective_share(clean)
+    share = effective_fraction(clean)
     taken = (OmittedTerm("brush_drop", 100.0, 10.0, {"Ra25": 1.0}),)
 
     assert identified(clean, share)["Ra25"]
@@ -124,7 +124,7 @@ def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> 
 def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) -> None:
     """Two runs that disagree by a factor of two: Ra, L, J and b are known up to it, Kt is known."""
     gain = unknown_gain(clean, [0.5, 1.0])
-    share = effective_share(clean)
+    share = effective_fraction(clean)
 
     known = identified(clean, share, consider_variances(clean, gain))
     draws = with_omitted_drawn(normal_draws(Posterior(clean, share), 1, 20_000), clean, gain, 1)

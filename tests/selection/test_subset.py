@@ -10,7 +10,7 @@ import pytest
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
-from identification.selection.part import part_of
+from identification.selection.subset import representative_subset
 from tests.motors import campaign, motor_named
 
 MOTOR = motor_named("servo 100 W")
@@ -39,7 +39,7 @@ def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign:
     """5,000 of 20,000 samples each; the lively 2,500 begin at sample 10,000."""
     declared = fit_declared(long_campaign.training, "zoh")
 
-    found = part_of(long_campaign, declared)
+    found = representative_subset(long_campaign, declared)
 
     assert found is not None
     part, nominal = found
@@ -59,4 +59,4 @@ def test_short_records_are_searched_whole() -> None:
     """Three runs of 1,500 samples are fewer than a part has."""
     runs = campaign_of(campaign(MOTOR, seed=3), [])
 
-    assert part_of(runs, fit_declared(runs.training, "zoh")) is None
+    assert representative_subset(runs, fit_declared(runs.training, "zoh")) is None

@@ -14,17 +14,17 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import Candidate, Survey, amplitude, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 
-__all__ = ["LaggingFriction"]
+__all__ = ["DahlFriction"]
 
 _ROUNDED = 1e-3
 
 
 @dataclass(frozen=True)
-class LaggingFriction(AbstractTorque):
+class DahlFriction(AbstractTorque):
     """Dahl friction: a torque that follows the direction of the motion over a distance d.
 
         tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
@@ -77,12 +77,12 @@ class LaggingFriction(AbstractTorque):
         return [(speed - size * states.deflection) / values.distance]
 
     @classmethod
-    def candidates(cls, survey: Survey) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its distance scanned."""
-        nearest = 0.3 * survey.speed * survey.interval
-        farthest = 0.3 * survey.speed * survey.duration
+        nearest = 0.3 * scales.speed * scales.interval
+        farthest = 0.3 * scales.speed * scales.duration
         if farthest < 10 * nearest:
             return []
         scanned = np.geomspace(2 * nearest, farthest / 3, 5)
-        starts = [(0.05 * survey.torque, float(d)) for d in scanned]
-        return [Candidate(cls(survey.torque, survey.speed, nearest, farthest), columns(*starts))]
+        starts = [(0.05 * scales.torque, float(d)) for d in scanned]
+        return [Candidate(cls(scales.torque, scales.speed, nearest, farthest), columns(*starts))]

@@ -10,24 +10,24 @@ import pytest
 from bench import make_campaign
 from identification.fit.declared import fit_declared
 from identification.selection import search
-from identification.selection.candidates import promising
-from identification.selection.evidence import Judged
+from identification.selection.candidates import with_predicted_gain
+from identification.selection.evidence import EvaluatedModel
 from identification.selection.rounds import State
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 
 
-def first_round(longest: float) -> tuple[Trials, Judged, float]:
+def first_round(longest: float) -> tuple[Trials, EvaluatedModel, float]:
     """A servo with a brush drop: its model after the round, and what finishing it took."""
     measured = make_campaign(
         "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
     )
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
-    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
     drops = [s for s in trials.scores(declared) if s.candidate.term.name == "brush_drop"]
-    refits = trials.refits(declared, promising(drops, 1))
+    refits = trials.refits(declared, with_predicted_gain(drops, 1))
     refits = [(score, replace(fit, converged=False)) for score, fit in refits]
     trials.longest = longest
     began = operations()
@@ -54,7 +54,7 @@ def test_a_kind_far_behind_the_best_is_refitted_only_by_itself() -> None:
     )
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
-    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
     scores = trials.scores(declared)
     drop = next(s for s in scores if s.candidate.term.name == "brush_drop")
     ((_, fit),) = trials.refits(declared, [drop])
@@ -76,7 +76,7 @@ def test_nothing_is_refitted_that_cannot_come_near_a_rival() -> None:
     )
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
-    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
     best = trials.scores(declared)[0]
     began = operations()
 
@@ -91,11 +91,13 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
     )
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
-    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
     judged = {}
     for name in ("coulomb_friction", "quadratic_drag"):
         scores = [s for s in trials.scores(declared) if s.candidate.term.name == name]
-        (judged[name], *_) = trials.near(declared, trials.refits(declared, promising(scores, 1)))
+        (judged[name], *_) = trials.near(
+            declared, trials.refits(declared, with_predicted_gain(scores, 1))
+        )
     state = State(trials, judged["quadratic_drag"])
     trials.budget = Budget(0.0)
 

@@ -33,9 +33,9 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
     outcome = _outcome("servo_150w", [effect], seed=12)
 
     assert [found.name for found in outcome.effects] == [effect]
-    assert outcome.effects[0].gates.passed
-    assert outcome.effects[0].gates.validation is not None
-    assert outcome.effects[0].gates.validation > 0.05
+    assert outcome.effects[0].criteria.passed
+    assert outcome.effects[0].criteria.validation is not None
+    assert outcome.effects[0].criteria.validation > 0.05
 
 
 def test_a_withheld_kind_is_no_candidate() -> None:
@@ -144,7 +144,7 @@ def test_an_inductance_that_falls_far_promises_enough_to_be_fitted() -> None:
     )
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
-    declared = trials.judge(fit_declared(campaign.training, "zoh"))
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
     gains = {score.candidate.term.name: score.gain for score in reversed(trials.scores(declared))}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.diagnosis.ascent import climb
+from identification.diagnosis.maximise import maximise
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ def hill(places: Array) -> Array:
 
 def test_the_top_of_a_hill_is_found() -> None:
     """The top is that of the closed form, within the hundredth that the ascent calls enough."""
-    found = climb(hill, np.array([-4.0, 9.0, 0.0]), WIDE)
+    found = maximise(hill, np.array([-4.0, 9.0, 0.0]), WIDE)
 
     assert found.value == pytest.approx(7.0, abs=0.02)
     np.testing.assert_allclose(found.place[:2], [1.0, 2.0], atol=0.1)
@@ -33,7 +33,7 @@ def test_a_bound_is_kept_and_the_rest_still_climbs() -> None:
     """With x held at 3 by a bound the best y is 2 + (3 - 1) = 4."""
     bounds = (np.array([3.0, -50.0, 3.0]), np.array([50.0, 50.0, 3.0]))
 
-    found = climb(hill, np.array([5.0, -1.0, 3.0]), bounds)
+    found = maximise(hill, np.array([5.0, -1.0, 3.0]), bounds)
 
     assert found.place[0] == 3.0
     assert found.place[1] == pytest.approx(4.0, abs=0.1)
@@ -47,7 +47,7 @@ def test_a_place_without_a_value_is_avoided() -> None:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(-20.0 * (places[0] - np.log(places[0])))
 
-    found = climb(valued, np.array([4.0]), (np.array([-9.0]), np.array([9.0])))
+    found = maximise(valued, np.array([4.0]), (np.array([-9.0]), np.array([9.0])))
 
     assert found.place[0] == pytest.approx(1.0, abs=0.05)
 
@@ -60,9 +60,9 @@ def test_an_ascent_that_cannot_reach_its_rival_ends_early() -> None:
         calls.append(places.shape[1])
         return hill(places)
 
-    climb(counted, np.array([-40.0, 49.0, -40.0]), WIDE, rival=1e6)
-    hopeless = len(calls)
+    maximise(counted, np.array([-40.0, 49.0, -40.0]), WIDE, rival=1e6)
+    abandon_cost = len(calls)
     calls.clear()
-    climb(counted, np.array([-40.0, 49.0, -40.0]), WIDE)
+    maximise(counted, np.array([-40.0, 49.0, -40.0]), WIDE)
 
-    assert hopeless <= len(calls)
+    assert abandon_cost <= len(calls)
