@@ -125,6 +125,10 @@ bench: $(READY) ## measure the speed relative to hand-written numba and scipy co
 coverage: $(READY) ## measure the coverage of the 90 % intervals on simulated campaigns (long)
 	$(BIN)/python -m benchmarks.coverage
 
+.PHONY: same-results
+same-results: $(READY) ## compare results with those of another version; ARGS="--against DIR" (long)
+	$(BIN)/python -m benchmarks.same_results --out $(OUT)/results $(ARGS)
+
 .PHONY: attribution
 attribution: $(READY) ## measure the identification rate of hidden effects (long)
 	$(BIN)/python -m benchmarks.attribution
