@@ -1,4 +1,4 @@
-"""Faults as benches make them: each is refused with its correction, suspected, or said."""
+"""Typical bench faults: refused with a correction, suspected, or mentioned in a warning."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MET = {
     "said": {"refuse", "suspect", "said"},
 }
 SMALL_MOTOR = 7001
-"""33 W, 27 V: no unit of it that is wrong is out of the reader's bounds but mV."""
+"""33 W, 27 V: of all wrong units, only mV exceeds the bounds of the reader."""
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.name}, {fault.scope}")
 def test_a_fault_is_found_and_its_correction_corrects_it(fault: Fault) -> None:
-    """The table says what is expected; a correction counts once the runs are read with it."""
+    """Reference: the outcome column of the table; a correction must remove every finding."""
     found = seen(fault, SMALL_MOTOR, rows=1500)
 
     assert found.after in MET[fault.outcome], found
@@ -35,24 +35,24 @@ def test_a_fault_is_found_and_its_correction_corrects_it(fault: Fault) -> None:
 
 
 def test_the_table_holds_more_than_25_kinds() -> None:
-    """A fault in one run and in all runs is one kind."""
+    """A fault in one run and the same fault in all runs count as one type."""
     assert len({fault.name for fault in FAULTS}) >= 25
 
 
 PAPER_RUNS = [read_run(DATA / "paper_motor" / f"training_{k}.csv") for k in (1, 2, 3, 5)]
-"""Runs of a motor whose friction keeps current and speed in proportion: R and K are not known
-from one of them, and only its inductance says that v and i belong together."""
+"""Runs of a motor whose friction keeps current and speed proportional: one run determines neither
+R nor K, and only the inductance shows that v and i belong together."""
 
 
 def flipped(run: Run, channel: str) -> Run:
-    """The run with the other sign of a channel."""
+    """Run with the sign of one channel reversed."""
     return replace(run, **{channel: -getattr(run, channel)})
 
 
 @pytest.mark.parametrize("channel", ["voltage", "current"])
 @pytest.mark.parametrize("k", range(len(PAPER_RUNS)))
 def test_reversed_sensor_of_a_motor_with_much_friction_is_refused(k: int, channel: str) -> None:
-    """The other sign makes L negative, which no delay does where R is negative as well."""
+    """Reversed signs give negative L and negative R, which no delay explains."""
     runs = [flipped(run, channel) if n == k else run for n, run in enumerate(PAPER_RUNS)]
 
     (finding,) = check_runs(runs).findings
@@ -67,7 +67,7 @@ def channel_unit(channel: str) -> str:
 
 
 def test_reversed_speed_of_a_motor_with_much_friction_is_suspected() -> None:
-    """K w has no sign of its own there; that inertia and friction are negative has."""
+    """The sign of K w is uncertain there; the apparent inertia and friction are negative."""
     runs = [flipped(run, "speed") for run in PAPER_RUNS]
 
     found = check_runs(runs).findings
@@ -79,7 +79,7 @@ def test_reversed_speed_of_a_motor_with_much_friction_is_suspected() -> None:
 
 
 def test_negative_inductance_by_a_late_current_is_no_reversed_sensor() -> None:
-    """A current logged 2.5 L/R late has the apparent inductance -1.5 L, and its resistance."""
+    """A current delayed by 2.5 L/R has the apparent inductance -1.5 L and the true resistance."""
     run = read_run(DATA / "clean_servo" / "training_1.csv")
     late = round(2.5 * 2.6e-3 / 1.1 / float(np.median(np.diff(run.time)))) + 1
     delayed = replace(

@@ -1,4 +1,4 @@
-"""Runs that are unusual and sound: nothing of them is refused."""
+"""Unusual but valid runs are never refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ R, K, L, J, B, STEP = 1.0, 0.05, 1e-3, 5e-5, 2e-5, 1e-3
 def run_of(
     voltage: Array, load: Array | float = 0.0, name: str = "run.csv", speed: Array | None = None
 ) -> Run:
-    """A run of a 12 V motor by Euler steps a twentieth of the interval; noise of 0.5 %.
+    """Run of a 12 V motor by Euler steps of 1/20 of the interval, with 0.5 % noise.
 
     Args:
         voltage: (n_sample,) held [V].
@@ -72,25 +72,25 @@ SOUND = {
 
 @pytest.mark.parametrize("name", SOUND)
 def test_an_unusual_run_that_obeys_physics_is_not_refused(name: str) -> None:
-    """A simulated motor: v = R i + K w + L di/dt holds by construction, whatever turns it."""
+    """Simulated motors obey v = R i + K w + L di/dt by construction, whatever drives the shaft."""
     assert check_runs([SOUND[name]]).refused == ()
 
 
 def test_unusual_runs_of_one_motor_do_not_contradict_each_other() -> None:
-    """All are of one motor, so no two of them can."""
+    """All runs are simulated with one motor, so no two of them contradict each other."""
     assert check_runs(list(SOUND.values())).refused == ()
 
 
 @pytest.mark.parametrize("campaign", ["paper_motor", "clean_servo", "brush_drop_servo"])
 def test_the_campaigns_of_the_project_are_sound(campaign: str) -> None:
-    """They are simulated, so nothing in them is wrong."""
+    """The published campaigns are simulated and contain no fault."""
     runs = [read_run(path) for path in sorted((DATA / campaign).glob("*.csv"))]
 
     assert check_runs(runs).findings == ()
 
 
 def test_a_real_servo_is_sound() -> None:
-    """Measured; its two files differ by a gain of about two of the current sensor."""
+    """Measured runs; the current sensor gains of the two files differ by a factor of about two."""
     if not LABECA.is_dir():
         pytest.skip("the measured runs are not on this machine")
     mapping = {"current_A": {"column": "current_sensor_V", "scale": 1.0}}

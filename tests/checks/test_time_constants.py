@@ -1,4 +1,4 @@
-"""Time constants of a motor are those that data sheets have, or the result says what is odd."""
+"""Implausible time constants give a warning; those of data sheets do not."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def values_of(
 
 @pytest.mark.parametrize("name", DATA_SHEETS)
 def test_motor_of_a_data_sheet_is_plausible(name: str) -> None:
-    """What manufacturers print of their motors is no finding."""
+    """Values from manufacturers' data sheets give no warning."""
     assert time_constant_findings(values_of(*DATA_SHEETS[name]), TRUSTED) == []
 
 
 @pytest.mark.parametrize("factor", [30.0, 1000.0])
-def test_lag_of_a_sensor_in_the_inductance_is_said(factor: float) -> None:
-    """A 200 W coreless motor of 0.28 ms with 8 ms: the sensor is named, and how to check L."""
+def test_lag_of_a_sensor_in_the_inductance_is_reported(factor: float) -> None:
+    """For 8 ms instead of 0.28 ms, the warning names the sensor and a check of L."""
     resistance, constant, inertia, inductance = DATA_SHEETS["Faulhaber 3863H024CR"]
     (found,) = time_constant_findings(
         values_of(resistance, constant, inertia, factor * inductance), TRUSTED
@@ -52,8 +52,8 @@ def test_lag_of_a_sensor_in_the_inductance_is_said(factor: float) -> None:
 
 
 @pytest.mark.parametrize(("factor", "word"), [(0.01, "rotor without load"), (100.0, "gear")])
-def test_inertia_far_from_that_of_a_rotor_is_said(factor: float, word: str) -> None:
-    """A 3863 CR has 4.8 ms by its data sheet: 0.05 ms and 0.5 s are not of a rotor."""
+def test_inertia_far_from_that_of_a_rotor_is_reported(factor: float, word: str) -> None:
+    """A 3863 CR has 4.8 ms by its data sheet; 0.05 ms and 0.5 s are implausible for a rotor."""
     resistance, constant, inertia, inductance = DATA_SHEETS["Faulhaber 3863H024CR"]
     (found,) = time_constant_findings(
         values_of(resistance, constant, factor * inertia, inductance), TRUSTED
@@ -65,14 +65,14 @@ def test_inertia_far_from_that_of_a_rotor_is_said(factor: float, word: str) -> N
 
 
 def test_parameter_that_the_runs_leave_open_is_not_judged() -> None:
-    """An inductance that is unknown, or measured by the user, says nothing of the sensor."""
+    """An inductance that is not identified, or given by the user, says nothing about the sensor."""
     values = values_of(0.64, 39.8e-3, 120e-7, 1.0)
 
     assert time_constant_findings(values, TRUSTED | {"L": False}) == []
 
 
-def test_result_of_a_slow_current_sensor_says_both() -> None:
-    """A coreless motor of 0.1 ms behind a filter of 8 ms: L is open, and its lag is implausible."""
+def test_result_of_a_slow_current_sensor_reports_both_findings() -> None:
+    """With 0.1 ms behind a filter of 8 ms, L is not identified and its lag is implausible."""
     hidden = make_campaign(
         "coreless_10w", [EffectRequest("current_filter", size=0.8)], seed=2, rows=1500
     )

@@ -1,4 +1,4 @@
-"""The colour of a residual from a short autoregression."""
+"""Autoregressive spectrum of a residual."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.diagnosis.colour import autoregression, spectrum
 
 @pytest.mark.parametrize("pole", [-0.5, 0.0, 0.6, 0.95])
 def test_the_spectrum_at_zero_follows_the_closed_form(pole: float) -> None:
-    """The closed form of the sum of all correlations of a first order is (1 + a) / (1 - a)."""
+    """The autocorrelations of an AR(1) process sum to (1 + a) / (1 - a)."""
     rng = np.random.default_rng(21)
     residual = signal.lfilter([1.0], [1.0, -pole], rng.standard_normal(60_000))
 
@@ -21,7 +21,7 @@ def test_the_spectrum_at_zero_follows_the_closed_form(pole: float) -> None:
 
 
 def test_coefficients_of_a_second_order_autoregression_are_recovered() -> None:
-    """Standard error of a coefficient is about 1/sqrt(n) = 0.005."""
+    """The standard error of a coefficient is about 1/sqrt(n) = 0.005."""
     rng = np.random.default_rng(22)
     residual = signal.lfilter([1.0], [1.0, -1.2, 0.5], rng.standard_normal(40_000))
 
@@ -32,7 +32,7 @@ def test_coefficients_of_a_second_order_autoregression_are_recovered() -> None:
 
 
 def test_white_noise_gets_order_zero_most_of_the_time() -> None:
-    """Akaike's criterion adds a needless order in about 29 % of cases without limit of order."""
+    """Akaike's criterion adds a needless order to 29 % of white series if no limit is set."""
     rng = np.random.default_rng(23)
 
     orders = [autoregression(rng.standard_normal(1000)).size for _ in range(200)]
@@ -41,7 +41,7 @@ def test_white_noise_gets_order_zero_most_of_the_time() -> None:
 
 
 def test_a_spectrum_has_mean_one_and_its_peak_where_the_pole_is() -> None:
-    """A positive pole is slow: all its power lies at frequency zero."""
+    """A positive pole gives slow noise, with its spectral peak at frequency zero."""
     power = spectrum(np.array([0.9]), 512)
 
     assert power.mean() == pytest.approx(1.0)
@@ -49,5 +49,5 @@ def test_a_spectrum_has_mean_one_and_its_peak_where_the_pole_is() -> None:
 
 
 def test_a_residual_of_zero_has_no_colour() -> None:
-    """There is nothing to predict."""
+    """A residual of zero has a flat spectrum."""
     assert autoregression(np.zeros(100)).size == 0

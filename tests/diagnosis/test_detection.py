@@ -1,4 +1,4 @@
-"""Whether anything is missing: the level over complete models, the power over small effects."""
+"""Detection of model deficiency: false alarm rate of complete models, power for small effects."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tests.motors import noiseless
 
 
 def detected(runs: list[Run], noise: np.ndarray = SIZE) -> Detection:
-    """The declared model fitted to three runs and checked on the other two."""
+    """Nominal model fitted to three runs and tested on the other two."""
     campaign = campaign_of(runs[:3], runs[3:])
     return detect(fit_declared(campaign.training, "zoh"), campaign, noise)
 
 
 def rubbed(seed: int, friction: float) -> list[Run]:
-    """Runs with dry friction of that size [N m] and white noise."""
+    """Runs with Coulomb friction of the given size [N m] and white noise."""
     made = []
     for run in [*cold(seed), *cold(seed + 1)[:2]]:
         missing = np.zeros((run.rows, 2))
@@ -33,7 +33,7 @@ def rubbed(seed: int, friction: float) -> list[Run]:
 
 @pytest.mark.parametrize("kind", ["white", "coloured", "spiky"])
 def test_a_complete_model_is_rarely_called_incomplete(kind: str) -> None:
-    """Level 1 %: two alarms in twelve campaigns would happen less than once in a hundred times."""
+    """At level 1 %, two alarms in twelve campaigns have a probability below 1 %."""
     alarms = [
         detected(noisy(noiseless(SERVO, seed=seed, runs=5, rows=500), kind, 70 + seed)).missing
         for seed in range(12)
@@ -44,7 +44,7 @@ def test_a_complete_model_is_rarely_called_incomplete(kind: str) -> None:
 
 
 def test_coloured_noise_needs_its_wider_band() -> None:
-    """Negative control: a pole of 0.9 makes a mean square (1 + 0.81) / (1 - 0.81) as uncertain."""
+    """Negative control: a pole of 0.9 multiplies the variance by (1 + 0.81) / (1 - 0.81)."""
     runs = noiseless(SERVO, seed=3, runs=5, rows=500)
 
     white, coloured = (detected(noisy(runs, kind, 90)) for kind in ("white", "coloured"))
@@ -54,7 +54,7 @@ def test_coloured_noise_needs_its_wider_band() -> None:
 
 
 def test_dry_friction_of_a_hundredth_of_the_stall_torque_is_detected() -> None:
-    """Stall torque is 24 V / 0.6 ohm x 0.07 N m/A = 2.8 N m; every campaign of four is caught."""
+    """The stall torque is 24 V / 0.6 ohm x 0.07 N m/A = 2.8 N m; four of four are detected."""
     found = [detected(rubbed(seed, 0.028)) for seed in range(4)]
 
     assert all(d.missing for d in found)
@@ -62,7 +62,7 @@ def test_dry_friction_of_a_hundredth_of_the_stall_torque_is_detected() -> None:
 
 
 def test_a_noise_that_is_half_of_the_true_one_shows_in_every_channel() -> None:
-    """The ratio of a complete model is then 2, in all four checks."""
+    """With half the true noise level, all four checks show a noise ratio of 2."""
     found = detected(noisy(noiseless(SERVO, seed=4, runs=5, rows=500), "white", 80), SIZE / 2)
 
     assert [check.role for check in found.checks] == ["training"] * 2 + ["validation"] * 2
@@ -74,7 +74,7 @@ def test_a_noise_that_is_half_of_the_true_one_shows_in_every_channel() -> None:
 
 
 def test_a_model_that_changed_after_training_fails_on_validation_alone() -> None:
-    """Runs left out have a third more resistance: training passes, validation does not."""
+    """If the resistance rises by a third before the validation runs, only their checks fail."""
     hot = dataclasses.replace(SERVO, values=(1.3 * SERVO.values[0], *SERVO.values[1:]))
     clean = [
         *noiseless(SERVO, seed=5, runs=3, rows=500),
@@ -89,7 +89,7 @@ def test_a_model_that_changed_after_training_fails_on_validation_alone() -> None
 
 
 def test_without_validation_runs_there_are_two_checks() -> None:
-    """Nothing is said about runs that are not there."""
+    """Without validation runs, only the two training channels are tested."""
     found = detected(noisy(noiseless(SERVO, seed=7, runs=3, rows=500), "white", 82))
 
     assert [check.role for check in found.checks] == ["training", "training"]
@@ -98,7 +98,7 @@ def test_without_validation_runs_there_are_two_checks() -> None:
 
 
 def test_a_channel_that_was_not_measured_passes() -> None:
-    """A speed that is zero throughout says nothing, and is not counted as a fault."""
+    """A speed channel that is zero throughout is not tested."""
     runs = [
         dataclasses.replace(run, speed=np.zeros(run.rows))
         for run in noisy(noiseless(SERVO, seed=8, runs=3, rows=500), "white", 83)

@@ -1,4 +1,4 @@
-"""The linear model of the deviation against the matrix exponential."""
+"""Linear model of the state deviation, compared with the matrix exponential."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.motors import campaign, motor_named
 
 @pytest.mark.parametrize("name", ["servo 100 W", "paper", "traction 10 kW"])
 def test_transition_and_pushes_are_those_of_the_matrix_exponential(name: str) -> None:
-    """Voltage and torque held over an interval: the exponential of the balances, augmented."""
+    """Reference: exponential of the augmented balances, with held disturbances."""
     motor = motor_named(name)
     fit = fit_declared(records_of(campaign(motor, seed=1, runs=2, rows=400)), "zoh")
 
@@ -33,8 +33,8 @@ def test_transition_and_pushes_are_those_of_the_matrix_exponential(name: str) ->
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
 
 
-def test_the_units_make_a_lasting_push_about_as_large_as_the_noise() -> None:
-    """The steady response to one unit of missing voltage or torque is 1 by construction."""
+def test_the_units_give_a_steady_response_of_about_the_noise() -> None:
+    """By construction, the steady-state response to a unit disturbance is 1 (noise units)."""
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=2, rows=400)), "zoh")
 
     deviation = deviation_of(fit)

@@ -1,4 +1,4 @@
-"""Filter and smoother against the dense normal law that they stand for."""
+"""Kalman filter and smoother, compared with the dense normal distribution."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HYPER = np.array([0.8, 0.3, 0.95, 0.05, 0.6, 0.2, 0.7, 0.1, 0.5, 0.4, 0.02])
 
 
 def system(seed: int = 1) -> Deviation:
-    """A made-up motor of two states, two parameters and two records of 25 rows."""
+    """Artificial motor with two states, two parameters and two records of 25 rows."""
     rng = np.random.default_rng(seed)
     stacked = np.concatenate([A, B, np.eye(2)], axis=1)
     fixed = tuple(float(v) for v in stacked.T.ravel())
@@ -47,7 +47,7 @@ def system(seed: int = 1) -> Deviation:
 
 
 def dense(piece: Piece, hyper: Array) -> tuple[Array, Array, Array]:
-    """Covariance of stacked residuals, of disturbances, and between both, by plain recursion."""
+    """Covariances of stacked residuals and disturbances, computed by plain recursion."""
     n = 6
     f = np.zeros((n, n))
     f[:2, :2], f[:2, 2:4] = A, B
@@ -93,13 +93,13 @@ def dense_fit(deviation: Deviation, hyper: Array) -> tuple[float, Array, Array]:
 
 
 def test_the_likelihood_is_that_of_the_dense_normal_law() -> None:
-    """Differences between candidates and the parameters agree with 100 x 100 matrices."""
+    """Likelihood differences and parameters agree with a solution by 100 x 100 matrices."""
     deviation, other = system(), HYPER * np.array([1, 3, 0.9, 0.2, 1, 2, 0.5, 1, 1.5, 0.7, 4.0])
 
     found = likelihood(deviation, deviation.pieces, np.column_stack([HYPER, other]))
 
     value, best, covariance = dense_fit(deviation, HYPER)
-    # Without weight a sample has a variance of 1e9 here and of no matter there.
+    # The dense solution represents a masked sample by a variance of 1e9.
     expected = dense_fit(deviation, other)[0] - value
     assert found.value[1] - found.value[0] == pytest.approx(expected, abs=1e-5)
     np.testing.assert_allclose(found.shift[0], best, rtol=1e-6)
@@ -110,9 +110,9 @@ def test_the_likelihood_is_that_of_the_dense_normal_law() -> None:
 def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
     rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Conditional normal law of the disturbances, uncertain parameters included.
+    """Reference: conditional normal distribution of the disturbances, with uncertain parameters.
 
-    The law of a record does not know whether it is gone through at one time or in blocks of seven.
+    The result must not depend on whether a record is filtered at once or in blocks of seven rows.
     """
     monkeypatch.setattr(smoothing, "_AT_ONCE", rows)
     deviation = system(2)
@@ -134,7 +134,7 @@ def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
 
 
 def test_surprises_are_distances_from_what_all_other_samples_say() -> None:
-    """Leave-one-out residual over its deviation, from the inverse of the dense covariance."""
+    """Reference: leave-one-out residual over its standard deviation, from the dense inverse."""
     deviation = system(3)
     pieces = [replace(piece, weight=np.ones((ROWS, 2))) for piece in deviation.pieces]
     deviation = replace(deviation, pieces=tuple(pieces))

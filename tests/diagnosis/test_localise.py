@@ -1,4 +1,4 @@
-"""Which equation lacks something: clean motors, hidden effects, traces."""
+"""Localisation of a deficiency in one of the two balances: clean motors, effects, traces."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIZE = np.array([0.1, 1.5])
 
 
 def noise_of(kind: str, rows: int, rng: np.random.Generator) -> Array:
-    """White, coloured (pole 0.9) or spiky noise (rows, 2) of deviation one."""
+    """White, coloured (pole 0.9) or spiky noise (rows, 2) with standard deviation 1."""
     white = rng.standard_normal((rows, 2))
     if kind == "coloured":
         filtered = signal.lfilter([np.sqrt(1 - 0.81)], [1.0, -0.9], white, axis=0)
@@ -34,7 +34,7 @@ def noise_of(kind: str, rows: int, rng: np.random.Generator) -> Array:
 
 
 def noisy(runs: list[Run], kind: str, seed: int) -> list[Run]:
-    """Runs with noise of `SIZE` added."""
+    """Runs with added noise of `SIZE`."""
     rng = np.random.default_rng(seed)
     made = []
     for run in runs:
@@ -48,15 +48,15 @@ def noisy(runs: list[Run], kind: str, seed: int) -> list[Run]:
 
 
 def localised(runs: list[Run]) -> Localisation:
-    """The declared model fitted, and localised."""
+    """Fit the nominal model and localise its deficiency."""
     return localise(fit_declared(records_of(runs), "zoh"))
 
 
 def pushed(motor: Motor, runs: list[Run], missing: Array) -> list[Run]:
-    """Runs of a motor at constant temperature on which a voltage or torque acts besides.
+    """Runs of a motor at constant temperature with an additional voltage or torque.
 
-    The response to a push (n_sample, 2) [V, N m] held over intervals is added by the recursion of
-    the two balances, exact by the matrix exponential.
+    The response to a disturbance (n_sample, 2) [V, N m], held over the intervals, is added by the
+    recursion of the two balances, which the matrix exponential makes exact.
     """
     ra, _, kt, _, inertia, friction, inductance = motor.values
     rates = np.zeros((4, 4))
@@ -76,7 +76,7 @@ def pushed(motor: Motor, runs: list[Run], missing: Array) -> list[Run]:
 
 
 def cold(seed: int, rows: int = 700) -> list[Run]:
-    """Runs of a motor without temperature coefficients, so that it is the same throughout."""
+    """Runs of a motor whose temperature coefficients are zero, so that it is time-invariant."""
     ra, _, kt, _, inertia, friction, inductance = SERVO.values
     motor = dataclasses.replace(SERVO, values=(ra, 0.0, kt, 0.0, inertia, friction, inductance))
     return noiseless(motor, seed=seed, rows=rows)
@@ -84,7 +84,7 @@ def cold(seed: int, rows: int = 700) -> list[Run]:
 
 @pytest.mark.parametrize("kind", ["white", "coloured", "spiky"])
 def test_a_complete_model_is_not_deficient(kind: str) -> None:
-    """Level 1 %: of four campaigns more than one false alarm would happen once in a thousand."""
+    """At level 1 %, more than one false alarm in four campaigns has a probability of 1e-3."""
     alarms, floors = 0, []
     for seed in range(4):
         found = localised(noisy(noiseless(SERVO, seed=seed, rows=500), kind, 50 + seed))
@@ -92,15 +92,15 @@ def test_a_complete_model_is_not_deficient(kind: str) -> None:
         floors.append(found.noise / SIZE)
 
     assert alarms <= 1
-    # The noise is that which was put in; coloured noise has 79 independent samples a campaign.
+    # The true noise is known; coloured noise has 79 independent samples per campaign.
     np.testing.assert_allclose(np.mean(floors, axis=0), 1.0, atol=0.15)
 
 
 @pytest.mark.parametrize(
     ("which", "size"), [(0, 0.5), (1, 0.02)], ids=["missing voltage", "missing torque"]
 )
-def test_a_wandering_push_is_found_in_its_equation_and_traced(which: int, size: float) -> None:
-    """A Gauss-Markov push of known size and memory: equation, both numbers and trace come back."""
+def test_a_gauss_markov_disturbance_is_found_and_traced(which: int, size: float) -> None:
+    """Balance, intensity, correlation time and trace of a known disturbance are recovered."""
     rng = np.random.default_rng(7)
     keep = np.exp(-1.0 / 30.0)
     drive = size * np.sqrt(1 - keep**2) * rng.standard_normal(700)
@@ -114,7 +114,7 @@ def test_a_wandering_push_is_found_in_its_equation_and_traced(which: int, size: 
         hit, other = other, hit
     assert hit.significant
     assert not other.significant
-    # Seventy independent stretches in three equal runs know a size to a third and a memory to half.
+    # 70 correlation times determine the intensity to 1/3 and the correlation time to 1/2.
     assert hit.strength == pytest.approx(size, rel=0.4)
     assert 0.010 < hit.time_constant < 0.090
     trace = found.missing[0]
@@ -125,8 +125,8 @@ def test_a_wandering_push_is_found_in_its_equation_and_traced(which: int, size: 
     np.testing.assert_allclose(found.noise, SIZE, rtol=0.1)
 
 
-def test_a_push_of_nothing_changes_no_run() -> None:
-    """Negative control of the test's own tool: no push, no response."""
+def test_a_disturbance_of_zero_changes_no_run() -> None:
+    """Negative control: `pushed` with a zero disturbance leaves the run unchanged."""
     runs = cold(3, rows=50)
 
     changed = pushed(SERVO, runs, np.zeros((50, 2)))
@@ -134,8 +134,8 @@ def test_a_push_of_nothing_changes_no_run() -> None:
     np.testing.assert_array_equal(changed[0].speed, runs[0].speed)
 
 
-def test_dry_friction_is_mechanical_although_parameters_took_most_of_it() -> None:
-    """The torque follows from the speed of a motor that turns both ways; nothing else is hidden."""
+def test_dry_friction_is_mechanical_although_parameters_absorb_most_of_it() -> None:
+    """Only the mechanical balance is deficient, although b absorbs most of the friction."""
     runs = cold(4)
     friction = 0.03
     made = []
@@ -152,7 +152,7 @@ def test_dry_friction_is_mechanical_although_parameters_took_most_of_it() -> Non
 
 
 def test_sampling_far_slower_than_the_inductance_is_stable() -> None:
-    """L/R a hundredth of the interval: all numbers stay finite and nothing is missing."""
+    """With L/R a hundredth of the interval, all numbers are finite and no deficiency is found."""
     inductance = 0.01 * SERVO.values[0] * SERVO.interval
     motor = dataclasses.replace(SERVO, values=(*SERVO.values[:6], inductance))
 

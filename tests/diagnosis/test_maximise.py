@@ -1,4 +1,4 @@
-"""Quasi-Newton ascent on lanes."""
+"""Maximisation by a quasi-Newton method that evaluates points in parallel lanes."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ WIDE = (np.full(3, -50.0), np.full(3, 50.0))
 
 
 def hill(places: Array) -> Array:
-    """A bent hill with its top, 7, at (1, 2, 3); curvatures differ by four decades."""
+    """Curved function with maximum 7 at (1, 2, 3); its curvatures differ by four decades."""
     x, y, z = places
     return np.asarray(
         7.0 - 500.0 * (x - 1) ** 2 - 5.0 * (y - 2 - (x - 1)) ** 2 - 0.05 * (z - 3) ** 2
     )
 
 
-def test_the_top_of_a_hill_is_found() -> None:
-    """The top is that of the closed form, within the hundredth that the ascent calls enough."""
+def test_the_maximum_is_found() -> None:
+    """The maximum in closed form is reached within the tolerance of 0.01 of the optimiser."""
     found = maximise(hill, np.array([-4.0, 9.0, 0.0]), WIDE)
 
     assert found.value == pytest.approx(7.0, abs=0.02)
     np.testing.assert_allclose(found.place[:2], [1.0, 2.0], atol=0.1)
 
 
-def test_a_bound_is_kept_and_the_rest_still_climbs() -> None:
-    """With x held at 3 by a bound the best y is 2 + (3 - 1) = 4."""
+def test_an_active_bound_leaves_the_other_coordinates_free() -> None:
+    """With x held at 3 by a bound, the best y is 2 + (3 - 1) = 4."""
     bounds = (np.array([3.0, -50.0, 3.0]), np.array([50.0, 50.0, 3.0]))
 
     found = maximise(hill, np.array([5.0, -1.0, 3.0]), bounds)
@@ -40,8 +40,8 @@ def test_a_bound_is_kept_and_the_rest_still_climbs() -> None:
     assert found.place[2] == 3.0
 
 
-def test_a_place_without_a_value_is_avoided() -> None:
-    """The logarithm of a negative number has no value; x - log x is least at 1."""
+def test_a_point_without_a_value_is_avoided() -> None:
+    """The logarithm of a negative number is undefined; x - log x has its minimum at 1."""
 
     def valued(places: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -52,8 +52,8 @@ def test_a_place_without_a_value_is_avoided() -> None:
     assert found.place[0] == pytest.approx(1.0, abs=0.05)
 
 
-def test_an_ascent_that_cannot_reach_its_rival_ends_early() -> None:
-    """The top is 7; against a rival of a million there is no use in finding it exactly."""
+def test_a_search_that_cannot_reach_its_rival_stops_early() -> None:
+    """The maximum is 7, so a search against a rival value of 1e6 may stop before convergence."""
     calls = []
 
     def counted(places: Array) -> Array:

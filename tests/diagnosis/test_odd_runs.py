@@ -1,4 +1,4 @@
-"""Runs that do not fit the others are named, and what they have is no noise."""
+"""Outlying runs are reported, and they do not affect the estimated noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOISE = np.array([0.1, 1.0])
 
 
 def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
-    """Records whose residual is normal noise of these sizes, over the noise of the sensors."""
+    """Records whose residual is normal noise with the given multiples of the sensor noise."""
     rng = np.random.default_rng(1)
     runs = campaign(motor_named("servo 100 W"), seed=1, runs=len(scales), rows=2000)
     return [
@@ -24,15 +24,15 @@ def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
     ]
 
 
-def test_runs_that_differ_by_chance_are_not_told() -> None:
-    """Spread of thirty per cent between runs, and between two of them."""
+def test_runs_that_differ_by_chance_are_not_outlying() -> None:
+    """The noise levels of the runs differ by 30 %; a single run is never outlying."""
     assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
     assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
     assert odd_runs(simulated([(9.0, 9.0)]), NOISE) == []
 
 
-def test_a_run_that_is_far_off_is_told_once() -> None:
-    """In both channels: one sentence, with both."""
+def test_an_outlying_run_is_reported_once() -> None:
+    """A run that deviates in both channels gives one warning that names both."""
     found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
 
     (sentence,) = found
@@ -42,7 +42,7 @@ def test_a_run_that_is_far_off_is_told_once() -> None:
 
 
 def test_noise_is_that_of_the_runs_that_fit() -> None:
-    """One of four is far off in current; noise of the speed is that of all."""
+    """One run of four deviates in current; the speed noise is estimated from all runs."""
     runs = simulated([(1.0, 1.0), (1.0, 1.0), (20.0, 1.0), (1.0, 1.0)])
 
     noise = noise_of_most(runs, root_mean_square(runs))

@@ -1,4 +1,4 @@
-"""Correlations of residuals: false alarms as often as promised, and true ones found."""
+"""Correlations of residuals: false alarm rates at the nominal level, and detection."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def coloured(rng: np.random.Generator, pole: float, size: int) -> Array:
 
 
 def test_one_lag_in_a_hundred_of_white_noise_leaves_the_band() -> None:
-    """Binomial: 400 runs of 60 lags at one per cent, within five standard deviations."""
+    """Binomial: 400 runs of 60 lags at 1 %, within five standard deviations."""
     rng = np.random.default_rng(1)
 
     found = [autocorrelation([rng.standard_normal(600)]).outside for _ in range(400)]
@@ -34,7 +34,7 @@ def test_one_lag_in_a_hundred_of_white_noise_leaves_the_band() -> None:
 def test_an_unrelated_input_leaves_the_band_one_time_in_a_hundred(
     pole: float, input_pole: float
 ) -> None:
-    """The level of the band; lags are dependent, so the bound is a factor of two."""
+    """The band has level 1 %; the lags are correlated, so a factor of two is allowed."""
     rng = np.random.default_rng(2)
 
     outside = [
@@ -47,8 +47,8 @@ def test_an_unrelated_input_leaves_the_band_one_time_in_a_hundred(
     assert 0.005 < np.mean(outside) < 0.02
 
 
-def test_the_plain_band_would_cry_wolf_on_coloured_noise() -> None:
-    """Negative control: 2.58/sqrt(n) is crossed many times as often as one time in a hundred."""
+def test_the_plain_band_gives_false_alarms_on_coloured_noise() -> None:
+    """Negative control: coloured noise exceeds 2.58/sqrt(n) far more often than 1 % of the time."""
     rng = np.random.default_rng(3)
     size = 2000
 
@@ -66,7 +66,7 @@ def test_the_plain_band_would_cry_wolf_on_coloured_noise() -> None:
 
 
 def test_p_values_of_white_noise_are_uniform() -> None:
-    """Kolmogorov's test against the uniform law; a fixed seed that a right statistic passes."""
+    """Kolmogorov-Smirnov test against the uniform distribution, with a fixed seed."""
     rng = np.random.default_rng(4)
 
     values = [whiteness([rng.standard_normal(400)]).p_value for _ in range(800)]
@@ -75,7 +75,7 @@ def test_p_values_of_white_noise_are_uniform() -> None:
 
 
 def test_p_values_of_runs_with_different_noise_and_length_are_uniform() -> None:
-    """As above for three pooled runs, of which one is five times as noisy."""
+    """The same test for three pooled runs, of which one has five times the noise."""
     rng = np.random.default_rng(5)
 
     values = [
@@ -89,7 +89,7 @@ def test_p_values_of_runs_with_different_noise_and_length_are_uniform() -> None:
 
 
 def test_slightly_coloured_noise_is_found() -> None:
-    """A pole of 0.2 over 2000 samples is nine standard deviations of the first lag."""
+    """Over 2000 samples, a pole of 0.2 raises the first lag by nine standard deviations."""
     rng = np.random.default_rng(6)
 
     residual = coloured(rng, 0.2, 2000)
@@ -99,7 +99,7 @@ def test_slightly_coloured_noise_is_found() -> None:
 
 
 def test_a_residual_that_is_an_offset_is_not_white() -> None:
-    """Noise of variance 1 about 0.3 has the correlation 0.09 / 1.09 at every lag."""
+    """Noise of variance 1 with mean 0.3 has the correlation 0.09 / 1.09 at every lag."""
     rng = np.random.default_rng(7)
 
     found = autocorrelation([0.3 + rng.standard_normal(20_000)])
@@ -109,7 +109,7 @@ def test_a_residual_that_is_an_offset_is_not_white() -> None:
 
 
 def test_pooled_runs_show_what_one_run_hides() -> None:
-    """A pole of 0.04 is within noise in one run of 1000; in 50 it is nine standard deviations."""
+    """A pole of 0.04 is insignificant in one run of 1000 samples and 9 sd in 50 runs."""
     rng = np.random.default_rng(8)
     runs = [coloured(rng, 0.04, 1000) for _ in range(50)]
 
@@ -117,8 +117,8 @@ def test_pooled_runs_show_what_one_run_hides() -> None:
     assert np.median([whiteness([run]).p_value for run in runs]) > 0.05
 
 
-def test_runs_are_not_glued_together() -> None:
-    """Two runs, each a pulse at the seam, have no common product; glued they would."""
+def test_runs_are_not_concatenated() -> None:
+    """Two runs, each with a pulse at the seam, share no product; concatenated, they would."""
     first, second = np.zeros(100), np.zeros(100)
     first[-1] = second[0] = 1.0
 
@@ -130,7 +130,7 @@ def test_runs_are_not_glued_together() -> None:
 
 
 def test_fast_correlations_equal_the_sums_they_stand_for() -> None:
-    """The definition, summed in a loop over samples."""
+    """Reference: the definition, summed in a loop over samples."""
     rng = np.random.default_rng(9)
     residual, voltage = rng.standard_normal(57), rng.standard_normal(57)
     centred = voltage - voltage.mean()
@@ -143,7 +143,7 @@ def test_fast_correlations_equal_the_sums_they_stand_for() -> None:
         assert value == pytest.approx(expected / scale, abs=1e-12)
 
 
-def test_an_answer_that_comes_late_shows_at_a_positive_lag() -> None:
+def test_a_delayed_response_is_correlated_at_a_positive_lag() -> None:
     """The residual repeats the input seven samples later."""
     rng = np.random.default_rng(10)
     voltage = rng.standard_normal(3000)
@@ -155,13 +155,13 @@ def test_an_answer_that_comes_late_shows_at_a_positive_lag() -> None:
 
 
 def test_a_residual_of_zero_is_white() -> None:
-    """A perfect simulation of a perfect sensor leaves nothing to divide by."""
+    """A residual of zero has zero correlation and causes no division by zero."""
     assert whiteness([np.zeros(100)]).p_value == 1.0
     assert autocorrelation([np.zeros(100)]).outside == 0.0
 
 
-def test_a_short_run_beside_a_long_one_counts_where_it_reaches() -> None:
-    """Lags beyond the short run have the products of the long one only."""
+def test_a_short_run_contributes_to_its_own_lags_only() -> None:
+    """Lags beyond the length of the short run use the long run only."""
     rng = np.random.default_rng(11)
 
     found = autocorrelation([rng.standard_normal(5), rng.standard_normal(400)], max_lag=40)
@@ -172,12 +172,12 @@ def test_a_short_run_beside_a_long_one_counts_where_it_reaches() -> None:
 
 @pytest.mark.parametrize("residual", [np.array([1.0, np.nan, 2.0]), np.zeros((3, 2)), np.zeros(1)])
 def test_what_is_no_series_of_numbers_is_refused(residual: Array) -> None:
-    """A NaN would turn every correlation into NaN without a word."""
+    """A NaN would turn every correlation into NaN without an error."""
     with pytest.raises(ValueError, match="expected at least two finite samples"):
         autocorrelation([residual])
 
 
 def test_signals_that_do_not_belong_to_the_runs_are_refused() -> None:
-    """A voltage of another length belongs to another run."""
+    """A voltage of another length cannot belong to the run."""
     with pytest.raises(ValueError, match="expected the same number in each run"):
         cross_correlation([np.ones(10)], [np.ones(9)])

@@ -1,4 +1,4 @@
-"""Sizes of simulation errors."""
+"""RMSE, NRMSE and fit percentage of simulations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from identification.diagnosis.simulation_error import fit_percent, nrmse, pooled
 
 
 def test_the_mean_of_a_record_as_simulation_has_a_fit_of_zero() -> None:
-    """By definition of the fit percentage."""
+    """A simulation equal to the mean of the record has a fit of zero by definition."""
     measured = np.array([1.0, 4.0, 2.0, 9.0])
 
     assert fit_percent(measured - measured.mean(), measured) == pytest.approx(0.0)
@@ -22,7 +22,7 @@ def test_rmse_of_a_constant_error_is_that_error() -> None:
 
 
 def test_nrmse_does_not_depend_on_the_unit() -> None:
-    """Both of its parts scale with the unit."""
+    """Numerator and denominator scale with the unit."""
     rng = np.random.default_rng(31)
     measured, residual = rng.standard_normal((2, 50))
 
@@ -30,7 +30,7 @@ def test_nrmse_does_not_depend_on_the_unit() -> None:
 
 
 def test_pooling_a_run_with_itself_changes_nothing() -> None:
-    """Squares and samples double together."""
+    """The sum of squares and the number of samples double together."""
     rng = np.random.default_rng(32)
     measured, residual = rng.standard_normal((2, 80))
 
@@ -42,7 +42,7 @@ def test_pooling_a_run_with_itself_changes_nothing() -> None:
 
 
 def test_two_steady_speeds_do_not_pass_for_a_good_fit() -> None:
-    """Each run deviates about its own mean: a model that only gets the means right has fit zero."""
+    """Each run is compared with its own mean, so a model of the means alone has a fit of zero."""
     rng = np.random.default_rng(33)
     slow, fast = 10 + rng.standard_normal(100), 300 + rng.standard_normal(100)
 
@@ -52,12 +52,12 @@ def test_two_steady_speeds_do_not_pass_for_a_good_fit() -> None:
 
 
 def test_an_error_on_a_channel_that_never_moves_has_no_finite_nrmse() -> None:
-    """Division by a standard deviation of zero."""
+    """The standard deviation of a constant channel is zero."""
     assert nrmse(np.ones(5), np.zeros(5)) == np.inf
     assert nrmse(np.zeros(5), np.zeros(5)) == 0.0
 
 
 def test_no_samples_are_refused() -> None:
-    """A mean over nothing is not a number."""
+    """A mean over no samples is not a number."""
     with pytest.raises(ValueError, match="expected at least one run with one row"):
         pooled_errors([], [])

@@ -1,4 +1,4 @@
-"""The p value of a strength whose memory is not known."""
+"""P value of a disturbance intensity with unknown correlation time."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from identification.diagnosis.strengths import p_value_of
 
 
 def test_no_gain_is_no_evidence() -> None:
-    """A complete model gains nothing in half of all cases."""
+    """For a complete model, the estimated intensity is zero in half of all cases."""
     assert p_value_of(0.0, 500.0) == 1.0
 
 
 @pytest.mark.parametrize("level", [0.05, 0.01])
-def test_the_bound_holds_and_is_not_far_from_what_chance_does(level: float) -> None:
-    """Largest likelihood ratio over strength and memory in 1,500 records of white noise.
+def test_the_bound_holds_and_is_at_most_tenfold(level: float) -> None:
+    """Reference: largest likelihood ratio over intensity and correlation time in 1,500 records.
 
-    Whittle's likelihood of the spectrum v (1 + q s(f)), s that of a Gauss-Markov process of mean 1
-    and v at its best value, on a grid of q and of memories.  A bound may be wide, but not tenfold.
+    Whittle's likelihood of the spectrum v (1 + q s(f)) is maximised on a grid of q and of
+    correlation times, where s is the spectrum of a Gauss-Markov process with mean 1 and v has its
+    best value. The bound may be conservative by a factor of ten at most.
     """
     rng = np.random.default_rng(5)
     size, longest = 512, 50.0

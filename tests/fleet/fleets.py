@@ -1,4 +1,4 @@
-"""Fleets whose parameters and errors are drawn at random with known spreads."""
+"""Fleets whose parameters and errors are drawn at random with known standard deviations."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ ERROR = 0.005
 
 
 def estimate(median: float, sd: float, *, is_identified: bool = True) -> Estimate:
-    """An estimate with normal tails."""
+    """Estimate with a normal distribution."""
     return Estimate(median, sd, median - 1.645 * sd, median + 1.645 * sd, is_identified)
 
 
 def fleet(
     count: int, seed: int = 0, changed: Mapping[tuple[int, str], float] | None = None
 ) -> list[Refit]:
-    """Motors of one kind, each fitted twice with independent errors.
+    """Motors of one type, each fitted twice with independent errors.
 
     Args:
         count: Number of motors.

@@ -1,4 +1,4 @@
-"""Drift against a known change, and against chance."""
+"""Drift of parameters between two fits: known changes and false discoveries."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.fleet.fleets import estimate, fleet
 
 
 def test_drift_is_the_difference_in_three_measures() -> None:
-    """By hand: 1.1 - 1.0 = 0.1; a tenth; over sqrt(0.03^2 + 0.04^2) = 0.05 it is 2."""
+    """By hand: 1.1 - 1.0 = 0.1, relative 10 %, and 0.1 / sqrt(0.03^2 + 0.04^2) = 2."""
     drift = drift_of(estimate(1.1, 0.03), estimate(1.0, 0.04))
 
     assert drift is not None
@@ -26,7 +26,7 @@ def test_drift_is_the_difference_in_three_measures() -> None:
 
 
 def test_relative_drift_has_the_sign_of_the_change() -> None:
-    """From -1.0e-3 to -1.1e-3 a coefficient fell by a tenth of its size."""
+    """A coefficient that changes from -1.0e-3 to -1.1e-3 has fallen by a tenth of its magnitude."""
     drift = drift_of(estimate(-1.1e-3, 1e-5), estimate(-1.0e-3, 1e-5))
 
     assert drift is not None
@@ -46,12 +46,12 @@ def test_relative_drift_has_the_sign_of_the_change() -> None:
 def test_what_the_data_do_not_determine_has_no_drift(
     now: Estimate | None, before: Estimate | None
 ) -> None:
-    """A median that a prior made says nothing about the motor."""
+    """A median determined by the prior carries no information about the motor."""
     assert drift_of(now, before) is None
 
 
 def test_estimates_without_spread_have_a_drift_and_no_probability() -> None:
-    """Nothing can be said about chance where both standard deviations are zero."""
+    """With both standard deviations zero, no probability can be given."""
     drift = drift_of(estimate(2.0, 0.0), estimate(0.0, 0.0))
 
     assert drift is not None
@@ -60,10 +60,10 @@ def test_estimates_without_spread_have_a_drift_and_no_probability() -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_fleet_that_has_not_changed_has_not_moved(seed: int) -> None:
-    """With no change at all the false discovery rate is the chance of any flag: 5 % at most.
+    """Without any change, the false discovery rate is the probability of a flag: at most 5 %.
 
-    Benjamini and Yekutieli's correction is conservative for independent errors, here by the
-    factor sum(1/k) = 7.8 over 1400 comparisons, so that ten fleets show none but once in 16 tries.
+    For independent errors the Benjamini-Yekutieli correction is conservative by the factor sum(1/k)
+    = 7.8 over 1400 comparisons, so ten fleets have no flag with a probability of 15/16.
     """
     found = drifts(fleet(200, seed))
 
@@ -72,7 +72,7 @@ def test_fleet_that_has_not_changed_has_not_moved(seed: int) -> None:
 
 
 def test_changes_that_happened_are_found_and_hardly_any_other() -> None:
-    """Twenty changes of 6 %, which are 8 combined standard deviations, among 1400 comparisons."""
+    """Twenty changes of 6 % (8 combined standard deviations) among 1400 comparisons."""
     changed = {(number, "J"): 1.06 for number in range(20)}
 
     found = drifts(fleet(200, 3, changed))
@@ -83,7 +83,7 @@ def test_changes_that_happened_are_found_and_hardly_any_other() -> None:
 
 
 def test_correction_is_that_of_the_paper() -> None:
-    """Against the step-up rule written out: largest k with p(k) <= k q / (m sum 1/i)."""
+    """Reference: the step-up rule written out, largest k with p(k) <= k q / (m sum 1/i)."""
     refits = fleet(30, 5, {(n, "b"): 1.0 + 0.005 * n for n in range(30)})
     found = drifts(refits)
     raw = [
@@ -106,7 +106,7 @@ def test_correction_is_that_of_the_paper() -> None:
 
 
 def test_one_motor_needs_three_standard_deviations() -> None:
-    """Seven comparisons: 0.05 / (7 * 2.593) is the probability of 2.99 standard deviations."""
+    """For seven comparisons, 0.05 / (7 * 2.593) is the two-sided tail beyond 2.99 sd."""
     refit = fleet(1, 1)[0]
     assert refit.previous is not None
     for sds, expected in ((2.9, False), (3.1, True)):
@@ -121,7 +121,7 @@ def test_one_motor_needs_three_standard_deviations() -> None:
 
 
 def test_motor_without_an_earlier_refit_has_no_drift() -> None:
-    """And takes no part in the correction of the others."""
+    """A motor without an earlier fit does not enter the correction of the others."""
     refits = fleet(5, 2)
     alone = dataclasses.replace(refits[2], previous=None)
 

@@ -1,4 +1,4 @@
-"""Which motors stand out, and that the rule is not moved by those that do."""
+"""Motors that stand out from the fleet, by a rule that outliers do not shift."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.fleet.fleets import CENTRE, TOLERANCE, estimate, fleet
 
 
 def other(refits: list[Refit], place: int, name: str, value: float, sd: float) -> list[Refit]:
-    """The fleet with another value of one parameter of one motor."""
+    """Fleet with one parameter of one motor replaced."""
     changed = dataclasses.replace(
         refits[place], estimates={**refits[place].estimates, name: estimate(value, sd)}
     )
@@ -21,7 +21,7 @@ def other(refits: list[Refit], place: int, name: str, value: float, sd: float) -
 
 @pytest.mark.parametrize("name", CENTRE)
 def test_spread_is_that_of_the_fleet(name: str) -> None:
-    """Tolerance 3 % with errors of 0.5 % drawn for 400 motors; a robust scale is good to 6 %."""
+    """400 motors with 3 % tolerance and 0.5 % errors; the robust scale is accurate to 6 %."""
     spread = spread_of(name, fleet(400, 1))
 
     assert spread.count == 400
@@ -30,7 +30,7 @@ def test_spread_is_that_of_the_fleet(name: str) -> None:
 
 
 def test_odd_motor_stands_out_and_its_distance_is_in_robust_standard_deviations() -> None:
-    """A resistance of 1.3 times the centre: ln 1.3 / 0.03 is 8.7."""
+    """A resistance of 1.3 times the centre has the distance ln 1.3 / 0.03 = 8.7."""
     spread = spread_of("Ra25", other(fleet(100, 2), 17, "Ra25", 1.3 * CENTRE["Ra25"], 1e-3))
 
     assert [place for place in range(100) if spread.is_outlier(place)] == [17]
@@ -38,14 +38,14 @@ def test_odd_motor_stands_out_and_its_distance_is_in_robust_standard_deviations(
 
 
 def test_motor_that_was_measured_badly_does_not_stand_out() -> None:
-    """The same value with a standard deviation of a third of it says nothing."""
+    """The same value with a relative standard deviation of 1/3 is no evidence."""
     refits = other(fleet(100, 2), 17, "Ra25", 1.3 * CENTRE["Ra25"], 0.3 * CENTRE["Ra25"])
 
     assert not spread_of("Ra25", refits).is_outlier(17)
 
 
 def test_forty_odd_motors_of_a_hundred_do_not_hide_each_other() -> None:
-    """A median and its distances stand until half are odd; mean and variance would not."""
+    """The breakdown point of a median is 50 %; mean and variance would fail here."""
     refits = fleet(100, 4)
     for place in range(25):
         refits = other(refits, place, "J", 3.0 * CENTRE["J"], 1e-8)
@@ -57,14 +57,14 @@ def test_forty_odd_motors_of_a_hundred_do_not_hide_each_other() -> None:
 
 @pytest.mark.parametrize(("count", "is_odd"), [(4, False), (5, True)])
 def test_few_motors_are_no_fleet(count: int, is_odd: bool) -> None:
-    """Five are the fewest among which one is called odd."""
+    """At least five motors are needed to call one of them an outlier."""
     refits = other(fleet(count, 6), 0, "L", 10.0, 1e-3)
 
     assert spread_of("L", refits).is_outlier(0) is is_odd
 
 
 def test_fleet_of_equals_has_no_outlier_and_no_division_by_zero() -> None:
-    """All medians alike, no spread at all: a distance of nothing."""
+    """All medians are equal, so every distance is zero."""
     refits = fleet(6, 7)
     for place in range(6):
         refits = other(refits, place, "b", 2e-5, 0.0)
@@ -76,7 +76,7 @@ def test_fleet_of_equals_has_no_outlier_and_no_division_by_zero() -> None:
 
 
 def test_undetermined_and_failed_motors_are_left_out() -> None:
-    """They have no score, and the median is that of the others."""
+    """These motors have no score and do not enter the median."""
     refits = fleet(9, 8)
     hidden = dataclasses.replace(
         refits[0], estimates={"J": estimate(1.0, 1.0, is_identified=False)}

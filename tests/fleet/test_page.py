@@ -1,4 +1,4 @@
-"""The fleet page: what it shows, that it escapes, and that it asks nobody for anything."""
+"""Fleet page: content, escaping, and no external requests."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.fleet.fleets import CENTRE, estimate, fleet
 
 
 def page(refits: list[Refit]) -> str:
-    """The page of a fleet."""
+    """Fleet page as text."""
     return render_fleet("Refit", refits)
 
 
-def test_every_motor_is_in_every_picture() -> None:
-    """A title for the pointer for each motor and parameter, and a row of the last table."""
+def test_every_motor_is_in_every_plot() -> None:
+    """Each motor has a tooltip in each parameter plot and a row in the last table."""
     text = page(fleet(12))
 
     assert text.count('<rect class="hover"') == 12 * len(CENTRE)
@@ -27,7 +27,7 @@ def test_every_motor_is_in_every_picture() -> None:
 
 
 def test_motors_stand_in_the_order_of_their_medians() -> None:
-    """The pointer's titles of the first picture, which is that of Ra25."""
+    """The tooltips of the first plot (Ra25) are in ascending order of the median."""
     refits = fleet(12)
     expected = sorted(refits, key=lambda refit: refit.estimates["Ra25"].median or 0.0)
 
@@ -36,8 +36,8 @@ def test_motors_stand_in_the_order_of_their_medians() -> None:
     assert told[:12] == [refit.motor for refit in expected]
 
 
-def test_odd_and_moved_motors_are_listed_and_drawn_loud() -> None:
-    """Motor 3 has twice the inertia of its kind, motor 5 lost a tenth of its torque constant."""
+def test_outlying_and_drifting_motors_are_listed_and_highlighted() -> None:
+    """Motor 3 has twice the usual inertia; motor 5 lost a tenth of its torque constant."""
     refits = fleet(30, 1, {(5, "Kt25"): 0.9})
     odd = dataclasses.replace(
         refits[3], estimates={**refits[3].estimates, "J": estimate(2 * CENTRE["J"], 1e-8)},
@@ -76,7 +76,7 @@ def test_fleet_over_decades_is_drawn_on_a_logarithmic_axis() -> None:
     ids=["nothing", "failed", "one", "first", "zero", "equal"],
 )
 def test_poor_fleets_have_a_page(refits: list[Refit]) -> None:
-    """No motor, no result, no spread: a page without a number that is none."""
+    """Fleets without motors, results or spread give a page without NaN."""
     text = page(refits)
 
     assert text.rstrip().endswith("</html>")
@@ -84,7 +84,7 @@ def test_poor_fleets_have_a_page(refits: list[Refit]) -> None:
 
 
 def test_page_holds_names_as_text_and_no_address_of_another() -> None:
-    """Markup in a motor's name or reason is text; the policy allows the page's styles alone."""
+    """Markup in a name or reason is escaped; the policy allows only the styles of the page."""
     evil = '"><script>alert(1)</script>'
     refits = [dataclasses.replace(r, motor=evil) for r in fleet(6)]
     text = page([*refits, Refit(evil, "failed", error=evil)])
@@ -97,7 +97,7 @@ def test_page_holds_names_as_text_and_no_address_of_another() -> None:
 
 
 def test_first_warning_of_a_motor_stands_in_its_row() -> None:
-    """Escaped, with their number; a motor without one has none."""
+    """The first warning is escaped and followed by the number of warnings."""
     refits = fleet(2)
     warned = dataclasses.replace(refits[0], warnings=("Kt25 <7> by --known", "a gap"))
 

@@ -1,4 +1,4 @@
-"""The table: columns, cells, and the same in each form."""
+"""Fleet table: columns, cells, and equal content in each format."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 
 def test_row_has_every_parameter_with_interval_and_drift() -> None:
-    """The columns that docs/batch.md lists, for each of the seven parameters."""
+    """Reference: the columns that docs/batch.md lists, for each of the seven parameters."""
     (row,) = rows_of(fleet(1))
 
     assert list(row) == list(COLUMNS)
@@ -41,7 +41,7 @@ def _before(name: str) -> float:
 
 
 def test_result_without_parts_is_a_row_with_empty_cells() -> None:
-    """A result of nothing but its version; nothing is known, and nothing fails."""
+    """A result that contains only its schema version gives empty cells and no error."""
     (row,) = rows_of([refit_of("m", "fitted", {"schema_version": 1})])
 
     assert {n for n, v in row.items() if v not in (None, "")} == {"motor", "status"}
@@ -49,7 +49,7 @@ def test_result_without_parts_is_a_row_with_empty_cells() -> None:
 
 
 def test_noise_ratios_and_effects_come_from_the_final_model() -> None:
-    """`errors.after` by role, and the names of `effects` in their order."""
+    """The row shows `errors.after` by role and the names of `effects` in order."""
     result = {
         "errors": {
             "before": {"training": {"current": {"noise_ratio": 9.0}}},
@@ -68,7 +68,7 @@ def test_noise_ratios_and_effects_come_from_the_final_model() -> None:
 
 
 def test_first_warning_and_their_number_are_in_the_row() -> None:
-    """A known value that the runs contradict is said first; a motor without a result has none."""
+    """A contradicted known value is the first warning; a motor without a result has none."""
     result = {"parameters": {"J": {"median": 1e-4}}, "warnings": ["Kt25 is 7 by --known", "gap"]}
 
     said, silent, failed = rows_of(
@@ -82,7 +82,7 @@ def test_first_warning_and_their_number_are_in_the_row() -> None:
 
 
 def test_runs_that_both_refits_share_are_counted() -> None:
-    """Shared runs are shared noise, which the combined standard deviation does not know."""
+    """Shared runs have shared noise, which the combined standard deviation neglects."""
     refit = fleet(1)[0]
     assert refit.previous is not None
     shared = dataclasses.replace(refit, training=("a", *refit.previous.training))
@@ -98,7 +98,7 @@ def test_runs_that_both_refits_share_are_counted() -> None:
     st.text(max_size=8).filter(lambda text: text.isprintable() and not {*text} & {*";,"}),
 )
 def test_no_cell_begins_like_a_formula(gap: str, sign: str, text: str) -> None:
-    """What a spreadsheet would compute gets an apostrophe, and a cell stays on its line."""
+    """Text that a spreadsheet would evaluate gets an apostrophe, and line breaks are removed."""
     failed = Refit(motor=gap + sign + text, status="failed", error=gap + sign + text)
 
     (line,) = csv.DictReader(io.StringIO(csv_text(rows_of([failed])), newline=""))
@@ -120,7 +120,7 @@ def test_no_cell_begins_like_a_formula(gap: str, sign: str, text: str) -> None:
     ],
 )
 def test_no_part_of_a_cell_begins_like_a_formula(text: str, cell: str) -> None:
-    """Those who split a line at `;` or `,` see no formula either; signs within a text stay."""
+    """Spreadsheets that split at `;` or `,` see no formula either; signs inside a text stay."""
     row = {"motor": text, "status": "failed", "Ra25_drift": -0.5}
 
     (line,) = csv.DictReader(io.StringIO(csv_text([row]), newline=""))
@@ -131,7 +131,7 @@ def test_no_part_of_a_cell_begins_like_a_formula(text: str, cell: str) -> None:
 
 @given(st.text(alphabet="ab ;,=+-@\uff1d\uff20", max_size=12))
 def test_text_comes_back_without_the_apostrophes(text: str) -> None:
-    """docs/batch.md, "The table": what was put in is all that differs."""
+    """Without the inserted apostrophes (docs/batch.md, "The table") the text is unchanged."""
     (line,) = csv.DictReader(io.StringIO(csv_text([{"motor": text, "error": "e"}]), newline=""))
 
     assert line["motor"].replace("'", "") == text
@@ -140,7 +140,7 @@ def test_text_comes_back_without_the_apostrophes(text: str) -> None:
 
 
 def test_numbers_read_back_exactly_in_each_form() -> None:
-    """CSV with all digits, JSON and Parquet hold the same doubles."""
+    """CSV with all digits, JSON and Parquet contain the same doubles."""
     rows = rows_of([*fleet(3), Refit("bad", "failed", error="x")])
     numbers = [name for name, (kind, _) in COLUMNS.items() if kind is float]
 
@@ -157,7 +157,7 @@ def test_numbers_read_back_exactly_in_each_form() -> None:
 
 
 def test_parquet_says_what_to_install_where_it_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra by its name, and what to do without it."""
+    """The message names the extra to install and the other formats."""
     real = builtins.__import__
 
     def without(name: str, *args: Any, **more: Any) -> Any:

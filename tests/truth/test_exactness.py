@@ -1,4 +1,4 @@
-"""The simulation against solvers that share nothing with it, and against the laws of physics."""
+"""Accuracy of the simulation against independent solvers and conservation laws."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def by_radau(
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize("motor", [STIFF, PAPER, SERVO], ids=lambda motor: motor.name)
 def test_the_simulation_agrees_with_radau(motor: Motor, hold: Hold) -> None:
-    """Expected is scipy's Radau at 1e-10; the motor warms by 2 K/s, fast for its thermal mass."""
+    """Reference: scipy's Radau at 1e-10; the motor warms by 2 K/s, fast for its thermal mass."""
     run = driven(motor, 14, seed=1, warming=2.0)
     assert run.temperature is not None
     start = np.array([0.1 * motor.voltage / motor.values[0], 0.2 * motor.voltage / motor.values[2]])
@@ -77,7 +77,7 @@ def test_the_simulation_agrees_with_radau(motor: Motor, hold: Hold) -> None:
     temperature = records[0].column("temperature")
     expected = by_radau(motor.vector, motor.interval, run.voltage, temperature, start, hold)
     size = np.abs(expected).max(axis=0)
-    # A thermometer is read to 0.1 degC, which moves the current by 4e-4; this is far below.
+    # A thermometer resolution of 0.1 degC changes the current by 4e-4, far more than this.
     np.testing.assert_allclose(logged / size, expected / size, atol=5e-6)
 
 
@@ -86,7 +86,7 @@ def test_the_simulation_agrees_with_radau(motor: Motor, hold: Hold) -> None:
 def test_at_constant_temperature_the_simulation_is_as_exact_as_radau(
     motor: Motor, hold: Hold
 ) -> None:
-    """Expected is scipy's Radau at 1e-10; what is left is the tolerance of the series, 1e-8."""
+    """Reference: scipy's Radau at 1e-10; the tolerance of the matrix series is 1e-8."""
     run = driven(motor, 14, seed=2, warming=0.0)
     assert run.temperature is not None
     start = np.array([0.1 * motor.voltage / motor.values[0], 0.2 * motor.voltage / motor.values[2]])
@@ -102,7 +102,7 @@ def test_at_constant_temperature_the_simulation_is_as_exact_as_radau(
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize("motor", [STIFF, PAPER, SERVO], ids=lambda motor: motor.name)
 def test_the_runs_of_the_tests_are_those_of_radau(motor: Motor, hold: Hold) -> None:
-    """The closed form that makes the test data is itself compared with scipy's Radau at 1e-10."""
+    """The closed form that generates the test data agrees with scipy's Radau at 1e-10."""
     run = driven(motor, 10, seed=3, warming=0.0)
     assert run.temperature is not None
     arguments = (motor.vector, motor.interval, run.voltage, run.temperature, np.zeros(2))
@@ -115,12 +115,12 @@ def test_the_runs_of_the_tests_are_those_of_radau(motor: Motor, hold: Hold) -> N
 
 
 def slope_of_errors(counts: list[int], errors: list[float]) -> float:
-    """Order of convergence: how steeply the error falls with the number of parts."""
+    """Order of convergence: slope of log error over log number of substeps."""
     return float(-np.polyfit(np.log(counts), np.log(errors), 1)[0])
 
 
 def test_the_step_is_of_third_order_where_the_model_is_not_linear() -> None:
-    """Theory of the exponential Rosenbrock pair 32: order 3; the exact curve is Radau's."""
+    """Theory: the exponential Rosenbrock pair 32 has order 3; the reference solution is Radau's."""
     run = driven(SERVO, 15, seed=4, warming=0.0)
     assert run.temperature is not None
     size = 2e-6
@@ -146,7 +146,7 @@ def test_the_step_is_of_third_order_where_the_model_is_not_linear() -> None:
 
 
 def test_the_warming_of_the_motor_enters_with_second_order() -> None:
-    """The middle of the interval stands for the interval; the exact curve is Radau's."""
+    """Each interval uses its midpoint temperature; the reference solution is Radau's."""
     run = driven(PAPER, 15, seed=5, warming=100.0)
     records = records_of([run])
     temperature = records[0].column("temperature")
@@ -164,7 +164,7 @@ def test_the_warming_of_the_motor_enters_with_second_order() -> None:
 
 @pytest.mark.parametrize("motor", [SERVO, PAPER], ids=lambda motor: motor.name)
 def test_electrical_work_is_heat_and_friction_and_stored_energy(motor: Motor) -> None:
-    """Conservation of energy: the back-EMF takes from the circuit what the torque gives."""
+    """Conservation of energy: the back-EMF power equals the mechanical power."""
     sample = np.arange(2001)
     waves = 0.5 * np.sin(2 * np.pi * sample / 700) + 0.5 * np.cos(2 * np.pi * sample / 300)
     run = replace(driven(motor, 2001, seed=6, warming=0.0), voltage=motor.voltage * waves)

@@ -1,4 +1,4 @@
-"""Known motors are found again from their runs alone, whatever their size and their bench."""
+"""Recovery of known motors from their runs, for all sizes and benches."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Hold = Literal["zoh", "foh"]
 
 @dataclass(frozen=True)
 class Bench:
-    """How a motor of the table is driven and logged."""
+    """Drive and logging of a motor of the table."""
 
     motor: str
     kind: Excitation
@@ -49,7 +49,7 @@ BENCHES = (
 
 
 def fitted(bench: Bench, seed: int) -> tuple[Fit, list[Run]]:
-    """The fit of one campaign on a bench, and its runs."""
+    """Fit of one campaign on a bench, and its runs."""
     runs = campaign(
         motor_named(bench.motor),
         seed=seed,
@@ -64,14 +64,14 @@ def fitted(bench: Bench, seed: int) -> tuple[Fit, list[Run]]:
 
 
 def deviations(fit: Fit, truth: Array) -> Array:
-    """(7,) distance from the truth in standard deviations of the fit, in its coordinates."""
+    """(7,) error of the search coordinates in standard deviations of the fit."""
     sd = np.sqrt(np.diag(fit.equations.covariance()))
     return np.asarray((fit.position - fit.coordinates.of(truth)) / sd)
 
 
 @pytest.mark.parametrize("bench", BENCHES, ids=lambda bench: f"{bench.motor}, {bench.kind}")
 def test_a_motor_is_found_from_nothing_but_its_runs(bench: Bench) -> None:
-    """The truth is the table's; 77 normal deviates exceed 4 once in two hundred such suites."""
+    """True values are the table's; 77 normal deviates exceed 4 with a probability of 1/200."""
     motor = motor_named(bench.motor)
 
     fit, _ = fitted(bench, seed=11)
@@ -82,7 +82,7 @@ def test_a_motor_is_found_from_nothing_but_its_runs(bench: Bench) -> None:
 
 @pytest.mark.parametrize("ratio", [5.0, 10.0])
 def test_a_winding_faster_than_the_sampling_is_found_from_a_slow_start(ratio: float) -> None:
-    """The start is several times too slow, so the step plan has to follow the fit on its way."""
+    """The starting value of L/R is several times too large, so the step plan must adapt."""
     servo = motor_named("servo 100 W")
     inductance = servo.values[0] * servo.interval / ratio
     motor = Motor("fast", (*servo.values[:6], inductance), servo.voltage, servo.interval)
@@ -96,7 +96,7 @@ def test_a_winding_faster_than_the_sampling_is_found_from_a_slow_start(ratio: fl
 
 @pytest.mark.parametrize("bench", BENCHES[2:4], ids=lambda bench: bench.motor)
 def test_the_noise_is_estimated_with_the_motor(bench: Bench) -> None:
-    """The noise was made `bench.noise` of each channel; 4500 samples tell it to 1.1 percent."""
+    """The true noise is `bench.noise` of each channel; 4500 samples estimate it to 1.1 %."""
     motor = motor_named(bench.motor)
     clean = noiseless(motor, seed=11, kind=bench.kind, hold=bench.hold, moving=bench.moving)
     channels = [
@@ -123,7 +123,7 @@ def test_deviations_from_the_truth_are_as_large_as_the_covariance_says() -> None
 
 
 def test_without_noise_the_truth_itself_is_found() -> None:
-    """What is left is the tolerance of the discretisation, not of any noise."""
+    """Without noise, only the tolerance of the discretisation remains."""
     motor = motor_named("servo 100 W")
 
     fit = fit_declared(records_of(noiseless(motor, seed=3, kind="steps")), "zoh")
@@ -133,8 +133,8 @@ def test_without_noise_the_truth_itself_is_found() -> None:
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize("name", ["servo 100 W", "traction 10 kW"])
-def test_the_data_tell_what_the_voltage_does_between_samples(name: str, hold: Hold) -> None:
-    """The behaviour that made the runs has the lower cost, by far more than chance (ten nats)."""
+def test_the_data_determine_the_hold_of_the_voltage(name: str, hold: Hold) -> None:
+    """The true hold has the lower cost by far more than chance (ten nats)."""
     runs = campaign(motor_named(name), seed=21, hold=hold, kind="steps")
     other: Hold = "foh" if hold == "zoh" else "zoh"
 
@@ -144,8 +144,8 @@ def test_the_data_tell_what_the_voltage_does_between_samples(name: str, hold: Ho
     assert right.cost < wrong.cost - 10.0
 
 
-def test_runs_that_were_not_fitted_are_predicted_to_their_noise() -> None:
-    """A perfect model leaves the noise: 1500 samples tell its size to 2 percent."""
+def test_validation_runs_are_predicted_to_the_noise_level() -> None:
+    """A perfect model leaves the noise, which 1500 samples estimate to 2 %."""
     motor = motor_named("servo 100 W")
     fit, _ = fitted(Bench("servo 100 W", "steps", 0.01), seed=31)
     unseen = campaign(motor, seed=32, noise=0.01, runs=1, moving=True)
@@ -159,7 +159,7 @@ def test_runs_that_were_not_fitted_are_predicted_to_their_noise() -> None:
 
 
 def test_the_simulation_of_a_fit_is_the_motor_without_its_noise() -> None:
-    """The clean run is known; 14 parameters and states of 4500 samples leave 6 percent of noise."""
+    """The noise-free run is known; 14 parameters and states of 4500 samples leave 6 % of noise."""
     motor = motor_named("paper")
     clean = noiseless(motor, seed=11, moving=True)
 
@@ -209,12 +209,12 @@ def test_other_units_of_the_data_scale_the_motor_and_nothing_else(
         ]
     )
     sd = np.sqrt(np.diag(plain.equations.covariance())) * plain.coordinates.slopes(plain.position)
-    # Both stop where a step is far below the uncertainty, not at the same digit.
+    # The iterations stop once a step is far below the uncertainty, not at the same digit.
     np.testing.assert_array_less(np.abs(fit.values / ratios - plain.values), 0.02 * sd)
 
 
 def test_a_motor_wired_the_other_way_round_is_the_same_motor() -> None:
-    """With voltage, current and speed reversed the equations are unchanged."""
+    """The equations are invariant when voltage, current and speed change sign."""
     runs = campaign(motor_named("paper"), seed=51, rows=800)
     reversed_runs = [
         replace(run, voltage=-run.voltage, current=-run.current, speed=-run.speed) for run in runs
