@@ -1,4 +1,4 @@
-"""Sample intervals computed in parts: where, and what that leaves unchanged."""
+"""Substeps of sample intervals: selection, and invariance of the results."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ START = np.array([1.0, 50.0])
 
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
-def test_parts_of_a_linear_motor_change_nothing(hold: Hold) -> None:
-    """The flow over an interval is the flow over its parts, one after the other."""
+def test_substeps_of_a_linear_motor_change_nothing(hold: Hold) -> None:
+    """The flow over an interval is the composition of the flows over its substeps."""
     records = tuple(records_of([driven(SERVO, ROWS, seed=1, warming=0.0)]))
     whole = Simulator.fitting(MotorModel(hold=hold), records, SERVO.vector)
     counts = np.random.default_rng(1).integers(1, 6, ROWS)
@@ -35,8 +35,8 @@ def test_parts_of_a_linear_motor_change_nothing(hold: Hold) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
 
 
-def test_the_misfit_counts_samples_and_not_parts() -> None:
-    """With parts the sums of squares, coloured noise included, are those of the samples alone."""
+def test_the_misfit_counts_samples_and_not_substeps() -> None:
+    """The sums of squares are those of the samples alone, also for coloured noise."""
     records = tuple(records_of([driven(SERVO, ROWS, seed=2, warming=0.0)]))
     whole = Simulator.fitting(MotorModel(hold="foh"), records, SERVO.vector)
     counts = np.random.default_rng(2).integers(1, 4, ROWS)
@@ -53,8 +53,8 @@ def test_the_misfit_counts_samples_and_not_parts() -> None:
 
 
 @pytest.mark.parametrize("channel", ["current", "speed", "voltage"])
-def test_a_delay_is_one_of_samples_however_they_are_divided(channel: str) -> None:
-    """Parts of an interval are no samples: the same motor lags by the same time."""
+def test_a_delay_does_not_depend_on_the_substeps(channel: str) -> None:
+    """Substeps are not samples: the channel lags by the same time."""
     records = tuple(records_of([driven(SERVO, ROWS, seed=3, warming=0.0)]))
     model = MotorModel(hold="foh").adding(ChannelDelay(channel, 4, SERVO.interval))
     values = np.append(SERVO.vector, 1.3 * SERVO.interval)
@@ -68,7 +68,7 @@ def test_a_delay_is_one_of_samples_however_they_are_divided(channel: str) -> Non
 
 
 def test_only_reversals_are_divided_for_dry_friction() -> None:
-    """A sign that jumps at standstill asks for parts near standstill and nowhere else."""
+    """The friction torque changes sign at standstill, so only intervals near it need substeps."""
     records = tuple(records_of([driven(SERVO, ROWS, seed=4, warming=0.0)]))
     rated = SERVO.voltage / SERVO.values[2]
     model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
@@ -85,8 +85,8 @@ def test_only_reversals_are_divided_for_dry_friction() -> None:
     assert fine.divisions[0].mean() < 2.0
 
 
-def test_dividing_converges_to_even_division() -> None:
-    """Known answer: every interval in as many parts as are ever made."""
+def test_substeps_converge_to_the_finest_division() -> None:
+    """Reference: every interval divided into the largest number of substeps."""
     records = tuple(records_of([driven(SERVO, ROWS, seed=5, warming=0.0)]))
     rated = SERVO.voltage / SERVO.values[2]
     model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
@@ -104,7 +104,7 @@ def test_dividing_converges_to_even_division() -> None:
 
 
 def test_divided_inputs_cover_the_interval() -> None:
-    """Lengths add up to the interval, and a part begins with what the one before ended with."""
+    """Lengths add up to the interval, and each substep begins where the previous one ended."""
     record = records_of([driven(SERVO, 10, seed=6, warming=20.0)])[0]
     counts = np.array([1, 3, 2, 1, 4, 1, 1, 2, 1, 1])
 
@@ -119,8 +119,8 @@ def test_divided_inputs_cover_the_interval() -> None:
         np.testing.assert_allclose(ends[inside], starts[inside], rtol=1e-12)
 
 
-def test_a_part_that_is_not_finite_is_divided_and_never_without_end() -> None:
-    """Bound as documented: at most `MOST_PARTS`."""
+def test_a_substep_that_is_not_finite_is_divided_up_to_the_limit() -> None:
+    """Documented limit: at most `MOST_PARTS`."""
     counts = np.array([1, 32, 64])
 
     more = more_parts(counts, np.full((97, 2), np.nan), np.ones(2))

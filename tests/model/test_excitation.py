@@ -1,4 +1,4 @@
-"""From runs to records: smoothing of the temperature, gaps, clipped samples, order of runs."""
+"""Conversion of runs to records: temperature smoothing, gaps, clipped samples, run order."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def run_at(temperature: Array | None, rows: int = 2000, **others: object) -> Run:
-    """A run of two seconds with the given temperature."""
+    """Run of two seconds with the given temperature."""
     time = 0.001 * np.arange(rows, dtype=np.float64)
     waves = np.sin(20 * time)
     run = Run("run.csv", "0" * 64, time, 10 * waves, waves, 100 * waves, temperature)
@@ -24,8 +24,8 @@ def run_at(temperature: Array | None, rows: int = 2000, **others: object) -> Run
 
 
 @pytest.mark.parametrize("digit", [0.1, 0.5, 1.0])
-def test_smoothing_takes_the_steps_of_the_logger_out(digit: float) -> None:
-    """The true curve is known; what is left must be below a quarter of the logger's step."""
+def test_smoothing_removes_the_steps_of_the_logger(digit: float) -> None:
+    """The error to the true curve is below half a logger step, and its rms below a tenth."""
     share = np.linspace(0.0, 1.0, 4000)
     truth = 25.0 + 40.0 * (1.0 - np.exp(-2.0 * share))
     rng = np.random.default_rng(1)
@@ -38,7 +38,7 @@ def test_smoothing_takes_the_steps_of_the_logger_out(digit: float) -> None:
 
 
 def test_a_clean_curve_is_kept() -> None:
-    """Without noise or steps there is nothing to smooth away."""
+    """Without noise or steps, the smoothed temperature equals the logged one."""
     truth = 60.0 + 10.0 * np.sin(np.linspace(0.0, 3.0, 3000))
 
     smooth = smooth_temperature(run_at(truth, 3000))
@@ -47,27 +47,27 @@ def test_a_clean_curve_is_kept() -> None:
 
 
 @pytest.mark.parametrize("temperature", [-20.0, 25.0, 113.5])
-def test_a_constant_temperature_stays_itself(temperature: float) -> None:
-    """A constant has no other smooth curve through it."""
+def test_a_constant_temperature_is_unchanged(temperature: float) -> None:
+    """The smooth curve through a constant is the constant."""
     smooth = smooth_temperature(run_at(np.full(2000, temperature)))
 
     np.testing.assert_allclose(smooth, temperature, rtol=1e-12)
 
 
 def test_a_run_without_temperature_is_taken_to_be_at_the_reference() -> None:
-    """Then Ra25 and Kt25 are those of its unknown temperature, as documented."""
+    """Ra25 and Kt25 then refer to its unknown temperature, as documented."""
     np.testing.assert_array_equal(smooth_temperature(run_at(None)), np.full(2000, 25.0))
 
 
 def test_a_run_of_a_few_samples_is_interpolated() -> None:
-    """Fewer than eight points carry no spline; the values themselves are the curve."""
+    """Fewer than eight samples do not support a spline, so their values are used."""
     smooth = smooth_temperature(run_at(np.array([30.0, 31.0, 32.0]), 3))
 
     np.testing.assert_allclose(smooth, [30.0, 31.0, 32.0])
 
 
 def test_a_record_holds_the_run_in_the_order_of_the_inputs() -> None:
-    """Each column is what its name says; the last interval has no length."""
+    """Each column contains the named signal; the last interval has zero length."""
     run = run_at(np.full(2000, 40.0))
 
     (record,) = records_of([run])
@@ -81,7 +81,7 @@ def test_a_record_holds_the_run_in_the_order_of_the_inputs() -> None:
     np.testing.assert_array_equal(record.weight, np.ones((2000, 2)))
 
 
-def test_a_gap_parts_a_run_into_records_with_their_own_start() -> None:
+def test_a_gap_splits_a_run_into_records_with_their_own_start() -> None:
     """Segments are half-open ranges of the run; no interval spans the gap between them."""
     run = run_at(np.full(2000, 40.0), segments=((0, 700), (700, 1500), (1500, 2000)))
     late = replace(run, time=run.time + 3.0 * (np.arange(2000) >= 700))
@@ -101,14 +101,14 @@ def test_a_gap_parts_a_run_into_records_with_their_own_start() -> None:
 
 
 def test_a_segment_of_one_sample_is_no_record() -> None:
-    """One sample is a state and no motion."""
+    """One sample contains no motion."""
     run = run_at(np.full(2000, 40.0), segments=((0, 1), (1, 2000)))
 
     assert [record.rows for record in records_of([run])] == [1999]
 
 
 def test_the_peak_temperature_is_carried_from_run_to_run() -> None:
-    """Expected is the running maximum over the runs in the order of recording."""
+    """Reference: running maximum over the runs in the order of recording."""
     runs = [run_at(np.linspace(a, b, 2000)) for a, b in ((30, 80), (50, 60), (40, 95))]
 
     records = records_of(runs)
@@ -120,7 +120,7 @@ def test_the_peak_temperature_is_carried_from_run_to_run() -> None:
 
 
 def test_runs_are_numbered_on_from_those_recorded_before() -> None:
-    """Validation runs come after the training runs."""
+    """The numbers of validation runs follow those of the training runs."""
     runs = [run_at(np.full(2000, 40.0)) for _ in range(2)]
 
     records = records_of(runs, first=5, hottest=90.0)
@@ -131,7 +131,7 @@ def test_runs_are_numbered_on_from_those_recorded_before() -> None:
 
 
 def test_clipped_samples_have_no_weight() -> None:
-    """A sensor at its limit shows the limit; only that channel is left out."""
+    """A sensor at its limit does not measure; only its channel is masked."""
     clipped = np.zeros(2000, dtype=bool)
     clipped[100:120] = True
 
@@ -143,7 +143,7 @@ def test_clipped_samples_have_no_weight() -> None:
 
 
 def test_a_logged_angle_is_used_and_a_missing_one_integrated() -> None:
-    """Expected is the integral of 100 sin(20 t), in closed form."""
+    """Reference: integral of 100 sin(20 t) in closed form."""
     run = run_at(None)
     angle = np.linspace(3.0, 4.0, 2000)
 
@@ -157,7 +157,7 @@ def test_a_logged_angle_is_used_and_a_missing_one_integrated() -> None:
 
 
 def test_the_head_of_a_record_is_robust_against_one_bad_sample() -> None:
-    """The median of three samples does not see the largest."""
+    """The median of three samples rejects one outlier."""
     run = run_at(None)
     current = run.current.copy()
     current[0] = 1e3
@@ -168,7 +168,7 @@ def test_the_head_of_a_record_is_robust_against_one_bad_sample() -> None:
 
 
 def test_nothing_is_smoothed_across_a_gap_to_another_temperature() -> None:
-    """40 pieces at 25 or 85 degC in turn, 1 s apart: a smooth across them is off by 30 K."""
+    """For 40 pieces at 25 and 85 degC in turn, smoothing across the gaps would err by 30 K."""
     levels = np.repeat(np.tile([25.0, 85.0], 20), 200)
     noise = np.random.default_rng(4).normal(0.0, 0.1, levels.size)
     segments = tuple((k * 200, (k + 1) * 200) for k in range(40))
@@ -178,7 +178,7 @@ def test_nothing_is_smoothed_across_a_gap_to_another_temperature() -> None:
 
 
 def test_a_gap_without_a_step_leaves_the_smooth_as_it_is() -> None:
-    """Rows that are missing do not make the stretches short that noise is averaged over."""
+    """Missing rows do not shorten the stretch over which noise is averaged."""
     truth = np.linspace(25.0, 60.0, 4000)
     logged = truth + np.random.default_rng(5).normal(0.0, 0.5, truth.size)
     whole = run_at(logged, truth.size)

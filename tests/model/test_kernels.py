@@ -1,4 +1,4 @@
-"""Machine code that is kept on disk is that which was compiled, or it is compiled anew."""
+"""Machine code from the disk cache is the compiled one, or it is compiled again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KEY = "a" * 64
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder of its own, found anew before and after."""
+    """Cache folder of the test, detected again before and after it."""
     monkeypatch.setenv("MOTORID_CACHE", str(tmp_path))
     kernels._folder.cache_clear()
     found = kernels._folder()
@@ -34,20 +34,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def braking() -> ca.Function:
-    """A speed that decays, with an exponential from the library of vector functions."""
+    """Step of a decaying speed with an exponential of the vector library."""
     x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 1)
     following = x + ca.vertcat(u * p, ca.exp(-x[0]) * ca.log(2.0 + u**2))
     return ca.Function("braking", [x, u, p], [following, x])
 
 
 def ends(loop: Scan) -> Array:
-    """Where five steps lead from rest, three lanes at a time."""
+    """Final carry after five steps from rest, for three lanes."""
     parameters = np.array([[0.5, 1.0, 2.0]])
     return loop([np.linspace(0.0, 1.0, 5)[:, None]], parameters, [np.zeros((2, 3))])[0][0]
 
 
 def forbid(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No loop may be compiled from here on."""
+    """Make any compilation raise from here on."""
 
     def compiled(*arguments: object) -> object:
         raise AssertionError("compiled, although it was kept")
@@ -55,10 +55,8 @@ def forbid(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scan, "_compile", compiled)
 
 
-def test_a_kept_loop_computes_what_the_compiled_one_did(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The same machine code gives the same bits."""
+def test_a_cached_loop_gives_the_same_bits(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equal machine code gives equal bits."""
     expected = ends(Scan(braking(), key=KEY))
     forbid(monkeypatch)
 
@@ -67,8 +65,8 @@ def test_a_kept_loop_computes_what_the_compiled_one_did(
 
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
-def test_a_file_cut_short_or_garbled_is_never_run(data: st.DataObject) -> None:
-    """Any one byte changed, or any length but the whole, is as if nothing had been kept."""
+def test_a_truncated_or_corrupt_file_is_never_run(data: st.DataObject) -> None:
+    """A file with one changed byte, or truncated, counts as a cache miss."""
     found = kernels._folder()
     if found is None:
         pytest.skip("this machine keeps nothing")
@@ -90,7 +88,7 @@ def test_a_file_cut_short_or_garbled_is_never_run(data: st.DataObject) -> None:
 def test_a_folder_that_others_can_write_is_not_used(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Code from there could be anybody's; the loop is compiled and computes as ever."""
+    """Code in a writable folder is not trusted; the loop is compiled instead."""
     expected = ends(Scan(braking(), key=KEY))
     folder.chmod(0o777)
     kernels._folder.cache_clear()
@@ -100,10 +98,10 @@ def test_a_folder_that_others_can_write_is_not_used(
 
 
 @pytest.mark.parametrize("chosen", ["", "/proc/nowhere"])
-def test_where_nothing_can_be_kept_loops_are_compiled(
+def test_without_a_cache_folder_loops_are_compiled(
     chosen: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An empty name, and one below which no folder can be made; three steps add up by hand."""
+    """The folder is disabled or cannot be created; the result is computed by hand."""
     monkeypatch.setenv("MOTORID_CACHE", chosen)
     kernels._folder.cache_clear()
 
@@ -115,10 +113,10 @@ def test_where_nothing_can_be_kept_loops_are_compiled(
     np.testing.assert_allclose(found[0], 2.5 * np.array([0.5, 1.0, 2.0]))
 
 
-def test_the_half_used_longest_ago_is_removed_where_there_are_too_many(
+def test_a_full_cache_removes_its_least_recently_used_half(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of six files where five are the most, the three oldest go; one that was read is young."""
+    """Of six files, with a limit of five, the three oldest are removed; a read makes a file new."""
     for number in range(6):
         kernels.keep(f"{number}", b"code")
         os.utime(folder / f"{number}", (1000.0 + number, 1000.0 + number))

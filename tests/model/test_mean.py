@@ -1,4 +1,4 @@
-"""A speed that is logged as its mean over the sample interval, as counts of an encoder give it."""
+"""Speed logged as its mean over the sample interval, as from encoder counts."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ MEAN = Simulator.fitting(DECLARED.adding(SpeedMean()), RECORDS, SERVO.vector)
 
 
 def speed(simulator: Simulator, *more: float) -> np.ndarray:
-    """The logged speed of the servo [rad/s]."""
+    """Logged speed of the servo [rad/s]."""
     values = np.append(SERVO.vector, more)[:, None]
     return simulator.logged(values, [START])[0][:, 1, 0]
 
 
 def test_mean_is_the_integral_of_the_speed_over_the_interval() -> None:
-    """Simpson's rule on 64 parts of each interval; the trapezoid of whole ones is off by 0.6."""
+    """Reference: Simpson's rule on 64 substeps; the trapezoid over whole intervals errs by 0.6."""
     finely = records_of([driven(SERVO, ROWS, seed=3, warming=0.0)])[0]
     inputs = np.repeat(finely.inputs, FINE, axis=0)
     inputs[:, 0] /= FINE
@@ -62,8 +62,8 @@ def test_mean_is_the_integral_of_the_speed_over_the_interval() -> None:
     assert np.abs(trapezoid[: expected.size] - expected).max() > 0.1
 
 
-def test_mean_is_one_of_samples_however_they_are_divided() -> None:
-    """Parts of an interval are no samples: the same motor logs the same means."""
+def test_mean_does_not_depend_on_the_substeps() -> None:
+    """Substeps are not samples: the motor logs the same means."""
     counts = np.random.default_rng(3).integers(1, 4, ROWS)
 
     found = speed(replace(MEAN, divisions=(counts,)))
@@ -72,7 +72,7 @@ def test_mean_is_one_of_samples_however_they_are_divided() -> None:
 
 
 def test_a_delay_of_one_sample_logs_the_mean_before() -> None:
-    """Law: a mean that is late by a whole interval is the mean of the interval before."""
+    """A mean delayed by one interval is the mean of the previous interval."""
     model = DECLARED.adding(ChannelDelay("speed", 4, SERVO.interval), SpeedMean())
     late = Simulator.fitting(model, RECORDS, np.append(SERVO.vector, SERVO.interval))
 
@@ -82,7 +82,7 @@ def test_a_delay_of_one_sample_logs_the_mean_before() -> None:
 
 
 def test_derivatives_of_a_mean_are_those_of_its_simulation() -> None:
-    """Central differences of the simulated log itself."""
+    """Reference: central differences of the simulated log."""
     step = 1e-5 * SERVO.vector
     directions = np.diag(SERVO.vector)[:, :3]
     _, tangents = tangent(MEAN, SERVO.vector, [START], directions)
@@ -95,7 +95,7 @@ def test_derivatives_of_a_mean_are_those_of_its_simulation() -> None:
 
 
 def test_first_sample_does_not_count_since_its_mean_began_before_the_record() -> None:
-    """One sample more than without; the others count the more."""
+    """The first sample has no weight; the weights of the others are scaled to the same sum."""
     assert MEAN.model.edges == ((0, 0), (1, 0))
     assert MEAN.records[0].weight[0, 1] == 0.0
     assert MEAN.records[0].weight.sum() == pytest.approx(RECORDS[0].weight.sum())
@@ -111,18 +111,18 @@ def test_first_sample_does_not_count_since_its_mean_began_before_the_record() ->
 def test_either_law_of_a_speed_filter_is_read_from_a_result(
     term: AbstractTerm, settings: dict[str, object]
 ) -> None:
-    """The settings that a result writes are the fields of the law."""
+    """The settings in a result are the fields of the law."""
     assert term_of({"name": "speed_filter", "settings": settings}) == term
 
 
 def test_equations_say_that_the_speed_is_a_mean() -> None:
-    """In words, since a mean is no expression of the state."""
+    """The equation is given in words because a mean is not a function of the state."""
     assert "mean" in printed_equations(MEAN.model)["speed channel"]
 
 
 @pytest.mark.parametrize("motor", ["servo_150w", "ferrite_fan_30w"])
-def test_differenced_angle_is_a_mean_and_comes_down_to_the_noise(motor: str) -> None:
-    """The bench's law `difference` of size 0.05 spans one sample interval; its noise is known."""
+def test_differenced_angle_is_a_mean_and_reaches_the_noise(motor: str) -> None:
+    """Law `difference` of size 0.05 spans one sample interval; the noise of the bench is known."""
     measured = make_campaign(
         motor,
         [EffectRequest("speed_filter", size=0.05, law="difference")],

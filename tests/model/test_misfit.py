@@ -1,4 +1,4 @@
-"""The loop of a likelihood, where the transition is interpolated and where it must not be."""
+"""Likelihood loop with interpolated transition matrices, and the records that exclude it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STIFF = Motor("stiff", (*SERVO.values[:6], 6e-5), 24.0, 1e-3)
 
 
 def warming(motor: Motor, rows: int, hold: Hold = "zoh") -> Run:
-    """A run that warms by 3 K/s, noise of one ampere and ten radian/s added."""
+    """Run that warms by 3 K/s, with noise of 1 A and 10 rad/s."""
     rng = np.random.default_rng(rows)
     temperature = 40.0 + 3.0 * motor.interval * np.arange(rows, dtype=np.float64)
     run = run_of(motor, drive(motor, "steps", rows, rng), temperature, np.zeros(2), hold)
@@ -40,7 +40,7 @@ def warming(motor: Motor, rows: int, hold: Hold = "zoh") -> Run:
 
 
 def sums_by_hand(simulator: Simulator, values: Array, states: list[Array]) -> Array:
-    """(2, n_lane) sums of squared residuals from the simulated channels."""
+    """(2, n_lane) sums of squared residuals, computed from the simulated channels."""
     sums = np.zeros((2, values.shape[1]))
     for record, logged in zip(simulator.records, simulator.logged(values, states), strict=True):
         residual = record.measured[:, :, None] - logged
@@ -54,7 +54,7 @@ def sums_by_hand(simulator: Simulator, values: Array, states: list[Array]) -> Ar
 def test_an_interpolated_transition_gives_the_sums_of_the_plain_one(
     rows: int, motor: Motor, hold: Hold
 ) -> None:
-    """Expected is the plain simulation of every interval, for whole and broken blocks of rows."""
+    """Reference: plain simulation of every interval, for whole and partial blocks of rows."""
     records = records_of([warming(motor, rows, hold), warming(motor, rows + 1, hold)])
     assert all(is_slow(record) for record in records)
     simulator = Simulator.fitting(MotorModel(hold=hold), records, motor.vector)
@@ -63,13 +63,13 @@ def test_an_interpolated_transition_gives_the_sums_of_the_plain_one(
 
     sums = simulator.misfit(values, states, Weighting.white(records))
 
-    # The transition is bent by the square of a few thousandths within a block of 0.05 K.
+    # Within a block of 0.05 K, the transition is nonlinear by the square of a few thousandths.
     np.testing.assert_allclose(sums, sums_by_hand(simulator, values, states), rtol=1e-7)
 
 
 @pytest.mark.parametrize("spoiled", ["time", "temperature", "short"])
 def test_uneven_records_are_not_interpolated_and_still_right(spoiled: str) -> None:
-    """A jittering clock, a jump of temperature and two samples all take the plain loop."""
+    """Sampling jitter, a temperature jump and a record of two samples select the plain loop."""
     run = warming(SERVO, 100)
     assert run.temperature is not None
     (record,) = records_of([run])
@@ -94,7 +94,7 @@ def test_uneven_records_are_not_interpolated_and_still_right(spoiled: str) -> No
 
 
 def test_masked_samples_do_not_count_in_an_interpolated_loop() -> None:
-    """Expected are sums over the samples that are left."""
+    """Reference: sums over the samples that are not masked."""
     (record,) = records_of([warming(SERVO, 200)])
     weight = np.ones((200, 2))
     weight[50:80, 0] = 0.0
@@ -109,7 +109,7 @@ def test_masked_samples_do_not_count_in_an_interpolated_loop() -> None:
 
 
 def test_only_what_the_model_depends_on_is_read() -> None:
-    """A held voltage: interval, voltage and both temperatures; a linear one: the next voltage."""
+    """ZOH needs interval, voltage and both temperatures; FOH also needs the next voltage."""
     plan = Simulator.fitting(MotorModel(), records_of([warming(SERVO, 50)]), SERVO.vector).plan
     white = ((1.0,), (1.0,))
 
@@ -123,9 +123,9 @@ def test_only_what_the_model_depends_on_is_read() -> None:
 
 
 def slow_and_fast() -> tuple[ca.Function, ca.Function, ca.Function]:
-    """A step in two halves, the first linear in the input, and the same step as a whole.
+    """Step split into a part that is linear in the input and the rest, and the whole step.
 
-    The carry is a state and the sum of the states so far.
+    The carry is a state and the sum of the previous states.
     """
     x, u, p, q = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p"), ca.SX.sym("q", 2)
     nothing = ca.SX(0, 1)
@@ -133,7 +133,7 @@ def slow_and_fast() -> tuple[ca.Function, ca.Function, ca.Function]:
     prepare = ca.Function("prepare", [nothing, u, p], [nothing, prepared])
 
     def following(by: ca.SX) -> ca.SX:
-        """The carry after a row."""
+        """Carry after a row."""
         return ca.vertcat(by[1] * x[0] + by[0] * u[1], x[1] + x[0])
 
     step = ca.Function("step", [x, u, q], [following(q), nothing])
@@ -143,7 +143,7 @@ def slow_and_fast() -> tuple[ca.Function, ca.Function, ca.Function]:
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 3, STRIDE, STRIDE + 1, 2 * STRIDE + 1, 100])
 def test_what_is_linear_in_the_row_is_interpolated_exactly(rows: int) -> None:
-    """Expected is the undivided step; the sum shows every state that a row led to but the last."""
+    """Reference: the whole step; the sum includes every state but the last."""
     prepare, step, whole = slow_and_fast()
     inputs = np.column_stack([np.linspace(0.5, 1.5, rows), np.sin(np.arange(rows))])
     parameters = np.array([[0.3, 0.7, 1.1]])
@@ -156,7 +156,7 @@ def test_what_is_linear_in_the_row_is_interpolated_exactly(rows: int) -> None:
 
 
 def test_halves_that_do_not_fit_each_other_are_refused() -> None:
-    """The second half takes two numbers; one is prepared."""
+    """The second part takes two numbers, and the first prepares one."""
     _, step, _ = slow_and_fast()
     u, p, nothing = ca.SX.sym("u", 2), ca.SX.sym("p"), ca.SX(0, 1)
     short = ca.Function("prepare", [nothing, u, p], [nothing, p * u[0]])

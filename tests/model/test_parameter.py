@@ -1,4 +1,4 @@
-"""Search coordinates: there and back, slopes, bounds and priors."""
+"""Search coordinates: transformation, slopes, bounds and priors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARAMETERS = (
     st.floats(0.0, 20.0),
 )
 def test_values_and_coordinates_are_inverse(a: float, b: float, c: float) -> None:
-    """A map and its inverse give back what went in."""
+    """The transformation and its inverse give the original values."""
     coordinates = Coordinates(PARAMETERS)
     point = np.array([a, b, c])
 
@@ -32,7 +32,7 @@ def test_values_and_coordinates_are_inverse(a: float, b: float, c: float) -> Non
 
 
 def test_slopes_are_derivatives_of_the_values() -> None:
-    """Expected are central differences with a step of 1e-6, exact to 1e-9 for these maps."""
+    """Reference: central differences with step 1e-6, exact to 1e-9 for these transformations."""
     coordinates = Coordinates(PARAMETERS)
     point = np.array([-2.0, 3.0, 4.0])
 
@@ -44,7 +44,7 @@ def test_slopes_are_derivatives_of_the_values() -> None:
 
 
 def test_the_prior_is_normal_in_the_coordinates() -> None:
-    """Closed form: minus half the squared distance in standard deviations; flat ones add none."""
+    """Closed form: minus half the squared distance in standard deviations; flat priors add zero."""
     coordinates = Coordinates(PARAMETERS)
     values = np.array([0.5 * np.exp(2.0), 0.004 + 0.006, 1.9])
 
@@ -54,7 +54,7 @@ def test_the_prior_is_normal_in_the_coordinates() -> None:
 
 
 @pytest.mark.parametrize("value", [-1e-9, 2.0 + 1e-9])
-def test_out_of_bounds_nothing_is_possible(value: float) -> None:
+def test_a_point_out_of_bounds_is_impossible(value: float) -> None:
     """The bounds of the third parameter are 0 and 2."""
     coordinates = Coordinates(PARAMETERS)
 
@@ -63,8 +63,8 @@ def test_out_of_bounds_nothing_is_possible(value: float) -> None:
     assert density == -np.inf
 
 
-def test_many_points_go_through_the_map_side_by_side() -> None:
-    """Expected is one point after the other."""
+def test_many_points_are_transformed_in_parallel() -> None:
+    """Reference: one point at a time."""
     coordinates = Coordinates(PARAMETERS)
     points = np.random.default_rng(0).normal(size=(3, 5))
 

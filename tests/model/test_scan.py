@@ -1,4 +1,4 @@
-"""The compiled loop does what CasADi's own virtual machine does, lane by lane."""
+"""The compiled loop agrees with CasADi's virtual machine, lane by lane."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ NUMBERS = st.floats(-30.0, 30.0).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
 
 
 def one_step(expression: Operation) -> ca.Function:
-    """A step whose outputs apply the operation to carry, input and parameter in all pairings."""
+    """Step that applies the operation to carry, input and parameter in all pairs."""
     carry, given_input, parameter = (ca.SX.sym(name, 2) for name in "cup")
     outputs = [
         expression(carry[0], carry[1]),
@@ -77,7 +77,7 @@ def one_step(expression: Operation) -> ca.Function:
 @settings(max_examples=25, deadline=None)
 @given(numbers=st.lists(NUMBERS, min_size=6, max_size=6))
 def test_each_operation_gives_what_casadi_gives(name: str, numbers: list[float]) -> None:
-    """Expected is CasADi's own evaluation, wherever the operands come from."""
+    """Reference: evaluation by CasADi, for operands from any source."""
     step = one_step(OPERATIONS[name])
     carry, given_input, parameter = np.array(numbers).reshape(3, 2)
 
@@ -90,7 +90,7 @@ def test_each_operation_gives_what_casadi_gives(name: str, numbers: list[float])
 @pytest.mark.parametrize("name", ["add", "multiply", "divide", "exp", "tanh", "square"])
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_not_a_number_and_infinity_survive(name: str, bad: float) -> None:
-    """Expected is IEEE arithmetic, which CasADi's virtual machine follows too."""
+    """Reference: IEEE arithmetic, as in CasADi's virtual machine."""
     step = one_step(OPERATIONS[name])
     carry, given_input, parameter = np.array([[bad, 2.0], [3.0, bad], [bad, bad]])
 
@@ -101,7 +101,7 @@ def test_not_a_number_and_infinity_survive(name: str, bad: float) -> None:
 
 
 def oscillator() -> ca.Function:
-    """A step of a driven, damped oscillator that logs its energy and its place."""
+    """Step of a driven, damped oscillator that logs its energy and position."""
     x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p", 2)
     following = ca.vertcat(
         x[0] + u[0] * x[1], x[1] + u[0] * (u[1] - p[0] * ca.sin(x[0]) - p[1] * x[1])
@@ -118,7 +118,7 @@ def random_problem(lanes: int, rows: int, seed: int) -> tuple[Array, Array, Arra
 
 @pytest.mark.parametrize("lanes", [1, LANES - 1, LANES, LANES + 3])
 def test_the_loop_equals_casadis_mapaccum(lanes: int) -> None:
-    """Expected is the same step repeated by CasADi's mapaccum, one lane at a time."""
+    """Reference: the step repeated by CasADi's mapaccum, one lane at a time."""
     step, rows = oscillator(), 40
     inputs, parameters, carries = random_problem(lanes, rows, seed=lanes)
 
@@ -132,7 +132,7 @@ def test_the_loop_equals_casadis_mapaccum(lanes: int) -> None:
 
 
 def test_a_lane_that_diverges_leaves_the_others_alone() -> None:
-    """Expected is the result without the bad lane, to the last bit."""
+    """Reference: the result without the diverging lane, bit for bit."""
     inputs, parameters, carries = random_problem(LANES, 30, seed=3)
     scan = scan_of(oscillator())
     clean = scan([inputs], parameters, [carries])[1][0]
@@ -147,7 +147,7 @@ def test_a_lane_that_diverges_leaves_the_others_alone() -> None:
 
 
 def test_records_of_different_length_are_independent() -> None:
-    """Expected is each record simulated on its own."""
+    """Reference: each record simulated alone."""
     scan = scan_of(oscillator())
     problems = [random_problem(5, rows, seed=rows) for rows in (1, 17, 60)]
     parameters = problems[0][1]
@@ -161,7 +161,7 @@ def test_records_of_different_length_are_independent() -> None:
 
 
 def test_each_record_may_have_its_own_parameters() -> None:
-    """Expected is each record simulated on its own with its parameters."""
+    """Reference: each record simulated alone with its parameters."""
     scan = scan_of(oscillator())
     problems = [random_problem(4, 20, seed=seed) for seed in (1, 2)]
 
@@ -172,7 +172,7 @@ def test_each_record_may_have_its_own_parameters() -> None:
 
 
 def test_a_record_without_rows_keeps_its_carry() -> None:
-    """Nothing is repeated no times: the carry comes back as it went in."""
+    """Zero repetitions return the carry unchanged."""
     _, parameters, carries = random_problem(3, 0, seed=0)
 
     finals, outputs = scan_of(oscillator())([np.zeros((0, 2))], parameters, [carries])
@@ -182,7 +182,7 @@ def test_a_record_without_rows_keeps_its_carry() -> None:
 
 
 def test_the_callers_arrays_are_not_changed() -> None:
-    """The kernel overwrites its carry, so the caller must have been given a copy."""
+    """The kernel overwrites its carry, so it must receive a copy."""
     inputs, parameters, carries = random_problem(LANES, 5, seed=0)
     before = carries.copy()
 
@@ -193,7 +193,7 @@ def test_the_callers_arrays_are_not_changed() -> None:
 
 @pytest.mark.parametrize("wrong", ["inputs", "parameters", "carry", "lanes"])
 def test_wrong_shapes_are_refused_with_the_shapes(wrong: str) -> None:
-    """The step takes two rows of each, as the message says."""
+    """The message gives the two rows that the step takes of each."""
     inputs, parameters, carries = random_problem(4, 6, seed=0)
     if wrong == "inputs":
         inputs = inputs[:, :1]
@@ -217,7 +217,7 @@ def test_a_step_must_return_the_carry_that_it_takes() -> None:
 
 
 def test_an_operation_without_translation_is_named() -> None:
-    """The inverse sine is not among the operations of the lowering."""
+    """The inverse sine is not an operation of the lowering."""
     x, u, p = (ca.SX.sym(name) for name in "xup")
 
     with pytest.raises(ComputationError, match="has no translation; expected arithmetic"):
@@ -225,5 +225,5 @@ def test_an_operation_without_translation_is_named() -> None:
 
 
 def test_the_same_step_is_compiled_once() -> None:
-    """Two functions with the same operations share one loop."""
+    """Two functions with equal operations share one loop."""
     assert scan_of(oscillator()) is scan_of(oscillator())

@@ -1,4 +1,4 @@
-"""Tangents, misfits and states of the simulator, each against what it stands for."""
+"""Tangents, misfits and states of the simulator against independent references."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PAPER = motor_named("paper")
 def case(
     motor: Motor, hold: Hold, terms: tuple[AbstractTerm, ...], own: tuple[float, ...]
 ) -> tuple[Simulator, Array, list[Array]]:
-    """A simulator over two short runs, the true values and states in motion to start from."""
+    """Simulator over two short runs, true values, and initial states in motion."""
     runs = noiseless(motor, seed=1, runs=2, rows=120, hold=hold)
     records = records_of(runs)
     model = MotorModel(terms, hold=hold)
@@ -51,10 +51,10 @@ CASES = {
 
 
 def central_difference(simulator: Simulator, values: Array, states: list[Array], row: int) -> Array:
-    """Derivative by one quantity, parameter or initial state of record 0, (n_sample, 2).
+    """Derivative (n_sample, 2) with respect to a parameter or an initial state of record 0.
 
-    The error of a central difference of relative step s is s^2 for the curvature and 1e-16/s for
-    rounding (of signals of size one); both are below 1e-9 at s = 1e-5.
+    A central difference with relative step s has an error of s^2 from the curvature and of 1e-16/s
+    from rounding (for signals of magnitude 1); both are below 1e-9 at s = 1e-5.
     """
     n = values.size
     size = abs(values[row]) if row < n else max(abs(states[0][row - n]), 1.0)
@@ -73,7 +73,7 @@ def central_difference(simulator: Simulator, values: Array, states: list[Array],
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize("name", CASES)
 def test_tangents_are_derivatives_by_parameters_and_initial_states(name: str, hold: Hold) -> None:
-    """Expected are central differences, whose step is argued where they are computed."""
+    """Reference: central differences; their docstring derives the step."""
     simulator, values, states = case(CASES[name][0], hold, CASES[name][1], CASES[name][2])
 
     _, tangents = tangent(simulator, values, states, np.eye(values.size))
@@ -85,7 +85,7 @@ def test_tangents_are_derivatives_by_parameters_and_initial_states(name: str, ho
 
 
 def test_tangents_come_with_the_simulation_itself() -> None:
-    """Expected is the plain simulation of the same values."""
+    """Reference: plain simulation of the same values."""
     simulator, values, states = case(SERVO, "foh", (), ())
 
     logged, _ = tangent(simulator, values, states, np.eye(7))
@@ -110,7 +110,7 @@ def test_a_tangent_in_a_direction_is_the_sum_of_its_parts() -> None:
 @pytest.mark.parametrize("lead", [0, 4])
 @pytest.mark.parametrize("name", ["servo", "with a state"])
 def test_tangents_in_blocks_are_those_of_the_whole_record(name: str, lead: int, parts: int) -> None:
-    """A block goes on where the one before ended, so not one bit may differ; 120 samples in 17s."""
+    """Each block continues where the previous one ended, so the results are equal bit for bit."""
     simulator, values, states = case(CASES[name][0], "zoh", CASES[name][1], CASES[name][2])
     simulator = replace(
         simulator, divisions=evenly([record.rows for record in simulator.records], parts)
@@ -127,7 +127,7 @@ def test_tangents_in_blocks_are_those_of_the_whole_record(name: str, lead: int, 
 
 
 def uneven_weights(records: list[Record], seed: int) -> tuple[list[Record], tuple[Array, ...]]:
-    """The records with a third of the samples masked, and robust weights between 0.1 and 1."""
+    """Records with 30 % of the samples masked, and robust weights between 0.1 and 1."""
     rng = np.random.default_rng(seed)
     masked = [
         replace(record, weight=(rng.random(record.weight.shape) > 0.3).astype(float))
@@ -143,7 +143,7 @@ def uneven_weights(records: list[Record], seed: int) -> tuple[list[Record], tupl
 def test_the_misfit_is_the_weighted_sum_of_whitened_residuals(
     whitening: tuple[list[float], list[float]], robust: bool
 ) -> None:
-    """Expected is computed from the simulated channels with scipy's filter, lane by lane."""
+    """Reference: simulated channels filtered by scipy, lane by lane."""
     records, sizes = uneven_weights(records_of(campaign(SERVO, seed=2, runs=2, rows=150)), seed=3)
     simulator = Simulator.fitting(MotorModel(), records, SERVO.vector)
     taps = (np.array(whitening[0]), np.array(whitening[1]))
@@ -166,7 +166,7 @@ def test_the_misfit_is_the_weighted_sum_of_whitened_residuals(
 
 
 def test_the_misfit_follows_a_change_of_weights() -> None:
-    """Rows that are kept from call to call must not outlive the weights they were made of."""
+    """Cached rows must be discarded when the weights change."""
     records = records_of(campaign(SERVO, seed=2, runs=2, rows=100))
     simulator = Simulator.fitting(MotorModel(), records, SERVO.vector)
     states = [initial_states(simulator.model, record) for record in records]
@@ -183,7 +183,7 @@ def test_the_misfit_follows_a_change_of_weights() -> None:
 
 
 def test_the_sums_of_squares_of_the_weighting_are_the_misfit() -> None:
-    """Two ways to the same sums: from residuals, and within the loop."""
+    """The sums are computed twice: from residuals, and within the loop."""
     records, sizes = uneven_weights(records_of(campaign(SERVO, seed=4, runs=2, rows=90)), seed=5)
     simulator = Simulator.fitting(MotorModel(), records, SERVO.vector)
     states = [initial_states(simulator.model, record) for record in records]
@@ -201,8 +201,8 @@ def test_the_sums_of_squares_of_the_weighting_are_the_misfit() -> None:
     np.testing.assert_allclose(sums, expected, rtol=1e-11)
 
 
-def test_a_simulation_that_diverges_costs_infinitely_much() -> None:
-    """A negative inertia runs away; its lane must lose against the true values, not spoil them."""
+def test_a_simulation_that_diverges_has_infinite_cost() -> None:
+    """A lane with negative inertia diverges and must not affect the lane of the true values."""
     records = records_of(campaign(SERVO, seed=2, runs=1, rows=3000))
     simulator = Simulator.fitting(MotorModel(), records, SERVO.vector)
     states = [initial_states(simulator.model, records[0])]
@@ -231,7 +231,7 @@ def test_the_best_deviation_is_the_root_mean_square_of_the_residual() -> None:
 
 
 def test_all_states_over_time_start_with_the_logged_ones() -> None:
-    """Without sensors between them, current and speed are what is logged."""
+    """Without sensor dynamics, current and speed are the logged channels."""
     simulator, values, states = case(SERVO, "zoh", (Lag(),), (0.01,))
 
     over_time = simulator.states(values[:, None], states)
@@ -243,7 +243,7 @@ def test_all_states_over_time_start_with_the_logged_ones() -> None:
 
 
 def test_the_rate_is_the_spectral_radius_of_the_interval() -> None:
-    """Expected are the eigenvalues of the two balances at the hottest sample, by numpy."""
+    """Reference: numpy's eigenvalues of the two balances at the hottest sample."""
     records = records_of(noiseless(SERVO, seed=1, runs=1, rows=200))
     ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = SERVO.values
     radius = 0.0
@@ -261,7 +261,7 @@ def test_the_rate_is_the_spectral_radius_of_the_interval() -> None:
 
 
 def test_a_plan_with_room_to_spare_gives_the_same_simulation() -> None:
-    """More terms than needed change nothing above the tolerance of the series."""
+    """Additional terms change nothing above the tolerance of the series."""
     simulator, values, states = case(SERVO, "zoh", (), ())
     generous = replace(simulator, plan=Plan(terms=18))
 

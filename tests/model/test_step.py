@@ -1,4 +1,4 @@
-"""One sample interval: plans, and the equality of the ways to compute the matrix functions."""
+"""One sample interval: step plans, and agreement of the matrix function algorithms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SERVO = motor_named("servo 100 W")
 
 
 def one_interval(interval: float, voltage: float, following: float) -> Array:
-    """(n_input,) of an interval in which the voltage goes from one value to another."""
+    """(n_input,) inputs of an interval in which the voltage changes between two values."""
     row = dict.fromkeys(INPUTS, 0.0)
     row.update(interval=interval, voltage=voltage, voltage_next=following)
     row.update(temperature=60.0, temperature_next=60.0, peak_temperature=60.0)
@@ -31,7 +31,7 @@ def one_interval(interval: float, voltage: float, following: float) -> Array:
 
 
 def by_exponential(values: Array, row: Array, state: Array, hold: str) -> Array:
-    """The state after the interval by one exponential of the matrix that holds the input too."""
+    """State after the interval, by one exponential of the matrix augmented by the input."""
     ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = values
     heat = row[INPUTS.index("temperature")] - 25.0
     resistance, constant = ra * (1 + alpha_ra * heat), kt * (1 + alpha_kt * heat)
@@ -46,8 +46,8 @@ def by_exponential(values: Array, row: Array, state: Array, hold: str) -> Array:
 
 @given(rate=st.floats(1e-6, 60.0))
 @settings(max_examples=200, deadline=None)
-def test_a_series_is_cut_below_the_tolerance(rate: float) -> None:
-    """Term k of phi1 is z^(k-1)/k!: the first one left out has to be below the tolerance."""
+def test_a_series_is_truncated_below_the_tolerance(rate: float) -> None:
+    """Term k of phi1 is z^(k-1)/k!; the first omitted one must be below the tolerance."""
     for linear in (False, True):
         plan = plan_for(rate, linear=linear)
 
@@ -59,7 +59,7 @@ def test_a_series_is_cut_below_the_tolerance(rate: float) -> None:
 @pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("rate", [math.inf, math.nan, 1e300])
 def test_a_rate_without_bound_gets_a_plan_of_bounded_size(rate: float, linear: bool) -> None:
-    """A simulation that diverges must not make a step of endless length."""
+    """A diverging simulation must not generate a step of unlimited size."""
     plan = plan_for(rate, linear=linear)
 
     assert plan.squarings <= 60
@@ -67,7 +67,7 @@ def test_a_rate_without_bound_gets_a_plan_of_bounded_size(rate: float, linear: b
 
 
 def test_a_plan_suits_the_rates_from_a_fifth_of_its_own() -> None:
-    """Bounds as documented: never above what it was made for, never far below."""
+    """Documented range: from a fifth of its rate up to its rate."""
     plan = plan_for(1.0)
 
     assert plan.suits(1.0)
@@ -79,7 +79,7 @@ def test_a_plan_suits_the_rates_from_a_fifth_of_its_own() -> None:
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 @pytest.mark.parametrize("motor", MOTORS, ids=lambda motor: motor.name)
 def test_a_linear_interval_is_the_matrix_exponential(motor: Motor, hold: str) -> None:
-    """Expected is scipy's expm of the two balances with the voltage as a further state."""
+    """Reference: scipy's expm of the two balances, augmented by the voltage."""
     values = motor.vector
     row = one_interval(motor.interval, 0.3 * motor.voltage, motor.voltage)
     state = np.array([0.2 * motor.voltage / values[0], 0.5 * motor.voltage / values[2]])
@@ -97,7 +97,7 @@ def test_a_linear_interval_is_the_matrix_exponential(motor: Motor, hold: str) ->
 @given(ratio=st.floats(1e-3, 1e3))
 @settings(max_examples=30, deadline=None)
 def test_an_interval_is_exact_for_any_electrical_time_constant(hold: str, ratio: float) -> None:
-    """Expected is scipy's expm, with intervals from a thousandth to a thousand times L/R."""
+    """Reference: scipy's expm, for intervals from 1/1000 of L/R to 1000 L/R."""
     values = SERVO.vector
     values[6] = values[0] * SERVO.interval / ratio
     row = one_interval(SERVO.interval, 10.0, -4.0)
@@ -112,7 +112,7 @@ def test_an_interval_is_exact_for_any_electrical_time_constant(hold: str, ratio:
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_action_and_squaring_give_the_same_interval(hold: str) -> None:
-    """Two ways to the same matrix functions; a state more makes the general ones be used."""
+    """Two algorithms for the same matrix functions; the third state selects the general ones."""
     model = MotorModel(hold="foh" if hold == "foh" else "zoh").adding(Lag())
     values = np.append(SERVO.vector, 0.002)
     row = one_interval(SERVO.interval, 10.0, -4.0)
@@ -126,7 +126,7 @@ def test_action_and_squaring_give_the_same_interval(hold: str) -> None:
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_a_state_that_acts_on_nothing_leaves_the_motor_alone(hold: str) -> None:
-    """The closed form for two states and the general one for three give the same motor."""
+    """The closed form for two states and the general form for three give the same motor."""
     plain = MotorModel(hold="foh" if hold == "foh" else "zoh")
     row = one_interval(SERVO.interval, 10.0, -4.0)
     plan = Plan(terms=14)
@@ -144,7 +144,7 @@ def test_a_state_that_acts_on_nothing_leaves_the_motor_alone(hold: str) -> None:
 def test_an_interval_of_zero_length_moves_nothing(
     squarings: int, terms: tuple[MagneticDrag | Lag, ...]
 ) -> None:
-    """The last sample of a record has no interval behind it."""
+    """The last sample of a record has no interval after it."""
     model = MotorModel(terms, hold="foh")
     values = np.concatenate([SERVO.vector, [1e-6] if terms else []])
     row = one_interval(0.0, 10.0, 10.0)
@@ -158,7 +158,7 @@ def test_an_interval_of_zero_length_moves_nothing(
 
 
 def test_the_step_is_a_casadi_function_of_carry_inputs_and_parameters() -> None:
-    """Sizes follow from the declared motor: two states, the inputs, seven parameters."""
+    """The nominal model has two states, the inputs and seven parameters."""
     step = step_function(MotorModel(), plan_for(0.4, linear=True))
 
     assert isinstance(step, ca.Function)

@@ -1,4 +1,4 @@
-"""A calculation uses as many threads as it is told, and none of its results depends on it."""
+"""Number of threads of a calculation; the results do not depend on it."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from identification.model.scan import LANES, scan_of
 
 @pytest.fixture(autouse=True)
 def afterwards_as_before() -> Iterator[None]:
-    """What a test tells the process is forgotten after it."""
+    """Restore the default number of threads after each test."""
     yield
     threads._told = None
 
 
-def test_without_a_word_there_are_as_many_threads_as_cores() -> None:
-    """The cores that this process may use, which may be fewer than the machine has."""
+def test_the_default_is_one_thread_per_core() -> None:
+    """Only cores that this process may use count, which may be fewer than the machine has."""
     assert threads.threads() == threads.cores() >= 1
 
 
-def test_told_number_holds() -> None:
-    """Until another is told."""
+def test_a_set_number_holds_until_the_next() -> None:
+    """The last call determines the number of threads."""
     threads.use_threads(7)
     assert threads.threads() == 7
     threads.use_threads(1)
@@ -34,13 +34,13 @@ def test_told_number_holds() -> None:
 
 
 def test_no_thread_at_all_is_refused() -> None:
-    """The message names the value and what is expected."""
+    """The message contains the value and the expected range."""
     with pytest.raises(ValueError, match="most is 0; expected at least one thread"):
         threads.use_threads(0)
 
 
 def test_one_thread_starts_no_other_and_gives_the_same_numbers() -> None:
-    """The same kernels on the same blocks; with one thread it is the caller's own."""
+    """One thread is the caller's own; the kernels and blocks are the same."""
     x, u, p = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p")
     scan = scan_of(ca.Function("step", [x, u, p], [p * x + u, x]))
     inputs = [np.linspace(0.0, 1.0, 50)[:, None]]

@@ -1,4 +1,4 @@
-"""Functions of whole registers and those of single numbers are the same functions."""
+"""Vector functions agree with the scalar functions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FUNCTIONS = {
 
 
 def scanned(function: object, points: np.ndarray) -> np.ndarray:
-    """Values of a function of the carry at many points, a lane each."""
+    """Values of a function of the carry at many points, one lane each."""
     x, u, p = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p")
     step = ca.Function("step", [x, u, p], [x, function(x)])  # type: ignore[operator]
     lanes = np.zeros((1, points.size))
@@ -31,7 +31,7 @@ def scanned(function: object, points: np.ndarray) -> np.ndarray:
 def test_a_function_of_registers_is_within_four_units_of_the_last_place(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Four units in the last place is what libmvec promises; one number at a time is the oracle."""
+    """The specified accuracy of libmvec is four ulp; the scalar functions are the reference."""
     function, points = FUNCTIONS[name]
     fast = scanned(function, points)
     monkeypatch.setattr(lowering, "vector_function", lambda name: None)
