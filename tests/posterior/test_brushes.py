@@ -1,4 +1,4 @@
-"""Brushes whose knee has three shape parameters are sampled as quickly as a motor without."""
+"""Posterior of brushes with three shape parameters: chain length and identifiability."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from identification.selection.start import Start
 
 
 def brushes_fitted(size: float, seed: int) -> Fit:
-    """A servo motor whose brushes take this share of the rated voltage."""
+    """Fit of a servo motor with a brush drop of this fraction of rated voltage."""
     measured = make_campaign(
         "servo_150w", [("brush_drop", size)], seed=seed, rows=1500, training=2, validation=1
     )
@@ -36,15 +36,15 @@ def fit() -> Fit:
 
 
 def test_their_chain_is_short(fit: Fit) -> None:
-    """A knee in terms of 1 / openness took 25 steps from one draw to the next."""
+    """A parameterisation by 1 / openness had an autocorrelation time of 25 steps."""
     convergence = sample(Posterior(fit, 1.0), seed=0, most_steps=600).convergence
 
     assert convergence.reached
     assert convergence.autocorrelation_time < 10.0
 
 
-def test_a_shape_within_bounds_is_known_where_the_runs_say_more_than_the_bounds(fit: Fit) -> None:
-    """Openness may be near nothing, so that its size over its deviation says little."""
+def test_a_shape_is_identified_if_the_runs_narrow_its_bounds(fit: Fit) -> None:
+    """Openness may be close to zero, so the ratio of value to deviation is no criterion."""
     answer = identified(fit, 1.0)
 
     assert answer["brush_drop.openness"]

@@ -1,4 +1,4 @@
-"""A chain that is interrupted and goes on, and files that are not its own."""
+"""Chains resumed from checkpoints, and checkpoint files of other work."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ SEED = 3
 
 
 class Interrupted(Exception):
-    """The end of a process, as far as a chain can tell."""
+    """End of the process as the sampler sees it."""
 
 
 @functools.cache
 def posterior(data: int = 1) -> Posterior:
-    """The posterior of a short record of the servo motor."""
+    """Posterior of a short record of the servo motor."""
     runs = campaign(motor_named("servo 100 W"), seed=data, noise=0.01, rows=400)
     return Posterior(fit_declared(records_of(runs), "zoh"), 1.0)
 
 
 @functools.cache
 def uninterrupted() -> Sample:
-    """The chain in one go."""
+    """Chain sampled without interruption."""
     return sample(posterior(), SEED)
 
 
 @functools.cache
 def chunks() -> int:
-    """How often that chain tells progress."""
+    """Number of progress reports of that chain."""
     told: list[float] = []
     sample(posterior(), SEED, progress=told.append)
     return len(told)
 
 
 def interrupt(checkpoint: Checkpoint, calls: int = 4) -> None:
-    """Sample until progress was told so often, and stop as a kill would."""
+    """Sample up to the given number of progress reports, then stop as a kill would."""
     told: list[float] = []
 
     def progress(fraction: float) -> None:
@@ -58,14 +58,14 @@ def interrupt(checkpoint: Checkpoint, calls: int = 4) -> None:
 
 
 def steps_of(checkpoint: Checkpoint, data: int = 1, seed: int = SEED) -> int:
-    """How often a sampling tells progress that may begin with a checkpoint."""
+    """Number of progress reports of a sampling that may start from a checkpoint."""
     told: list[float] = []
     sample(posterior(data), seed, progress=told.append, checkpoint=checkpoint)
     return len(told)
 
 
-def test_chain_that_goes_on_is_the_one_that_was_not_interrupted(tmp_path: Path) -> None:
-    """Interrupted twice, in two attempts; number for number the chain of one go."""
+def test_resumed_chain_equals_the_uninterrupted_one(tmp_path: Path) -> None:
+    """A chain interrupted in two attempts equals the uninterrupted chain number by number."""
     first, second, third = (tmp_path / "kept" / f"{n}.npz" for n in (1, 2, 3))
     interrupt(Checkpoint(first, interval_s=0.0))
     interrupt(Checkpoint(second, [first], interval_s=0.0), calls=2)
@@ -78,12 +78,12 @@ def test_chain_that_goes_on_is_the_one_that_was_not_interrupted(tmp_path: Path) 
     np.testing.assert_array_equal(resumed.chain, uninterrupted().chain)
     np.testing.assert_array_equal(resumed.log_density, uninterrupted().log_density)
     assert resumed.convergence == uninterrupted().convergence
-    # Three chunks were kept of the first attempt and one more of the second.
+    # The first attempt saved three chunks, the second one more.
     assert len(told) == chunks() - 4
 
 
 def test_attempts_have_files_of_their_own(tmp_path: Path) -> None:
-    """A slow first attempt that goes on does not touch what the second one keeps."""
+    """A slow first attempt that still runs does not overwrite the file of the second."""
     first, second = (tmp_path / f"{n}.npz" for n in (1, 2))
     interrupt(Checkpoint(first, interval_s=0.0), calls=2)
     interrupt(Checkpoint(second, [first], interval_s=0.0), calls=4)
@@ -96,7 +96,7 @@ def test_attempts_have_files_of_their_own(tmp_path: Path) -> None:
 
 
 def test_state_of_other_work_is_not_used(tmp_path: Path) -> None:
-    """Other options or runs, other data, another seed: each begins anew; the same does not."""
+    """Other options, runs, data or seeds start a new chain; equal ones resume it."""
     path = tmp_path / "1.npz"
     about = Checkpoint(path, interval_s=0.0).about(["run"], "options")
     interrupt(about)
@@ -118,7 +118,7 @@ def test_state_of_other_work_is_not_used(tmp_path: Path) -> None:
     ids=["half", "empty", "other"],
 )
 def test_broken_file_costs_time_only(tmp_path: Path, spoil: Callable[[bytes], bytes]) -> None:
-    """As after a loss of power on a disk that lied; the one before it is used."""
+    """After a power failure with a damaged file, the previous file is used."""
     first, second = (tmp_path / f"{n}.npz" for n in (1, 2))
     interrupt(Checkpoint(first, interval_s=0.0))
     second.write_bytes(spoil(first.read_bytes()))
@@ -128,8 +128,8 @@ def test_broken_file_costs_time_only(tmp_path: Path, spoil: Callable[[bytes], by
     np.testing.assert_array_equal(resumed.chain, uninterrupted().chain)
 
 
-def test_chain_goes_on_where_nothing_can_be_kept(tmp_path: Path) -> None:
-    """The directory above is a file, as good as a full disk."""
+def test_chain_continues_if_no_checkpoint_can_be_written(tmp_path: Path) -> None:
+    """The parent directory is a file, which fails like a full disk."""
     (tmp_path / "kept").touch()
 
     made = sample(

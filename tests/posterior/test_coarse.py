@@ -1,4 +1,4 @@
-"""The coarser simulation of a posterior leaves it what it is."""
+"""A coarser simulation leaves the posterior unchanged."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from identification.selection.start import Start
 
 @pytest.fixture(scope="module")
 def fit() -> Fit:
-    """A motor whose brushes have a knee that asks for divided sample intervals."""
+    """Fit of a motor whose brush knee requires substeps."""
     measured = make_campaign(
         "servo_150w", [("brush_drop", 0.03)], seed=5, rows=1500, training=2, validation=1
     )
@@ -31,12 +31,12 @@ def fit() -> Fit:
 
 
 def rows(simulator: object) -> int:
-    """Parts of sample intervals, all records together."""
+    """Number of substeps of all records."""
     return sum(inputs.shape[0] for inputs in simulator.inputs)  # type: ignore[attr-defined]
 
 
 def test_at_the_optimum_every_coarse_simulation_has_the_same_residual(fit: Fit) -> None:
-    """What the fine one logs differently was taken from what was measured."""
+    """The measured values are corrected by the difference of coarse and fine simulation."""
     expected = fit.residuals()
     found = list(coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation))
 
@@ -51,7 +51,7 @@ def test_at_the_optimum_every_coarse_simulation_has_the_same_residual(fit: Fit) 
 
 
 def test_the_density_falls_as_that_of_the_fine_simulation_does(fit: Fit) -> None:
-    """Draws other than those that it was chosen on; a fifth leaves room for their scatter."""
+    """The draws differ from those of the selection; 20 % allows for their scatter."""
     posterior = Posterior(fit, 1.0)
     root = np.linalg.cholesky(posterior.covariance())
     normal = np.random.default_rng(8).standard_normal((24, root.shape[0]))

@@ -1,4 +1,4 @@
-"""Weighted draws stand for a posterior, or say that they do not."""
+"""Importance sampling: weighted draws represent the posterior, or are reported as unreliable."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def log_weights(deviation: float, count: int, seed: int) -> Array:
-    """Of draws from a normal law with this deviation, for one with deviation 1."""
+    """Log weights of draws from N(0, deviation^2) for the target N(0, 1)."""
     draws = deviation * np.random.default_rng(seed).standard_normal(count)
     found = stats.norm.logpdf(draws) - stats.norm.logpdf(draws, scale=deviation)
     return np.asarray(found)
@@ -25,9 +25,9 @@ def log_weights(deviation: float, count: int, seed: int) -> Array:
 
 @pytest.mark.parametrize("variance", [0.2, 0.5, 0.8])
 def test_the_shape_of_the_weights_is_that_of_two_normal_laws(variance: float) -> None:
-    """For a proposal of variance s^2 < 1 the weights have P(w > t) ~ t^(-1/k) with k = 1 - s^2.
+    """With proposal variance s^2 < 1, P(w > t) ~ t^(-1/k) with k = 1 - s^2.
 
-    A logarithm beside that moves the estimate by about 0.1.
+    An additional logarithmic factor changes the estimate by about 0.1.
     """
     found = [smoothed(log_weights(np.sqrt(variance), 20_000, seed))[1] for seed in range(8)]
 
@@ -47,13 +47,13 @@ def test_a_proposal_wider_than_the_posterior_is_reliable_and_gives_its_moments()
 
 
 def test_a_proposal_that_hardly_meets_the_posterior_is_not_reliable() -> None:
-    """A tenth of the variance: k = 0.9 and more than any limit."""
+    """A tenth of the variance gives k = 0.9, above any limit."""
     assert smoothed(log_weights(np.sqrt(0.1), 4096, 3))[1] > largest_shape(4096)
     assert smoothed(np.full(100, -np.inf))[1] == np.inf
 
 
 def test_equal_weights_stay_equal() -> None:
-    """A proposal that is the posterior needs no weights."""
+    """A proposal equal to the posterior has equal weights."""
     weights, shape = smoothed(np.zeros(1000))
 
     assert np.all(weights == 1e-3)
@@ -63,7 +63,7 @@ def test_equal_weights_stay_equal() -> None:
 def test_weighted_draws_of_a_motor_are_those_of_its_covariance() -> None:
     """The posterior of a linear motor with 3,000 samples is normal to a few per cent.
 
-    The mean scatters by 1/sqrt(2000) of a deviation, of draws that repeat some more.
+    The standard error of the mean is 1/sqrt(2000) sd, slightly more because draws repeat.
     """
     posterior = Posterior(servo_fit(), WHITE)
 
@@ -76,8 +76,8 @@ def test_weighted_draws_of_a_motor_are_those_of_its_covariance() -> None:
     np.testing.assert_allclose(found.points.std(axis=0), spread, rtol=0.15)
 
 
-def test_a_posterior_too_dear_for_any_chain_is_sampled_by_weighted_draws() -> None:
-    """Work for 79 steps of 32 walkers affords no chain of 80, but 2,500 weighted draws."""
+def test_a_posterior_too_expensive_for_a_chain_is_sampled_by_weights() -> None:
+    """The budget allows 79 steps of 32 walkers: too few for a chain, enough for 2,500 draws."""
     posterior = Posterior(servo_fit(), WHITE)
     work = 79.5 * posterior.work(32)
 
@@ -91,8 +91,8 @@ def test_a_posterior_too_dear_for_any_chain_is_sampled_by_weighted_draws() -> No
     assert spent < 1.5 * work
 
 
-def test_a_chain_that_ends_too_early_is_replaced_and_says_so() -> None:
-    """Ten steps are no chain; the weights of the motor above are in order."""
+def test_a_chain_that_ends_too_early_is_replaced_by_weighted_draws() -> None:
+    """Ten steps are too short for a chain, while the importance weights are reliable."""
     found = sample(Posterior(servo_fit(), WHITE), seed=2, most_steps=_CHUNK)
 
     assert not found.convergence.reached

@@ -1,4 +1,4 @@
-"""Proposals know how likely they are: a chain of them alone has the density it was asked for."""
+"""Proposals with known density: a chain of them alone samples the target."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOISE_SD = np.array([0.1])
 
 
 def ridge() -> Ridge:
-    """A ridge along the first coordinate that is wider on one side and has a tail there."""
+    """Ridge along the first coordinate, wider on one side and with a tail there."""
     tangent = COVARIANCE[:, 0] / np.sqrt(COVARIANCE[0, 0])
     along = np.array([1.0, 0.0, 0.0])
     basis = null_space(along[None, :])
@@ -43,7 +43,7 @@ def ridge() -> Ridge:
 
 
 def normal(points: Array) -> Array:
-    """Log density of the normal law that is asked for."""
+    """Log density of the normal target."""
     away = points[:, :3] - CENTRE
     inner = np.einsum("wi,ij,wj->w", away, np.linalg.inv(COVARIANCE), away)
     noise = np.sum(((points[:, 3:] - NOISE) / NOISE_SD) ** 2, axis=1)
@@ -58,10 +58,10 @@ def normal(points: Array) -> Array:
     ],
     ids=["along the ridge", "around the optimum"],
 )
-def test_a_chain_of_proposals_has_the_density_it_was_asked_for(
+def test_a_chain_of_proposals_samples_its_target(
     proposal: Callable[[], Callable[..., tuple[Array, Array]]],
 ) -> None:
-    """Mean and covariance, within four standard errors of the number of draws it is worth."""
+    """Mean and covariance agree within four standard errors of the effective sample size."""
     start = np.append(CENTRE, NOISE) + 0.01 * np.random.default_rng(1).standard_normal((32, 4))
     sampler = emcee.EnsembleSampler(32, 4, normal, vectorize=True, moves=moves.MHMove(proposal()))
     state = emcee.State(start, random_state=np.random.RandomState(3).get_state())  # noqa: NPY002
@@ -84,8 +84,8 @@ def test_a_chain_of_proposals_has_the_density_it_was_asked_for(
     assert error < 0.05
 
 
-def test_the_way_along_the_ridge_is_drawn_as_it_was_traced() -> None:
-    """The share of draws on the side with the tail is that of the two half normals."""
+def test_the_position_along_the_ridge_has_the_traced_density() -> None:
+    """The fraction of draws on the side of the tail is that of two half normals."""
     proposal = AlongRidge(ridge(), NOISE, NOISE_SD)
     many = np.repeat(np.append(CENTRE, NOISE)[None, :], 40_000, axis=0)
 

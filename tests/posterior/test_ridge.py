@@ -1,4 +1,4 @@
-"""A bent ridge is followed as far as the motor can be simulated, and never out of the bounds."""
+"""Tracing of a curved ridge: within the bounds and as far as the simulation is finite."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ SERVO = motor_named("servo 100 W")
 
 
 def with_shifts(ridge: Ridge, shifts: Array) -> Ridge:
-    """The ridge, with shifts (5, n_parameter) at two deviations to either side."""
+    """Ridge with shifts (5, n_parameter) up to two standard deviations to each side."""
     states = tuple(np.zeros((5, own.shape[1])) for own in ridge.states)
     return replace(ridge, way=np.linspace(-2.0, 2.0, 5), shifts=shifts, states=states)
 
 
 @pytest.fixture(scope="module")
 def brushes() -> Fit:
-    """Brushes that are as soon full as the law allows: a shape is at its bound."""
+    """Fit of brushes with the sharpest knee: a shape parameter is at its bound."""
     return brushes_fitted(0.03, seed=5)
 
 
 def test_a_ridge_ends_where_the_motor_cannot_be_simulated() -> None:
-    """An inductance of a thirtieth of an interval: further along the ridge the steps overflow."""
+    """L/R is 1/30 of the interval; further along the ridge the simulation overflows."""
     inductance = SERVO.values[0] * SERVO.interval / 30
     motor = Motor("fast", (*SERVO.values[:6], inductance), 24.0, SERVO.interval)
     fit = fit_declared(records_of(campaign(motor, seed=3, noise=0.05, rows=500)), "zoh")
@@ -59,7 +59,7 @@ def test_a_ridge_ends_where_the_motor_cannot_be_simulated() -> None:
 
 
 def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
-    """A ridge that bends through an inductance of zero, half a deviation from the optimum."""
+    """The ridge passes through an inductance of zero."""
     posterior = Posterior(servo_fit(), WHITE)
     fit = posterior.fit
     place = fit.coordinates.names.index("L")
@@ -75,8 +75,8 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
     assert draws["L"].min() >= 0.0
 
 
-def test_straightening_takes_back_what_bending_did() -> None:
-    """A shear leaves the way along the ridge as it is, so that it has an inverse."""
+def test_straightening_is_the_inverse_of_bending() -> None:
+    """A shear keeps the coordinate along the ridge and is therefore invertible."""
     fit = servo_fit()
     straight = ridge_of(fit, WHITE)
     shifts = np.random.default_rng(1).standard_normal((5, fit.position.size))
@@ -91,12 +91,12 @@ def test_straightening_takes_back_what_bending_did() -> None:
 
 
 def test_a_nearly_normal_posterior_has_no_ridge() -> None:
-    """Nothing is traced, and nothing is paid for it."""
+    """The ridge of a nearly normal posterior is straight and costs no evaluation."""
     assert ridge_of(servo_fit(), WHITE).is_straight
 
 
 def test_from_a_bound_the_ridge_goes_inwards(brushes: Fit) -> None:
-    """One parameter leaves its bound, and the others are at their best all the way."""
+    """One parameter leaves its bound; the others are at their conditional optimum."""
     (bound,) = np.flatnonzero(brushes.position <= brushes.coordinates.lower)
 
     ridge = ridge_of(brushes, WHITE)
@@ -107,8 +107,8 @@ def test_from_a_bound_the_ridge_goes_inwards(brushes: Fit) -> None:
     assert np.all(np.diff(ridge.shifts[:, bound] + ridge.way * ridge.tangent[bound]) > 0)
 
 
-def test_along_the_ridge_parameters_and_initial_states_are_the_best(brushes: Fit) -> None:
-    """The gradient of the whole cost has no part across the ridge, in standard deviations."""
+def test_along_the_ridge_the_other_parameters_are_optimal(brushes: Fit) -> None:
+    """The gradient of the cost across the ridge is zero to 0.4 standard deviations."""
     ridge = ridge_of(brushes, WHITE)
 
     for k, way in enumerate(ridge.way):
@@ -130,8 +130,8 @@ def test_along_the_ridge_parameters_and_initial_states_are_the_best(brushes: Fit
             assert np.sqrt(gradient @ np.linalg.solve(matrix, gradient)) < 0.4
 
 
-def test_the_density_takes_the_initial_states_along_the_ridge() -> None:
-    """Two deviations along it the runs start elsewhere than slopes lead; written out."""
+def test_the_density_uses_the_initial_states_along_the_ridge() -> None:
+    """Two deviations along the ridge, the initial states deviate from their linear response."""
     fit = servo_fit()
     posterior = Posterior(fit, WHITE)
     straight = ridge_of(fit, WHITE)
@@ -156,7 +156,7 @@ def test_the_density_takes_the_initial_states_along_the_ridge() -> None:
 
 
 def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
-    """A drag that trades with the friction; around the optimum alone a draw took 19 steps."""
+    """Drag is correlated with friction; proposals around the optimum alone took 19 steps."""
     measured = make_campaign(
         "servo_150w", [("quadratic_drag", 0.03)], seed=5, rows=800, training=2, validation=1
     )
@@ -171,8 +171,8 @@ def test_a_posterior_with_a_long_tail_has_a_short_chain() -> None:
     assert convergence.autocorrelation_time < 10.0
 
 
-def test_curvature_of_nothing_has_a_way_all_the_same() -> None:
-    """A channel with one sample of 1e14 leaves such a fit; without a curvature no way is one."""
+def test_a_curvature_of_zero_gives_a_finite_ridge() -> None:
+    """A channel with one sample of 1e14 gives such a fit; it determines no direction."""
     fit = servo_fit()
     nothing = np.zeros_like(fit.equations.matrix)
     flat = replace(fit.equations, matrix=nothing, information=nothing)

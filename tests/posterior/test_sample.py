@@ -1,4 +1,4 @@
-"""The posterior: its density, its spread, and the initial states that are integrated out."""
+"""Posterior sampling: density, spread, and marginalised initial states."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ WHITE = 1.0
 
 @functools.cache
 def servo_fit() -> Fit:
-    """A fit of the servo motor whose posterior is nearly normal."""
+    """Fit of the servo motor with a nearly normal posterior."""
     return fit_declared(records_of(campaign(SERVO, seed=1, noise=0.01, rows=700)), "zoh")
 
 
 @functools.cache
 def servo_sample() -> Sample:
-    """Its posterior, sampled."""
+    """Sampled posterior of that fit."""
     return sample(Posterior(servo_fit(), WHITE), seed=7)
 
 
@@ -45,7 +45,7 @@ def flat(chain: Sample) -> Array:
 
 
 def test_the_density_is_the_likelihood_and_the_prior() -> None:
-    """Expected is written out from simulated residuals, at the optimum of the initial states."""
+    """Reference: likelihood and prior written out from the residuals of the fit."""
     fit = servo_fit()
     posterior = Posterior(fit, WHITE)
     deviation = fit.weighting.deviation * np.array([1.1, 0.9])
@@ -58,8 +58,8 @@ def test_the_density_is_the_likelihood_and_the_prior() -> None:
     assert density == pytest.approx(likelihood + fit.coordinates.log_prior(fit.position), rel=1e-10)
 
 
-def test_the_density_falls_from_the_optimum_as_the_covariance_says() -> None:
-    """A step of two deviations in any direction of a normal law costs 2 in the logarithm."""
+def test_the_density_falls_according_to_the_covariance() -> None:
+    """A step of two standard deviations lowers a normal log density by 2."""
     posterior = Posterior(servo_fit(), WHITE)
     root = np.linalg.cholesky(posterior.covariance())
     directions = np.random.default_rng(2).standard_normal((40, root.shape[0]))
@@ -73,14 +73,14 @@ def test_the_density_falls_from_the_optimum_as_the_covariance_says() -> None:
 
 
 def test_a_smaller_effective_share_widens_the_posterior() -> None:
-    """A quarter of the samples doubles every deviation, so a step costs a quarter."""
+    """A quarter of the samples doubles every sd and divides the fall of the log density by 4."""
     fit = servo_fit()
     all_of_it, quarter = Posterior(fit, WHITE), Posterior(fit, 0.25)
     centre = all_of_it.centre
     away = centre + np.append(np.sqrt(np.diag(fit.equations.covariance())), [0.0, 0.0])
 
     def fall(posterior: Posterior) -> float:
-        """Loss of log density, without that of the prior."""
+        """Decrease of the log density, without that of the prior."""
         ends = posterior(np.array([centre, away]))
         prior = fit.coordinates.log_prior(np.column_stack([centre[:7], away[:7]]))
         return float((ends[0] - prior[0]) - (ends[1] - prior[1]))
@@ -89,7 +89,7 @@ def test_a_smaller_effective_share_widens_the_posterior() -> None:
 
 
 def test_the_normal_approximation_is_as_wide_as_the_density() -> None:
-    """Half a standard deviation of the least certain direction costs an eighth, for any share."""
+    """Half an sd along the least certain direction lowers the log density by 1/8."""
     for share in (WHITE, 0.7, 0.1):
         posterior = Posterior(servo_fit(), share)
         values, vectors = np.linalg.eigh(posterior.covariance())
@@ -99,8 +99,8 @@ def test_the_normal_approximation_is_as_wide_as_the_density() -> None:
         assert np.mean(ends[0] - ends[1:]) == pytest.approx(0.125, rel=0.05)
 
 
-def test_out_of_bounds_the_density_is_nothing() -> None:
-    """Infinite coordinates, and values below a bound, are impossible and simulate nothing."""
+def test_the_density_is_zero_out_of_bounds() -> None:
+    """Infinite coordinates and values below a bound have zero density and are not simulated."""
     posterior = Posterior(servo_fit(), WHITE)
     beyond = np.tile(posterior.centre, (2, 1))
     beyond[0, 6] = posterior.fit.coordinates.lower[6] - 1.0
@@ -113,7 +113,7 @@ def test_out_of_bounds_the_density_is_nothing() -> None:
 
 
 def test_each_walker_has_its_own_density() -> None:
-    """Expected is one walker at a time."""
+    """Reference: one walker at a time."""
     posterior = Posterior(servo_fit(), WHITE)
     root = np.linalg.cholesky(posterior.covariance())
     points = posterior.centre + np.random.default_rng(3).standard_normal((11, 9)) @ root.T
@@ -125,7 +125,7 @@ def test_each_walker_has_its_own_density() -> None:
 
 
 def test_the_sampled_spread_is_that_of_the_normal_equations() -> None:
-    """Nearly normal by construction; 1000 independent draws tell a deviation to 2.3 percent."""
+    """Nearly normal by construction; 1000 independent draws estimate an sd to 2.3 %."""
     chain = servo_sample()
     posterior = Posterior(servo_fit(), WHITE)
 
@@ -142,8 +142,8 @@ def test_the_sampled_spread_is_that_of_the_normal_equations() -> None:
     np.testing.assert_allclose(correlation, covariance / np.outer(deviation, deviation), atol=0.12)
 
 
-def test_the_chain_says_that_it_has_converged() -> None:
-    """Fifty autocorrelation times, halves that agree, and a share of accepted steps between."""
+def test_the_chain_reports_convergence() -> None:
+    """Fifty autocorrelation times, equal halves, and an acceptance between the limits."""
     found = servo_sample().convergence
 
     assert found.reached
@@ -152,8 +152,8 @@ def test_the_chain_says_that_it_has_converged() -> None:
     assert 0.1 < found.acceptance < 0.95
 
 
-def test_a_chain_that_ends_by_itself_is_as_long_as_it_says() -> None:
-    """What is reported is measured after burn-in, and so is what ends the chain."""
+def test_a_chain_that_stops_by_itself_has_converged() -> None:
+    """Stopping rule and diagnostics both use the chain after burn-in, so they agree."""
     posterior = Posterior(servo_fit(), WHITE)
 
     found = [sample(posterior, seed=seed).convergence for seed in range(8)]
@@ -161,15 +161,15 @@ def test_a_chain_that_ends_by_itself_is_as_long_as_it_says() -> None:
     assert all(one.reached for one in found)
 
 
-def test_a_chain_that_was_stopped_early_says_so() -> None:
-    """Fifty steps are not fifty autocorrelation times."""
+def test_a_chain_that_was_stopped_early_is_reported() -> None:
+    """Fifty steps are fewer than fifty autocorrelation times."""
     found = sample(Posterior(servo_fit(), WHITE), seed=7, most_steps=50)
 
     assert not found.convergence.reached
 
 
 def test_the_same_seed_gives_the_same_chain() -> None:
-    """Nothing but the seed decides; another seed gives another chain."""
+    """The chain depends on the seed only; another seed gives another chain."""
     posterior = Posterior(servo_fit(), WHITE)
 
     first, again, other = (sample(posterior, seed=s, most_steps=50) for s in (3, 3, 4))
@@ -178,8 +178,8 @@ def test_the_same_seed_gives_the_same_chain() -> None:
     assert not np.array_equal(first.chain, other.chain)
 
 
-def test_progress_is_told_as_a_fraction_that_ends_near_one() -> None:
-    """A caller may draw a bar from it; the chain ends when it is 50 times long or soon after."""
+def test_progress_is_reported_as_a_fraction_that_ends_near_one() -> None:
+    """The fraction suits a progress bar; the chain ends at or soon after 50 times."""
     told: list[float] = []
 
     sample(Posterior(servo_fit(), WHITE), seed=7, progress=told.append)
@@ -189,7 +189,7 @@ def test_progress_is_told_as_a_fraction_that_ends_near_one() -> None:
 
 
 def test_draws_are_spread_over_the_chain_by_name() -> None:
-    """Every column of the chain under its name, thinned evenly."""
+    """Every column of the chain is given by name, thinned evenly."""
     chain = servo_sample()
 
     draws = chain.draws(most=500)
@@ -201,7 +201,7 @@ def test_draws_are_spread_over_the_chain_by_name() -> None:
 
 
 def test_draws_of_the_normal_approximation_have_its_spread() -> None:
-    """4000 independent draws tell a deviation to 1.1 percent."""
+    """4000 independent draws estimate an sd to 1.1 %."""
     posterior = Posterior(servo_fit(), WHITE)
 
     draws = normal_draws(posterior, seed=5, count=4000)
@@ -211,8 +211,8 @@ def test_draws_of_the_normal_approximation_have_its_spread() -> None:
     np.testing.assert_allclose(points.std(axis=1), sd, rtol=0.05)
 
 
-def test_an_inductance_that_nothing_shows_stays_wide_and_above_its_bound() -> None:
-    """L/R is a hundredth of the interval: the posterior reaches from the bound to far above."""
+def test_an_unidentified_inductance_stays_wide_and_above_its_bound() -> None:
+    """L/R is 1 % of the interval: the posterior extends from the bound to far above it."""
     ra = SERVO.values[0]
     motor = Motor("fast", (*SERVO.values[:6], ra * SERVO.interval / 100), 24.0, SERVO.interval)
     fit = fit_declared(records_of(campaign(motor, seed=8, noise=0.05, rows=500)), "zoh")
@@ -230,7 +230,7 @@ def test_an_inductance_that_nothing_shows_stays_wide_and_above_its_bound() -> No
 
 
 def with_explicit_states(fit: Fit) -> emcee.EnsembleSampler:
-    """A sampler of parameters, deviations and the initial states themselves, start and run."""
+    """Sample parameters, noise and initial states explicitly; return the sampler."""
     n, records = fit.position.size, fit.simulator.records
     posterior = Posterior(fit, WHITE)
 
@@ -270,10 +270,10 @@ def with_explicit_states(fit: Fit) -> emcee.EnsembleSampler:
 
 
 def test_integrating_the_initial_states_out_equals_sampling_them() -> None:
-    """Two short records, where the starts matter: means and spreads of both chains agree."""
+    """Two short records, where initial states matter: means and deviations agree."""
     runs = campaign(SERVO, seed=9, noise=0.05, runs=2, rows=120)
     fit = fit_declared(records_of(runs), "zoh")
-    known = [0, 2, 4, 6]  # Ra25, Kt25, J, L; two records say little about the others
+    known = [0, 2, 4, 6]  # Ra25, Kt25, J, L; two records hardly determine the others
 
     ours = flat(sample(Posterior(fit, WHITE), seed=2))
     explicit = with_explicit_states(fit).get_chain(discard=500, flat=True)
@@ -287,7 +287,7 @@ def test_integrating_the_initial_states_out_equals_sampling_them() -> None:
 
 
 def test_a_wrong_covariance_fails_the_comparison_as_a_negative_control() -> None:
-    """Half the noise in the density halves the spread: the tolerance above would see that."""
+    """Half the noise halves every sd, which the tolerance above must detect."""
     fit = servo_fit()
     narrow = replace(fit, equations=replace(fit.equations, matrix=4.0 * fit.equations.matrix))
 
