@@ -1,4 +1,4 @@
-"""A fit of long records, whose derivatives are computed in blocks, is that of short ones."""
+"""Fits of long records, whose derivatives are computed in blocks, equal those in one piece."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tests.posterior.test_sample import servo_fit
 
 
 def in_blocks(monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
-    """Keep no derivatives, and compute them for so many samples at one time."""
+    """Discard the derivatives and compute them in blocks of the given number of samples."""
     monkeypatch.setattr(normal_equations, "_KEPT", 0)
     monkeypatch.setattr(derivatives, "tangent_blocks", partial(tangent_blocks, rows=rows))
 
 
 def coloured(fit: Fit) -> Fit:
-    """The fit under a noise model with memory, a third of the way from its optimum."""
+    """Fit under a coloured noise model, started 3 standard deviations from its optimum."""
     taps = (np.array([1.0, -0.6, 0.1]), np.array([1.0, -0.3]))
     weighting = replace(fit.weighting, whitening=taps)
     start = fit.position + 3.0 * np.sqrt(np.diag(fit.equations.covariance()))
@@ -35,9 +35,9 @@ def coloured(fit: Fit) -> Fit:
 def test_a_fit_in_blocks_ends_where_the_fit_of_whole_records_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Sums in another order differ by rounding: a millionth of a standard deviation and less.
+    """The order of summation changes the estimates by at most 1e-6 standard deviations.
 
-    The noise model has a memory, so that each block but the first needs what came before.
+    With coloured noise, each block but the first needs the residuals before it.
     """
     whole = coloured(servo_fit())
     in_blocks(monkeypatch, 500)
@@ -54,7 +54,7 @@ def test_a_fit_in_blocks_ends_where_the_fit_of_whole_records_does(
 
 
 def test_curvature_along_a_step_is_that_of_whole_records(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected is the same sum over whole records; only the order of the additions differs."""
+    """Reference: the sum over whole records; only the order of summation differs."""
     fit = coloured(servo_fit())
     rng = np.random.default_rng(2)
     rows = [record.rows for record in fit.simulator.records]
@@ -76,9 +76,10 @@ def test_curvature_along_a_step_is_that_of_whole_records(monkeypatch: pytest.Mon
 def test_the_share_of_independent_samples_is_that_of_whole_records(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The filter goes on from block to block; only the order of the additions differs.
+    """The filter state carries over between blocks; only the order of summation differs.
 
-    White noise through a filter that adds up neighbours has a memory, so that samples count less.
+    White noise filtered by a sum of neighbours is correlated, so the effective number of samples is
+    smaller.
     """
     fit = servo_fit()
     adding = np.array([1.0, 0.8])
@@ -91,7 +92,7 @@ def test_the_share_of_independent_samples_is_that_of_whole_records(
 
 
 def test_campaigns_beyond_the_limit_keep_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A campaign of 2 x 400 samples beyond a limit of 799 keeps none; at 800 it keeps all."""
+    """A campaign of 2 x 400 samples keeps all at a limit of 800 and none at 799."""
     records = records_of(campaign(motor_named("servo 100 W"), seed=5, runs=2, rows=400))
 
     monkeypatch.setattr(normal_equations, "_KEPT", 799)

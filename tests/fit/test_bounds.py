@@ -1,4 +1,4 @@
-"""Fits of motors with a parameter at the bound of its range."""
+"""Fits of motors with a parameter at a bound of its range."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tests.effects.hidden import records_of_bench
 
 @pytest.fixture(scope="module")
 def servo() -> Fit:
-    """A servo that lacks nothing, all parameters inside their ranges."""
+    """Fit of a servo without hidden effects, all parameters inside their ranges."""
     measured = make_campaign("servo_150w", [], seed=3, rows=400, training=1, validation=1)
     return fit_declared(records_of_bench(measured).training, "zoh")
 
 
 def bounded(fit: Fit, name: str) -> Coordinates:
-    """The coordinates with the lower bound of one parameter where its fit ended."""
+    """Coordinates whose lower bound of one parameter is its fitted value."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     return Coordinates(
         [
@@ -33,7 +33,7 @@ def bounded(fit: Fit, name: str) -> Coordinates:
 
 
 @pytest.mark.parametrize("name", ["Ra25", "J", "b"])
-def test_what_lies_beyond_a_bound_is_not_promised(servo: Fit, name: str) -> None:
+def test_a_step_beyond_a_bound_is_not_predicted(servo: Fit, name: str) -> None:
     """Holding one coordinate of a Newton step d costs d^2 / (2 (H^-1)_kk), by Schur complement."""
     coordinates = bounded(servo, name)
     k, matrix = coordinates.names.index(name), servo.equations.matrix
@@ -50,7 +50,7 @@ def test_what_lies_beyond_a_bound_is_not_promised(servo: Fit, name: str) -> None
     assert within == pytest.approx(promised - held, abs=1e-4 * promised)
 
 
-def test_inside_the_ranges_all_that_a_step_promises_is_in_reach(servo: Fit) -> None:
-    """No parameter of a motor that lacks nothing is at its bound; the two predictions agree."""
+def test_inside_the_ranges_the_predicted_decrease_is_complete(servo: Fit) -> None:
+    """With no parameter at its bound, the two predictions agree."""
     within = servo.equations.decrement_within(servo.position, servo.coordinates)
     assert within == pytest.approx(servo.equations.decrement)

@@ -1,4 +1,4 @@
-"""The noise that a channel can have at most, whatever model is fitted to it."""
+"""Upper bound of the noise of a channel, independent of the fitted model."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def records() -> tuple[Record, ...]:
 def test_a_model_that_explains_nothing_does_not_pass_for_noise(
     records: tuple[Record, ...],
 ) -> None:
-    """With the wrong sign in all runs the best model is i = 0, whose residual is the signal."""
+    """With reversed sign in all runs, the best model is i = 0, and its residual is the signal."""
     size = np.std(np.concatenate([record.measured for record in records]), axis=0)
 
     noise = bounded_noise(records, size, error=size)
@@ -37,14 +37,14 @@ def test_a_model_that_explains_nothing_does_not_pass_for_noise(
 
 
 def test_the_ceiling_is_above_the_noise_whatever_is_hidden(records: tuple[Record, ...]) -> None:
-    """A brush drop is no noise, and the noise that there is may not be denied."""
+    """The bound must not fall below the true noise, also with a hidden brush drop."""
     assert np.all(noise_ceiling(records) > NOISE)
 
 
-def test_the_ceiling_is_not_asked_where_the_model_explains_the_runs(
+def test_the_ceiling_is_not_used_if_the_model_explains_the_runs(
     records: tuple[Record, ...],
 ) -> None:
-    """Under a speed loop the voltage explains the noise of the sensor, and no bound is sound."""
+    """In a speed loop the voltage contains the sensor noise, so the bound would be invalid."""
     large = np.array([1.0, 20.0])
 
     np.testing.assert_array_equal(bounded_noise(records, large, error=large), large)

@@ -1,4 +1,4 @@
-"""The gain of the current sensor: no run tells its own, two runs tell their ratio."""
+"""Gain of the current sensor: one run does not determine it, two runs give the ratio."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ SERVO = motor_named("servo 100 W")
 
 
 def driven(motor: Motor, gain: float = 1.0, *, seed: int = 1) -> Run:
-    """One run of a motor whose current is logged with a gain."""
+    """Run of a motor whose current is logged with a gain."""
     run = campaign(motor, seed=seed, noise=0.005, rows=1500)[0]
     return replace(run, current=run.current * gain)
 
 
 def gains(training: Sequence[Run], validation: Sequence[Run]) -> tuple[GainRatio, ...]:
-    """What is found in a campaign of these runs."""
+    """Gain ratios found in a campaign of these runs."""
     made = campaign_of(training, validation)
     return current_gains(fit_declared(made.training, "zoh"), made)
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.6, 10.0])
 def test_the_ratio_of_two_gains_is_found(gain: float) -> None:
-    """Expected is the gain that the second run was logged with."""
+    """Reference: the gain with which the second run was logged."""
     (found,) = gains([driven(SERVO)], [driven(SERVO, gain, seed=2)])
 
     assert found.run == 1
@@ -38,21 +38,21 @@ def test_the_ratio_of_two_gains_is_found(gain: float) -> None:
 
 
 def test_runs_of_one_gain_have_no_ratio() -> None:
-    """All were logged alike."""
+    """All runs have the same gain."""
     assert gains([driven(SERVO), driven(SERVO, seed=2)], [driven(SERVO, seed=3)]) == ()
 
 
 @pytest.mark.parametrize("changed", ["Ra25", "J"])
 def test_another_resistance_or_inertia_is_no_gain(changed: str) -> None:
-    """A gain changes both equations, in opposite directions; a motor that changed does not."""
+    """A gain changes both balances in opposite directions; another R or J changes one of them."""
     values = [1.5 * v if n == changed else v for n, v in zip(NAMES, SERVO.values, strict=True)]
     other = replace(SERVO, values=tuple(values))  # type: ignore[arg-type]
 
     assert gains([driven(SERVO)], [driven(other, seed=2)]) == ()
 
 
-def test_runs_are_taken_as_the_first_reads_them() -> None:
-    """After that the fit to all of them has the parameters of the first run's motor."""
+def test_all_runs_are_scaled_to_the_gain_of_the_first() -> None:
+    """The fit to the scaled runs has the parameters of the motor in the first run."""
     made = campaign_of([driven(SERVO), driven(SERVO, 0.5, seed=2)], [])
     found = current_gains(fit_declared(made.training, "zoh"), made)
 

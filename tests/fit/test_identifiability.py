@@ -1,4 +1,4 @@
-"""What the runs do not say is said to be unknown, and what they do say is not."""
+"""Identifiability: parameters that the runs do not determine are reported as such."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WHITE = 1.0
 
 
 def answered(runs: list[Run]) -> tuple[dict[str, bool], Fit]:
-    """Which parameters are identified, and the fit."""
+    """Identifiability of each parameter, and the fit."""
     fit = fit_declared(campaign_of(runs, []).training, "zoh")
     return identified(fit, WHITE), fit
 
@@ -44,28 +44,28 @@ def at_one_temperature(temperature: float, seed: int) -> list[Run]:
 
 
 def test_a_campaign_over_all_temperatures_identifies_everything() -> None:
-    """Ninety kelvin, both directions and fast sampling leave nothing out."""
+    """A span of 90 K, both directions and fast sampling identify all parameters."""
     known, _ = answered(campaign(SERVO, seed=1))
 
     assert known == dict.fromkeys(NAMES, True)
 
 
 @pytest.mark.parametrize("temperature", [25.0, 80.0])
-def test_one_temperature_says_nothing_about_temperature_coefficients(temperature: float) -> None:
-    """At one temperature the coefficients enter nothing but the product with their reference."""
+def test_one_temperature_does_not_identify_the_temperature_coefficients(temperature: float) -> None:
+    """At one temperature, only the product of coefficient and reference value is determined."""
     known, fit = answered(at_one_temperature(temperature, seed=2))
 
     assert not known["alpha_Ra"]
     assert not known["alpha_Kt"]
     assert known["J"]
     assert known["L"]
-    # As wide as what is known of materials: nothing was learnt.
+    # As wide as the prior from material data.
     assert deviation(fit, "alpha_Ra") == pytest.approx(0.003, rel=0.05)
     assert deviation(fit, "alpha_Kt") == pytest.approx(0.002, rel=0.05)
 
 
 def test_at_the_reference_temperature_the_reference_values_are_known() -> None:
-    """Ra25 and Kt25 are what was measured; only away from 25 degC do they need a coefficient."""
+    """At 25 degC, Ra25 and Kt25 are measured without a temperature coefficient."""
     known, fit = answered(at_one_temperature(25.0, seed=3))
 
     assert known["Ra25"]
@@ -73,8 +73,8 @@ def test_at_the_reference_temperature_the_reference_values_are_known() -> None:
     assert fit.values[0] == pytest.approx(SERVO.values[0], rel=0.01)
 
 
-def test_runs_without_temperature_fit_and_say_what_they_do_not_know() -> None:
-    """They are runs at one unknown temperature, here one with 1.2 times the resistance."""
+def test_runs_without_temperature_leave_the_coefficients_unidentified() -> None:
+    """The runs count as runs at one unknown temperature, here with 1.2 times the resistance."""
     runs = [replace(run, temperature=None) for run in at_one_temperature(76.3, seed=4)]
 
     campaign_ = campaign_of(runs, [])
@@ -87,7 +87,7 @@ def test_runs_without_temperature_fit_and_say_what_they_do_not_know() -> None:
 
 
 def test_a_motor_that_is_only_warmed_by_a_kelvin_is_at_one_temperature() -> None:
-    """One kelvin changes the resistance by 0.4 percent, as much as its uncertainty."""
+    """A rise of 1 K changes the resistance by 0.4 %, which equals its uncertainty."""
     runs = [
         replace(run, temperature=25.0 + np.linspace(0.0, 1.0, run.rows))
         for run in campaign(replace_slopes(0.0), seed=5, noise=0.03, rows=300)
@@ -99,14 +99,14 @@ def test_a_motor_that_is_only_warmed_by_a_kelvin_is_at_one_temperature() -> None
 
 
 def replace_slopes(slope: float) -> Motor:
-    """The servo motor with both temperature coefficients at one value."""
+    """Servo motor with both temperature coefficients set to one value."""
     ra, _, kt, _, inertia, friction, inductance = SERVO.values
     values = (ra, slope, kt, slope, inertia, friction, inductance)
     return Motor("flat", values, SERVO.voltage, SERVO.interval)
 
 
 def test_a_speed_that_never_moves_leaves_the_shaft_unknown() -> None:
-    """Without speed, inertia, friction and torque constant are seen as ratios alone."""
+    """Without speed, only ratios of inertia, friction and torque constant are determined."""
     runs = [replace(run, speed=np.zeros(run.rows)) for run in campaign(SERVO, seed=6)]
 
     campaign_ = campaign_of(runs, [])
@@ -118,7 +118,7 @@ def test_a_speed_that_never_moves_leaves_the_shaft_unknown() -> None:
 
 
 def test_a_current_that_never_moves_leaves_the_winding_unknown() -> None:
-    """Without current, Ra and J are seen as a product alone; Kt is the speed a volt gives."""
+    """Without current, only the product of Ra and J is determined; the speed determines Kt."""
     runs = [replace(run, current=np.zeros(run.rows)) for run in campaign(SERVO, seed=7)]
 
     campaign_ = campaign_of(runs, [])
@@ -131,8 +131,8 @@ def test_a_current_that_never_moves_leaves_the_winding_unknown() -> None:
 
 
 @pytest.mark.parametrize("ratio", [30.0, 3000.0])
-def test_sampling_far_slower_than_the_winding_says_nothing_about_inductance(ratio: float) -> None:
-    """L/R is a small share of the interval: every current is the settled one."""
+def test_sampling_far_slower_than_the_winding_leaves_the_inductance_open(ratio: float) -> None:
+    """If L/R is much shorter than the interval, every current is in steady state."""
     ra = SERVO.values[0]
     motor = Motor(
         "fast winding",
@@ -146,12 +146,12 @@ def test_sampling_far_slower_than_the_winding_says_nothing_about_inductance(rati
     assert not known["L"]
     assert known["Ra25"]
     assert known["J"]
-    # The interval reaches from nothing to several times the estimate, and contains the truth.
+    # The interval extends from zero to several times the estimate and contains the true value.
     assert abs(fit.values[6] - motor.values[6]) < 4.0 * deviation(fit, "L")
 
 
 def test_a_motor_that_never_leaves_one_steady_state_hides_its_inertia() -> None:
-    """At constant speed J and L multiply derivatives that are zero."""
+    """At constant speed, J and L multiply derivatives that are zero."""
     rng = np.random.default_rng(9)
     ra, _, kt, _, _, friction, _ = SERVO.values
     speed = 12.0 / (kt + ra * friction / kt)
@@ -176,7 +176,7 @@ def test_a_motor_that_never_leaves_one_steady_state_hides_its_inertia() -> None:
 
 
 def test_runs_in_which_nothing_is_driven_are_refused() -> None:
-    """With no voltage anywhere there is nothing to learn from."""
+    """Without any voltage, the runs contain no excitation."""
     runs = [replace(run, voltage=np.zeros(run.rows)) for run in campaign(SERVO, seed=1, rows=100)]
 
     with pytest.raises(InputError, match="voltage_V is 0 in every training run"):
@@ -184,7 +184,7 @@ def test_runs_in_which_nothing_is_driven_are_refused() -> None:
 
 
 def test_runs_in_which_nothing_responds_are_refused() -> None:
-    """Two dead sensors leave nothing to compare a simulation with."""
+    """Two dead sensors leave no signal to fit."""
     runs = [
         replace(run, current=np.zeros(run.rows), speed=np.full(run.rows, 3.0))
         for run in campaign(SERVO, seed=1, rows=100)
@@ -196,7 +196,7 @@ def test_runs_in_which_nothing_responds_are_refused() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_loop_that_holds_one_speed_is_fitted_to_its_best_optimum(seed: int) -> None:
-    """A resistance without inductance does nearly as well; the right one is found all the same."""
+    """A second optimum with a resistance and no inductance has nearly the same cost."""
     ra, kt, inertia, friction, inductance = 1.1, 0.115, 1.2e-4, 6e-5, 2.6e-3
     dynamics = np.array([[-ra / inductance, -kt / inductance], [kt / inertia, -friction / inertia]])
     drive = np.array([[1 / inductance], [0.0]])

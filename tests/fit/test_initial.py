@@ -1,4 +1,4 @@
-"""The state in which a run begins is found from its first samples."""
+"""Estimation of the initial state from the first samples of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.motors import Motor, campaign, motor_named, noiseless
 
 @pytest.mark.parametrize("name", ["servo 100 W", "paper", "traction 10 kW"])
 def test_a_run_that_begins_in_motion_is_started_in_motion(name: str) -> None:
-    """The clean first sample is known; one noisy sample would be off by the noise itself."""
+    """Reference: the noise-free first sample; a single noisy sample would err by the noise."""
     motor: Motor = motor_named(name)
     clean = noiseless(motor, seed=3, runs=4, moving=True)
     records = records_of(campaign(motor, seed=3, runs=4, noise=0.05, moving=True))
@@ -40,7 +40,7 @@ def test_a_run_that_begins_in_motion_is_started_in_motion(name: str) -> None:
 
 
 def test_without_noise_the_first_sample_is_the_state() -> None:
-    """A clean run from the true motor has one start that fits it."""
+    """For a noise-free run of the true motor, the initial state is unique."""
     motor = motor_named("servo 100 W")
     runs = noiseless(motor, seed=4, runs=1, moving=True)
     simulator = Simulator.fitting(MotorModel(), records_of(runs), motor.vector)
@@ -52,10 +52,10 @@ def test_without_noise_the_first_sample_is_the_state() -> None:
 
 @pytest.mark.parametrize("share", [-0.1, -0.03, 0.02])
 def test_a_run_that_begins_with_a_jump_is_started_before_it(share: float) -> None:
-    """The current of the first sample was another one, which the winding forgets within a sample.
+    """The current of the first sample decays within one sample interval.
 
-    From where it settles, brushes whose drop is nearly full look like a resistance; on the way from
-    there to the first sample the step of a simulation has to become finer.
+    At the steady state, brushes with a nearly full drop act like a resistance; between it and the
+    first sample, the simulation needs smaller steps.
     """
     motor = motor_named("servo 100 W")
     (record,) = records_of(noiseless(motor, seed=4, runs=1, moving=True))

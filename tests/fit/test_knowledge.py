@@ -1,4 +1,4 @@
-"""Known values narrow what runs leave open, and runs refuse what they contradict."""
+"""Known values as priors: used if the runs leave a parameter open, rejected on conflict."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from tests.motors import NAMES, Motor, campaign, motor_named
 SERVO = motor_named("servo 100 W")
 PAPER_RUN = Path(__file__).parents[2] / "data" / "paper_motor" / "training_1.csv"
 SLOW = Motor("slow bench", motor_named("coreless 10 W").values, 24.0, 5e-3, 40)
-"""A motor with an electrical time constant of 0.1 ms on a bench of 200 Hz."""
+"""Motor with an electrical time constant of 0.1 ms on a bench of 200 Hz."""
 
 
 def fitted(runs: list[Run], **options: Any) -> dict[str, Any]:
-    """The result of a fit of the nominal model."""
+    """Result of a fit of the nominal model."""
     return identify(runs, (), FitOptions(effects=False, **options)).result
 
 
 def quick(runs: list[Run], **options: Any) -> dict[str, Any]:
-    """The same without a sampled posterior."""
+    """Result of the same fit without sampling."""
     return fitted(runs, posterior=False, **options)
 
 
@@ -42,13 +42,13 @@ def servo_runs() -> list[Run]:
 
 @pytest.fixture(scope="module")
 def servo(servo_runs: list[Run]) -> dict[str, Any]:
-    """What they say without any known value."""
+    """Result without any known value."""
     return quick(servo_runs)
 
 
 @pytest.fixture(scope="module")
 def slow_runs() -> list[Run]:
-    """Runs at 200 Hz with 10 % noise, which leave the inductance open."""
+    """Runs at 200 Hz with 10 % noise, which do not determine the inductance."""
     return campaign(SLOW, seed=5, runs=3, rows=600, noise=0.1)
 
 
@@ -61,7 +61,7 @@ def test_limit_is_that_of_one_false_alarm_in_a_thousand_motors() -> None:
 def test_known_inductance_is_used_where_the_runs_leave_it_open(
     slow_runs: list[Run], posterior: bool
 ) -> None:
-    """10 % was given; fit and sampler agree that nothing else is known."""
+    """Fit and sampler both return the given spread of 10 %."""
     before = quick(slow_runs)["parameters"]["L"]
     result = fitted(slow_runs, posterior=posterior, known=("L=2.5e-4+-10%",))
     after = result["parameters"]["L"]
@@ -82,7 +82,7 @@ def test_known_inductance_is_used_where_the_runs_leave_it_open(
 
 
 def test_known_coefficient_gives_the_reference_values_away_from_25_degc() -> None:
-    """At 80 degC alone, Ra25 is R(80) / (1 + alpha 55), and as certain as the two are."""
+    """With runs at 80 degC only, Ra25 = R(80) / (1 + alpha 55); the coefficient limits its sd."""
     hot = [
         replace(run, temperature=np.full(run.rows, 80.0))
         for run in campaign(
@@ -107,7 +107,7 @@ def test_known_coefficient_gives_the_reference_values_away_from_25_degc() -> Non
 def test_wrong_value_is_the_first_warning_and_moves_nothing(
     servo_runs: list[Run], servo: dict[str, Any], word: str
 ) -> None:
-    """The answer is that of the runs alone, digit for digit."""
+    """The estimate equals that of the runs alone, digit for digit."""
     name = word.partition("=")[0]
     result = quick(servo_runs, known=(word,))
 
@@ -123,7 +123,7 @@ def test_wrong_value_is_the_first_warning_and_moves_nothing(
 def test_value_within_chance_moves_a_well_determined_parameter_less_than_its_sd(
     servo_runs: list[Run], servo: dict[str, Any]
 ) -> None:
-    """Kt is 3 % too large, at 1 %: three standard deviations that chance may explain."""
+    """A Kt that is 3 % too large, given to 1 %, deviates by 3 sd, which chance may explain."""
     result = quick(servo_runs, known=("Kt25=0.0721",))
 
     before, after = (one["parameters"]["Kt25"] for one in (servo, result))
@@ -132,10 +132,10 @@ def test_value_within_chance_moves_a_well_determined_parameter_less_than_its_sd(
     assert result["warnings"] == servo["warnings"]
 
 
-def test_right_values_are_believed_and_said_to_be_the_runs_own(
+def test_right_values_are_used_and_reported_as_identified_by_the_runs(
     servo_runs: list[Run], servo: dict[str, Any]
 ) -> None:
-    """All seven true values at 1 %: no warning, and no interval is wider."""
+    """All seven true values at 1 % cause no warning and widen no interval."""
     words = tuple(f"{n}={v!r}" for n, v in zip(NAMES, SERVO.values, strict=True))
     result = quick(servo_runs, known=words)
 
@@ -147,13 +147,13 @@ def test_right_values_are_believed_and_said_to_be_the_runs_own(
 
 
 PLATE = "voltage=24,no_load_speed=3249rpm,no_load_current=0.3,stall_current=40"
-"""Of the servo: 24 V / 0.6 ohm, and (24 - 0.6 0.3) / 0.07 rad/s."""
+"""Nameplate of the servo: stall current 24 V / 0.6 ohm, speed (24 - 0.6 0.3) / 0.07 rad/s."""
 
 
 def test_right_nameplate_leaves_a_well_determined_motor_alone(
     servo_runs: list[Run], servo: dict[str, Any]
 ) -> None:
-    """Its spreads are wide against what the runs say."""
+    """The priors of the nameplate are wide compared with the uncertainty of the fit."""
     result = quick(servo_runs, nameplate=PLATE)
 
     assert result["warnings"] == servo["warnings"]
@@ -173,7 +173,7 @@ def test_right_nameplate_leaves_a_well_determined_motor_alone(
 def test_nameplate_finds_runs_in_another_unit(
     servo_runs: list[Run], channel: str, factor: float, correction: str
 ) -> None:
-    """All runs alike in rpm or mA are another motor, which only a nameplate tells."""
+    """If all runs are in rpm or mA, only the nameplate reveals the wrong unit."""
     runs = [replace(run, **{channel: factor * getattr(run, channel)}) for run in servo_runs]
 
     result = quick(runs, nameplate=PLATE)
@@ -183,7 +183,7 @@ def test_nameplate_finds_runs_in_another_unit(
 
 
 def test_nameplate_without_its_unit_is_found(servo_runs: list[Run], servo: dict[str, Any]) -> None:
-    """3249 typed for rad/s; the answer is that of the runs."""
+    """With 3249 read as rad/s, the estimates are those of the runs."""
     result = quick(servo_runs, nameplate=PLATE.replace("rpm", ""))
 
     assert "if a speed of the nameplate is in rpm, append rpm to it" in result["warnings"][0]
@@ -191,8 +191,8 @@ def test_nameplate_without_its_unit_is_found(servo_runs: list[Run], servo: dict[
     assert result["parameters"]["J"]["median"] == pytest.approx(median, rel=1e-6)
 
 
-def test_known_inertia_tells_the_resistance_of_a_motor_without_current() -> None:
-    """Without a current, J Ra and L / Ra are known and no factor of them, until J is."""
+def test_known_inertia_identifies_the_resistance_without_a_current() -> None:
+    """Without current, only J Ra and L / Ra are determined; a known J identifies all three."""
     runs = campaign(SERVO, seed=7, runs=3, rows=600)
     dead = [replace(run, current=np.zeros(run.rows)) for run in runs]
 
@@ -207,8 +207,8 @@ def test_known_inertia_tells_the_resistance_of_a_motor_without_current() -> None
 
 
 @pytest.mark.parametrize("wrong", ["Ra25=1.2", "L=8e-3"])
-def test_of_values_that_contradict_only_together_one_is_not_used(wrong: str) -> None:
-    """Without a current J, Ra25 and L can be anything, and what they are to each other cannot."""
+def test_one_of_two_values_that_contradict_only_together_is_rejected(wrong: str) -> None:
+    """Without current, the runs determine only the ratios of J, Ra25 and L."""
     runs = campaign(SERVO, seed=7, runs=3, rows=600)
     dead = [replace(run, current=np.zeros(run.rows)) for run in runs]
     name = wrong.partition("=")[0]
@@ -226,10 +226,10 @@ def test_of_values_that_contradict_only_together_one_is_not_used(wrong: str) -> 
 def test_value_with_which_no_fit_is_found_is_not_used(
     servo_runs: list[Run], servo: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A solver that finds nothing with a prior of the user: the answer is that of the runs."""
+    """If the solver fails with the user's prior, the estimate is that of the runs."""
 
     def lost(*arguments: Any) -> Fit:
-        """The fit as it would be, called infinitely far from the runs."""
+        """Fit whose cost is set to infinity."""
         return replace(solve(*arguments), cost=np.inf)
 
     monkeypatch.setattr(knowledge, "solve", lost)
@@ -241,10 +241,10 @@ def test_value_with_which_no_fit_is_found_is_not_used(
     assert "no fit with it and the other known values succeeded" in result["warnings"][0]
 
 
-def test_known_coefficient_of_runs_without_temperature_is_not_drawn_anew(
+def test_known_coefficient_of_runs_without_temperature_keeps_its_spread(
     servo_runs: list[Run],
 ) -> None:
-    """Without any temperature the coefficient was held and drawn at 0.003 1/K; 2 % was given."""
+    """Without a known value, the coefficient would be drawn from its prior (sd 0.003 1/K)."""
     runs = [replace(run, temperature=None) for run in servo_runs]
 
     entry = quick(runs, known=("alpha_Ra=0.0039+-2%",))["parameters"]["alpha_Ra"]
@@ -255,8 +255,8 @@ def test_known_coefficient_of_runs_without_temperature_is_not_drawn_anew(
 
 
 @pytest.mark.parametrize("word", ["Kt25=0.071+-2%", "Kt25=0.07+-5%"])
-def test_runs_determine_no_more_because_a_value_is_known(word: str) -> None:
-    """One run of the paper's motor leaves Kt at 0.060 +- 0.022, a third of it and more."""
+def test_a_known_value_does_not_make_a_parameter_identified_by_the_runs(word: str) -> None:
+    """One run of the paper's motor gives Kt = 0.060 +- 0.022, which is not identified."""
     runs = [read_run(PAPER_RUN)]
 
     alone = quick(runs)["parameters"]["Kt25"]
@@ -269,7 +269,7 @@ def test_runs_determine_no_more_because_a_value_is_known(word: str) -> None:
 
 
 def test_known_value_has_no_drift_in_a_fleet(slow_runs: list[Run]) -> None:
-    """A prior has not moved; the runs say nothing of this inductance."""
+    """A parameter determined by its prior has no drift."""
     result = quick(slow_runs, known=("L=2.5e-4+-10%",))
 
     refit = refit_of("pump", "fitted", result)

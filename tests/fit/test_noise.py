@@ -1,4 +1,4 @@
-"""The noise model: white noise stays white, colour is whitened, heavy tails are weighted."""
+"""Noise model: white noise is unchanged, colour is whitened, heavy tails are weighted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SERVO = motor_named("servo 100 W")
 
 
 def coloured(seed: int, size: Array, pole: float) -> list[Run]:
-    """Runs whose noise is autoregressive of order one with innovations of `size`."""
+    """Runs with first-order autoregressive noise with innovations of `size`."""
     rng = np.random.default_rng(seed)
     made = []
     for run in noiseless(SERVO, seed=seed, rows=1000):
@@ -33,7 +33,7 @@ def coloured(seed: int, size: Array, pole: float) -> list[Run]:
 
 
 def spiky(seed: int, size: Array, freedom: float) -> list[Run]:
-    """Runs whose noise follows a Student-t law of that scale."""
+    """Runs with Student-t noise of the given scale."""
     rng = np.random.default_rng(seed)
     return [
         replace(
@@ -46,13 +46,13 @@ def spiky(seed: int, size: Array, freedom: float) -> list[Run]:
 
 
 def deviations(fit: Fit, share: float = 1.0) -> Array:
-    """(7,) distance from the truth in standard deviations of the fit."""
+    """(7,) error of the search coordinates in standard deviations of the fit."""
     sd = np.sqrt(np.diag(fit.equations.covariance(share)))
     return np.asarray((fit.position - fit.coordinates.of(SERVO.vector)) / sd)
 
 
-def test_white_noise_is_left_alone() -> None:
-    """White normal noise asks for no other noise model: the very same fit comes back."""
+def test_white_noise_keeps_the_fit() -> None:
+    """White normal noise needs no other noise model, so the same object is returned."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
 
     assert with_noise_model(fit) is fit
@@ -60,7 +60,7 @@ def test_white_noise_is_left_alone() -> None:
 
 
 def test_coloured_noise_is_whitened_by_the_filter_that_made_it() -> None:
-    """The noise was made with a pole at 0.9: the filter that whitens it is 1 - 0.9 z^-1."""
+    """Noise with a pole at 0.9 is whitened by the filter 1 - 0.9 z^-1."""
     fit = fit_declared(records_of(coloured(2, np.array([0.05, 0.5]), 0.9)), "zoh")
 
     changed = with_noise_model(fit)
@@ -72,8 +72,8 @@ def test_coloured_noise_is_whitened_by_the_filter_that_made_it() -> None:
 
 
 @pytest.mark.parametrize("pole", [0.5, 0.97])
-def test_under_coloured_noise_the_uncertainty_is_believable(pole: float) -> None:
-    """Mean square deviate: about 1 with noise model and share; above 2 without, the control."""
+def test_under_coloured_noise_the_covariance_is_consistent(pole: float) -> None:
+    """The mean square deviate is about 1 with the noise model; without it (control) above 2."""
     before, after = [], []
     for seed in range(4):
         fit = fit_declared(records_of(coloured(12 + seed, np.array([0.05, 0.5]), pole)), "zoh")
@@ -87,7 +87,7 @@ def test_under_coloured_noise_the_uncertainty_is_believable(pole: float) -> None
 
 
 def test_correlated_residuals_count_for_fewer_samples() -> None:
-    """A pole at 0.9 makes slow directions (1 + 0.9) / (1 - 0.9) = 19 times less certain."""
+    """A pole at 0.9 multiplies the variance of slow directions by (1 + 0.9) / (1 - 0.9) = 19."""
     fit = fit_declared(records_of(coloured(2, np.array([0.05, 0.5]), 0.9)), "zoh")
 
     share = effective_fraction(fit)
@@ -97,7 +97,7 @@ def test_correlated_residuals_count_for_fewer_samples() -> None:
 
 
 def test_heavy_tails_are_weighted_and_not_cut() -> None:
-    """Expected is a fit that is closer to the truth's certainty, with every sample in it."""
+    """Weights reduce every variance, and no sample has weight zero."""
     fit = fit_declared(records_of(spiky(3, np.array([0.1, 1.5]), 3.0)), "zoh")
 
     changed = with_noise_model(fit)
@@ -109,8 +109,8 @@ def test_heavy_tails_are_weighted_and_not_cut() -> None:
 
 
 @pytest.mark.parametrize("freedom", [3.0, 6.0])
-def test_heavy_tails_leave_the_share_of_their_information(freedom: float) -> None:
-    """A Student-t law has (f + 1) / (f + 3) of the information that its weights pretend."""
+def test_heavy_tails_reduce_the_information_of_the_weights(freedom: float) -> None:
+    """A Student-t distribution has (f + 1) / (f + 3) of the information of its weights."""
     shares, squares = [], []
     for seed in range(6):
         fit = fit_declared(records_of(spiky(20 + seed, np.array([0.1, 1.5]), freedom)), "zoh")
@@ -125,7 +125,7 @@ def test_heavy_tails_leave_the_share_of_their_information(freedom: float) -> Non
 
 @pytest.mark.parametrize(("pole", "rows"), [(0.8, 200), (0.95, 800)])
 def test_the_colour_of_short_records_is_accepted(pole: float, rows: int) -> None:
-    """Some sixty independent samples in three runs: the ordinary fit follows slow noise a lot."""
+    """With 60 independent samples in three runs, an ordinary fit absorbs part of slow noise."""
     accepted = 0
     for seed in range(8):
         runs = []
@@ -142,7 +142,7 @@ def test_the_colour_of_short_records_is_accepted(pole: float, rows: int) -> None
 
 
 def test_one_spike_does_not_move_a_robust_fit() -> None:
-    """A sample a thousand deviations out, in noise with heavy tails: the truth stays within 4."""
+    """One outlier of 1000 sd in heavy-tailed noise leaves the error below 4 sd."""
     runs = spiky(4, np.array([0.1, 1.5]), 3.0)
     speed = runs[0].speed.copy()
     speed[500] += 1500.0
@@ -153,8 +153,8 @@ def test_one_spike_does_not_move_a_robust_fit() -> None:
     assert np.abs(deviations(changed)).max() < 4.0
 
 
-def test_clipped_samples_do_not_pull_the_fit() -> None:
-    """The truth is found with the mask, and missed without it: the negative control."""
+def test_clipped_samples_do_not_bias_the_fit() -> None:
+    """With the mask, the true values are found; without it (negative control), they are missed."""
     runs = campaign(SERVO, seed=5, noise=0.01)
     limit = 0.7 * float(np.max([np.abs(run.current).max() for run in runs]))
     cut, masked = [], []
@@ -173,7 +173,7 @@ def test_clipped_samples_do_not_pull_the_fit() -> None:
 
 @pytest.mark.parametrize("taps", [[], [0.8], [1.2, -0.5]])
 def test_the_order_and_taps_of_an_autoregression_are_found(taps: list[float]) -> None:
-    """20,000 samples of a known process: taps are known to 1 percent, and none are added."""
+    """20,000 samples of a known process determine the taps to 1 %; no tap is added."""
     rng = np.random.default_rng(6)
     noise = rng.standard_normal((2, 10_000))
     series = lfilter([1.0], np.concatenate([[1.0], -np.array(taps)]), noise, axis=1)
@@ -183,6 +183,6 @@ def test_the_order_and_taps_of_an_autoregression_are_found(taps: list[float]) ->
     np.testing.assert_allclose(found, np.concatenate([[1.0], -np.array(taps)]), atol=0.04)
 
 
-def test_a_series_of_nothing_needs_no_filter() -> None:
-    """Residuals that are zero have no correlation to model."""
+def test_a_series_of_zeros_needs_no_filter() -> None:
+    """Residuals of zero have no correlation."""
     np.testing.assert_array_equal(autoregression([np.zeros(500)]), [1.0])

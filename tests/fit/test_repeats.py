@@ -1,4 +1,4 @@
-"""The same data given twice are found by their samples, and what they mean is said."""
+"""Detection of identical samples in several files, and the warnings about them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def bench_runs() -> list[Run]:
 
 
 def copy_of(run: Run, name: str = "copy.csv") -> Run:
-    """The same samples from another file, logged by a clock that began elsewhere."""
+    """The same samples in another file, logged with another time origin."""
     return replace(run, name=name, sha256="1" * 64, time=run.time + 3.0, current=run.current.copy())
 
 
 def test_runs_that_differ_are_not_called_the_same() -> None:
-    """One motor, one drive, other noise: only a copy has the noise too."""
+    """Same motor and drive, but different noise; only a copy has equal noise."""
     first, *_ = bench_runs()
     again = replace(first, current=first.current[::-1].copy())
 
@@ -34,8 +34,8 @@ def test_runs_that_differ_are_not_called_the_same() -> None:
     assert found.warnings == ()
 
 
-def test_a_run_fitted_twice_is_said_to_narrow_intervals() -> None:
-    """Three times the same evidence counts as three: the root of 3 is 1.7."""
+def test_a_run_fitted_twice_gives_a_warning_of_narrow_intervals() -> None:
+    """Counting the same data three times narrows intervals by a factor of sqrt(3) = 1.7."""
     first, second, _ = bench_runs()
 
     found = campaign_of([first, second, copy_of(first), copy_of(first, "old.csv")], [])
@@ -46,7 +46,7 @@ def test_a_run_fitted_twice_is_said_to_narrow_intervals() -> None:
     assert "too narrow by up to 1.7 times" in warning
 
 
-def test_a_run_kept_aside_that_is_fitted_too_is_said_to_check_nothing() -> None:
+def test_a_validation_run_that_is_fitted_too_validates_nothing() -> None:
     """The copy is found although its bytes and its clock differ."""
     first, second, third = bench_runs()
 
@@ -59,7 +59,7 @@ def test_a_run_kept_aside_that_is_fitted_too_is_said_to_check_nothing() -> None:
 
 
 def test_one_name_given_twice_is_named_once() -> None:
-    """The same file as a training run and to check it on."""
+    """The same file is a training run and a validation run."""
     first, *_ = bench_runs()
 
     [warning] = campaign_of([first], [first]).warnings
@@ -67,8 +67,8 @@ def test_one_name_given_twice_is_named_once() -> None:
     assert warning.startswith("2 of the runs given, named run0.csv, hold the same samples: ")
 
 
-def test_a_check_that_counts_twice_is_said() -> None:
-    """Two copies in the validation runs, none of them fitted."""
+def test_a_validation_run_given_twice_is_reported() -> None:
+    """Two copies among the validation runs, neither of them fitted."""
     first, second, _ = bench_runs()
 
     [warning] = campaign_of([first], [second, copy_of(second)]).warnings
@@ -77,7 +77,7 @@ def test_a_check_that_counts_twice_is_said() -> None:
 
 
 def test_runs_in_which_nothing_moves_are_not_called_the_same() -> None:
-    """Two recordings of a bench that is switched off are alike and say nothing."""
+    """Two recordings of a bench that is switched off are equal without being copies."""
     first, *_ = bench_runs()
     still = np.zeros(50)
     off = Run("off.csv", "0" * 64, first.time[:50], still, still, still, still + 25.0)

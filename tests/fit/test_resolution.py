@@ -1,4 +1,4 @@
-"""A channel logged in steps larger than its noise is said, and a fine or noisy one is not."""
+"""Warnings about channels whose resolution is coarser than their noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SERVO = motor_named("servo 100 W")
 
 
 def warned(runs: list[Run]) -> tuple[str, ...]:
-    """What is said of runs with the noise that their fit reports."""
+    """Warnings for runs with the noise of their fit."""
     fit = fit_declared(campaign_of(runs, []).training, "zoh")
     return coarse_warnings(runs, noise_deviation(fit))
 
@@ -29,7 +29,7 @@ def bench_runs(noise: float = 0.01) -> list[Run]:
 
 
 def stepped(run: Run, current: float = 0.0, speed: float = 0.0) -> Run:
-    """The run with channels rounded to steps [A, rad/s]; 0 leaves a channel as it is."""
+    """Run with channels rounded to steps [A, rad/s]; 0 leaves a channel unchanged."""
     return replace(
         run,
         current=np.round(run.current / current) * current if current else run.current,
@@ -38,12 +38,12 @@ def stepped(run: Run, current: float = 0.0, speed: float = 0.0) -> Run:
 
 
 def noise_of(runs: list[Run]) -> Array:
-    """(2,) noise of the runs as they are [A, rad/s]."""
+    """(2,) noise of the runs [A, rad/s]."""
     return noise_deviation(fit_declared(campaign_of(runs, []).training, "zoh"))
 
 
-def test_steps_of_eight_times_the_noise_are_said_with_channel_step_and_files() -> None:
-    """Both channels of two of three runs."""
+def test_steps_of_eight_times_the_noise_are_reported() -> None:
+    """The warnings name the two coarse runs, both channels and their steps."""
     first, *rest = bench_runs()
     current, speed = (float(f"{8.0 * size:.2g}") for size in noise_of([first, *rest]))
 
@@ -55,27 +55,27 @@ def test_steps_of_eight_times_the_noise_are_said_with_channel_step_and_files() -
     assert all("intervals are too narrow" in words for words in told)
 
 
-def test_steps_no_larger_than_the_noise_are_rounding_that_averages_out() -> None:
-    """The theory of quantisation: noise of half a step or more makes rounding independent."""
+def test_steps_no_larger_than_the_noise_give_no_warning() -> None:
+    """Quantisation theory: noise of half a step or more makes rounding errors independent."""
     runs = bench_runs()
     current, speed = noise_of(runs)
 
     assert warned([stepped(run, current, speed) for run in runs]) == ()
 
 
-def test_runs_as_a_computer_writes_them_have_no_steps() -> None:
-    """Sixteen digits of normal noise."""
+def test_runs_with_full_precision_have_no_steps() -> None:
+    """Normal noise with sixteen digits."""
     assert warned(bench_runs()) == ()
 
 
 def test_fine_digits_without_noise_are_not_coarse() -> None:
-    """A simulated run of six digits: the signal is over many steps at the next sample."""
+    """In a simulated run of six digits, the signal changes by many steps per sample."""
     assert warned([stepped(run, 1e-4, 1e-4) for run in bench_runs(noise=1e-9)]) == ()
 
 
 @pytest.mark.parametrize("step", [0.2, 20.0, 2.0 * np.pi / 60.0])
 def test_the_step_of_a_converter_is_found(step: float) -> None:
-    """Also where a twentieth of the levels is never taken and one sample in 200 is an average."""
+    """One level never occurs, and one sample in 200 lies between two levels."""
     rng = np.random.default_rng(3)
     levels = np.round(15.0 * np.sin(np.arange(4000) / 90.0) + rng.standard_normal(4000))
     levels = levels[levels != 4.0]
@@ -85,7 +85,7 @@ def test_the_step_of_a_converter_is_found(step: float) -> None:
 
 
 def test_noise_and_a_constant_have_no_step() -> None:
-    """Differences of normal numbers are multiples of nothing."""
+    """Differences of normal numbers have no common divisor."""
     rng = np.random.default_rng(4)
 
     assert step_of(rng.standard_normal(2000)) is None

@@ -1,4 +1,4 @@
-"""Runs without a thermometer: each has a temperature of its own, which the resistance tells."""
+"""Runs without a thermometer: one temperature each, estimated from the resistance."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tests.motors import NAMES, drive, motor_named, run_of
 SERVO = motor_named("servo 100 W")
 FAST = FitOptions(posterior=False)
 NOISE = np.array([0.05, 0.5])
-"""Of current and speed [A, rad/s]."""
+"""Noise of current and speed [A, rad/s]."""
 
 
 def at(temperature: float, seed: int, *, is_logged: bool, warming: float = 0.0) -> Run:
-    """A run of the servo motor around a temperature."""
+    """Run of the servo motor around a temperature."""
     rng = np.random.default_rng(seed)
     rows = 1200
     true = temperature + warming * np.linspace(-0.5, 0.5, rows)
@@ -38,7 +38,7 @@ def at(temperature: float, seed: int, *, is_logged: bool, warming: float = 0.0) 
 
 
 def ratios(found: Identification) -> list[float]:
-    """Simulation errors of the final model over the noise, of all channels and runs."""
+    """Ratios of final simulation error to noise, for all channels and runs."""
     after: Any = found.result["errors"]
     return [entry["noise_ratio"] for role in after["after"].values() for entry in role.values()]
 
@@ -51,7 +51,7 @@ def estimates(found: Identification) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def never_logged() -> Identification:
-    """A motor at three temperatures, warming by 4 K in each run, and at a fourth; none logged."""
+    """Identification from runs at four temperatures, none logged, each warming by 4 K."""
     runs = [
         at(temperature, seed, is_logged=False, warming=4.0)
         for seed, temperature in enumerate((30.0, 60.0, 90.0, 50.0))
@@ -59,10 +59,10 @@ def never_logged() -> Identification:
     return identify(runs[:3], runs[3:], FAST)
 
 
-def test_a_motor_whose_temperatures_were_never_logged_lacks_nothing(
+def test_temperatures_that_were_never_logged_cause_no_effect(
     never_logged: Identification,
 ) -> None:
-    """Nothing but the temperature differs between the runs and within them."""
+    """Only the temperature differs between and within the runs."""
     assert never_logged.result["effects"] == []
     assert ratios(never_logged) == pytest.approx([1.0] * 4, abs=0.1)
 
@@ -70,9 +70,9 @@ def test_a_motor_whose_temperatures_were_never_logged_lacks_nothing(
 def test_its_parameters_are_those_at_the_temperature_of_the_first_run(
     never_logged: Identification,
 ) -> None:
-    """The servo motor's Ra(30) and Kt(30) by equations 11 and 12; the rest has no temperature.
+    """Ra(30) and Kt(30) by equations 11 and 12; the others do not depend on temperature.
 
-    Of the coefficients only the ratio is told, so that alpha_Ra is known as well as by its prior.
+    Only the ratio of the two coefficients is determined, so alpha_Ra is as uncertain as its prior.
     """
     entries: Any = never_logged.result["parameters"]
     found, true = estimates(never_logged), dict(zip(NAMES, SERVO.values, strict=True))
@@ -87,10 +87,10 @@ def test_its_parameters_are_those_at_the_temperature_of_the_first_run(
     assert entries["alpha_Kt"]["sd"] > 5e-4
 
 
-def test_a_result_says_at_which_temperatures_its_runs_were_taken(
+def test_a_warning_gives_the_estimated_temperatures_of_the_runs(
     never_logged: Identification,
 ) -> None:
-    """By a coefficient of 0.0035 1/K, where the motor has 0.0039 1/K and began at 30 degC."""
+    """The prior coefficient is 0.0035 1/K; the motor has 0.0039 1/K and starts at 30 degC."""
     warnings: Any = never_logged.result["warnings"]
     (told,) = [text for text in warnings if "was not logged" in text]
 
@@ -104,7 +104,7 @@ def test_a_result_says_at_which_temperatures_its_runs_were_taken(
 def test_a_run_that_was_not_logged_is_predicted_at_the_temperature_it_had(
     never_logged: Identification,
 ) -> None:
-    """At 120 degC the motor differs from that of the first run by tens of noise."""
+    """At 120 degC, the response differs from that of the first run by tens of noise deviations."""
     run = at(120.0, 9, is_logged=False)
 
     prediction = predict(json.loads(json.dumps(never_logged.result)), run)
@@ -114,7 +114,7 @@ def test_a_run_that_was_not_logged_is_predicted_at_the_temperature_it_had(
 
 
 def test_one_run_without_temperature_among_others_harms_nothing() -> None:
-    """Two runs tell the coefficients, the third has its temperature by them."""
+    """Two runs determine the coefficients, which determine the temperature of the third."""
     runs = [
         at(temperature, seed, is_logged=seed != 1)
         for seed, temperature in enumerate((30.0, 60.0, 90.0))
@@ -130,8 +130,8 @@ def test_one_run_without_temperature_among_others_harms_nothing() -> None:
         assert abs(entries[name]["mean"] - true) < 4 * entries[name]["sd"]
 
 
-def test_a_run_left_out_may_lack_its_temperature() -> None:
-    """It is simulated at the one that fits it: as well as the noise allows."""
+def test_a_validation_run_may_lack_its_temperature() -> None:
+    """The run is simulated at its best temperature, down to the noise level."""
     runs = [at(temperature, seed, is_logged=True) for seed, temperature in enumerate((30.0, 90.0))]
 
     found = identify(runs, [at(60.0, 3, is_logged=False)], FAST)
@@ -143,8 +143,8 @@ def test_a_run_left_out_may_lack_its_temperature() -> None:
     assert float(told.split("run3.csv (")[1].split(" degC")[0]) == pytest.approx(60.0, abs=1.0)
 
 
-def test_no_heat_explains_a_winding_hotter_than_its_insulation_bears() -> None:
-    """A run as of 190 degC: its leads or its sensor are another."""
+def test_a_winding_hotter_than_its_insulation_permits_is_implausible() -> None:
+    """At 190 degC, other leads or another sensor are the likely cause."""
     runs = [at(temperature, seed, is_logged=True) for seed, temperature in enumerate((30.0, 90.0))]
 
     found = identify(runs, [at(190.0, 3, is_logged=False)], FAST)
