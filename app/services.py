@@ -9,17 +9,17 @@ from typing import Self
 from app.access.quotas import Quotas
 from app.access.service import AccessService
 from app.batches.service import BatchService
-from app.confine import Limits
 from app.damage import check_file, check_present
 from app.database import Database
 from app.fits.engine import AbstractEngine, LocalEngine
 from app.fits.service import FitService
 from app.fits.supervisor import Supervisor
 from app.fits.watcher import Watcher
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
 from app.health.service import HealthService
 from app.housekeeping import Housekeeper
 from app.metrics import Metrics
-from app.nursery.client import Nursery
 from app.retention.service import Retention
 from app.runs.queue import ReadingQueue
 from app.runs.reading import RunReader
@@ -45,7 +45,7 @@ class Services:
         fits: Operations on fits.
         batches: Operations on batches.
         health: Health checks.
-        nursery: Fork server of the processes that read uploads.
+        fork_server: Fork server of the processes that read uploads.
         engine: Backend that computes fits; closed by the supervisor.
         supervisor: Thread that schedules fits.
         watcher: Notifies event streams of changes of a fit; runs in the event loop.
@@ -64,7 +64,7 @@ class Services:
     fits: FitService
     batches: BatchService
     health: HealthService
-    nursery: Nursery
+    fork_server: ForkServer
     engine: AbstractEngine
     supervisor: Supervisor
     watcher: Watcher
@@ -79,8 +79,10 @@ class Services:
         database = Database(settings.sqlalchemy_url)
         storage = Storage(settings.data_dir, settings.node)
         metrics = Metrics()
-        readers = Nursery("app.runs.parser", temporary=storage.incoming)
-        limits = Limits(settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s)
+        readers = ForkServer("app.runs.parser", temporary=storage.incoming)
+        limits = ProcessLimits(
+            settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s
+        )
         reader = RunReader(readers, limits, settings.max_rows)
         engine = _engine(settings, storage)
         access = AccessService(database)
@@ -97,7 +99,7 @@ class Services:
             fits=FitService(database, storage, supervisor, quotas),
             batches=BatchService(database, storage, supervisor, quotas),
             health=HealthService(database, storage, supervisor, metrics),
-            nursery=readers,
+            fork_server=readers,
             engine=engine,
             supervisor=supervisor,
             watcher=Watcher(database, access, settings.streams_per_key),
@@ -139,7 +141,7 @@ class Services:
         self.open()
         self.storage.sweep_incoming()
         self.retention.sweep()
-        self.nursery.start()
+        self.fork_server.start()
         self.engine.open()
         self.supervisor.start()
         self.housekeeper.start()
@@ -149,7 +151,7 @@ class Services:
         self.stopping.set()
         self.housekeeper.stop()
         self.supervisor.stop()
-        self.nursery.stop()
+        self.fork_server.stop()
         self.database.close()
         self.storage.unlock()
 
@@ -167,5 +169,5 @@ def _engine(settings: Settings, storage: Storage) -> AbstractEngine:
 
         return DaskEngine(settings, storage)
     pipeline = settings.pipeline.partition(":")[0]
-    nursery = Nursery("app.fits.worker", pipeline, temporary=storage.incoming)
-    return LocalEngine(nursery, settings.workers, settings.fit_threads)
+    fork_server = ForkServer("app.fits.worker", pipeline, temporary=storage.incoming)
+    return LocalEngine(fork_server, settings.workers, settings.fit_threads)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from app.batch.manifest import Motor
-from app.nursery.client import Nursery, Task
+from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
 __all__ = ["Job", "fit_all"]
@@ -51,7 +51,7 @@ def fit_all(
     pipeline = os.environ.get("MOTORID_PIPELINE", _PIPELINE)
     at_once = min(at_once, len(jobs))
     threads = max(1, cores() // at_once)
-    nursery = Nursery(
+    fork_server = ForkServer(
         "app.batch.worker", pipeline.partition(":")[0], temporary=Path(tempfile.gettempdir())
     )
     waiting = list(reversed(jobs))
@@ -61,7 +61,7 @@ def fit_all(
         while waiting or running:
             while waiting and len(running) < at_once:
                 job = waiting.pop()
-                running.append(_Running(job, nursery.fork(_task(job, pipeline, threads))))
+                running.append(_Running(job, fork_server.fork(_task(job, pipeline, threads))))
             for one in list(running):
                 if one.look(_WAIT_S / len(running), tell):
                     running.remove(one)
@@ -73,7 +73,7 @@ def fit_all(
                     yield one.job, one.reason
     finally:
         # Kill the remaining fits if the command was interrupted.
-        nursery.stop()
+        fork_server.stop()
 
 
 class _Running:
@@ -90,7 +90,8 @@ class _Running:
         """Process the messages of the fit; return True once it has ended."""
         for message in self._task.messages(wait_s):
             if "progress" in message:
-                tell(self.job.motor.name, *message["progress"])
+                news = message["progress"]
+                tell(self.job.motor.name, news["stage"], news["fraction"])
             elif "failed" in message:
                 self.reason = " ".join(str(message["failed"]).split())
             elif "done" in message:

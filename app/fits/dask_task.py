@@ -22,7 +22,7 @@ from typing import Any
 from distributed import Worker, get_worker
 
 from app.fits.job import Job, RunFile
-from app.nursery.client import Nursery
+from app.fork_server.client import ForkServer
 
 __all__ = ["BEGUN", "TOPIC", "compute"]
 
@@ -34,7 +34,7 @@ BEGUN = ".begun"
 
 _LOOK_S = 0.1
 _WANTED = ("executing", "long-running")
-_nurseries: dict[str, Nursery] = {}
+_fork_servers: dict[str, ForkServer] = {}
 _lock = threading.Lock()
 
 
@@ -54,7 +54,7 @@ def compute(fields: dict[str, Any], data_dir: str) -> None:
         told.tell([], has_ended=True)
         return
     told.tell([])
-    task = _nursery(job.pipeline, worker).fork(asdict(job))
+    task = _fork_server(job.pipeline, worker).fork(asdict(job))
     try:
         while not task.has_ended and _is_wanted(worker, key):
             if messages := task.messages(wait_s=_LOOK_S):
@@ -94,14 +94,14 @@ def _is_wanted(worker: Worker, key: str) -> bool:
     return task is not None and task.state in _WANTED
 
 
-def _nursery(pipeline: str, worker: Worker) -> Nursery:
+def _fork_server(pipeline: str, worker: Worker) -> ForkServer:
     """Fork server of this worker for a pipeline."""
     module = pipeline.partition(":")[0]
     with _lock:
-        if module not in _nurseries:
+        if module not in _fork_servers:
             temporary = Path(worker.local_directory)
-            _nurseries[module] = Nursery("app.fits.worker", module, temporary=temporary)
-        return _nurseries[module]
+            _fork_servers[module] = ForkServer("app.fits.worker", module, temporary=temporary)
+        return _fork_servers[module]
 
 
 def _placed(job: Job, theirs: Path) -> Job:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from app.fits.job import LOG, Job
-from app.nursery.client import Nursery, Task
+from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
 __all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words", "log_tail"]
@@ -92,23 +92,23 @@ class LocalEngine(AbstractEngine):
     """Computes each job in one process on this machine, in a process group of its own.
 
     Args:
-        nursery: Fork server whose module is `app.fits.worker`.
+        fork_server: Fork server whose module is `app.fits.worker`.
         most: Maximum number of parallel jobs.
         threads: Threads per job; None divides the cores among the jobs.
     """
 
-    def __init__(self, nursery: Nursery, most: int, threads: int | None = None) -> None:
-        self._nursery = nursery
+    def __init__(self, fork_server: ForkServer, most: int, threads: int | None = None) -> None:
+        self._fork_server = fork_server
         self._most = most
         self._threads = threads
 
     def open(self) -> None:
         """Start the fork server."""
-        self._nursery.start()
+        self._fork_server.start()
 
     def close(self) -> None:
         """Stop the fork server and its children."""
-        self._nursery.stop()
+        self._fork_server.stop()
 
     def capacity(self) -> int:
         """Configured maximum number of parallel jobs."""
@@ -120,7 +120,7 @@ class LocalEngine(AbstractEngine):
 
     def start(self, job: Job) -> AbstractRunning:
         """Fork a process for a job."""
-        return _LocalRunning(job, self._nursery.fork(dataclasses.asdict(job)))
+        return _LocalRunning(job, self._fork_server.fork(dataclasses.asdict(job)))
 
 
 class _LocalRunning(AbstractRunning):

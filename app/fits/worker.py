@@ -14,18 +14,16 @@ of the service runs the pipeline.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import inspect
 import os
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from app.fits.job import CHECKPOINTS, LOG, Job, RunFile
 from app.fits.outputs import seal
-from app.nursery.answers import tell
+from app.fork_server.child import Answers, pipeline_of
 from app.regular import open_regular, sha256_of
 from app.space import is_full
 from app.storage import sync_directory
@@ -42,7 +40,6 @@ from identification.threads import use_threads
 
 __all__ = ["checkpoint_of", "compute", "handle"]
 
-_INTERVAL_S = 0.2
 _NICENESS = 5
 
 
@@ -56,25 +53,25 @@ def handle(task: dict[str, Any], answer: int) -> None:
     job = Job.of(task)
     _move_to(Path(job.directory))
     use_threads(job.threads)
-    messages = _Messages(answer)
+    answers = Answers(answer)
     try:
-        compute(job, messages.progress)
+        compute(job, answers.progress)
     except InputError as error:
-        messages.send({"failed": _input_problem(error)})
+        answers.send({"failed": _input_problem(error)})
     except ComputationError as error:
-        messages.send({"failed": {"code": "computation", "detail": str(error)}})
+        answers.send({"failed": {"code": "computation", "detail": str(error)}})
     except OSError as error:
         if not is_full(error):
             raise
         # An immediate retry would find the same full disk.
         detail = "the disk is full; ask the operator to free space, then repeat the fit"
-        messages.send({"failed": {"code": "storage_full", "detail": detail}})
+        answers.send({"failed": {"code": "storage_full", "detail": detail}})
     except MemoryError:
         # With fewer fits in parallel the memory may suffice, so a retry is useful.
-        messages.send({"crashed": "out of memory"})
+        answers.send({"crashed": "out of memory"})
         raise
     else:
-        messages.send({"done": True})
+        answers.send({"done": True})
 
 
 def compute(job: Job, progress: Callable[[str, float], None]) -> None:
@@ -89,7 +86,7 @@ def compute(job: Job, progress: Callable[[str, float], None]) -> None:
         ComputationError: The computation failed on valid input.
     """
     progress("reading", 0.0)
-    identify = _function(job.pipeline)
+    identify = pipeline_of(job.pipeline)
     training = [_read(run) for run in job.training]
     validation = [_read(run) for run in job.validation]
     known = {field.name for field in dataclasses.fields(FitOptions)}
@@ -125,25 +122,6 @@ def checkpoint_of(job: Job) -> Checkpoint:
     return Checkpoint(folder / f"{job.attempt}.npz", earlier, job.checkpoint_s)
 
 
-class _Messages:
-    """Messages to the supervisor; progress is rate-limited."""
-
-    def __init__(self, pipe: int) -> None:
-        self._pipe = pipe
-        self._stage = ""
-        self._sent = 0.0
-
-    def progress(self, stage: str, fraction: float) -> None:
-        now = time.monotonic()
-        if stage != self._stage or now - self._sent >= _INTERVAL_S:
-            self._stage, self._sent = stage, now
-            news = {"stage": stage, "fraction": min(max(fraction, 0.0), 1.0)}
-            self.send({"progress": news})
-
-    def send(self, message: dict[str, Any]) -> None:
-        tell(self._pipe, message)
-
-
 def _move_to(directory: Path) -> None:
     """Lower the priority; redirect output and temporary files to the attempt directory."""
     os.nice(_NICENESS)
@@ -153,12 +131,6 @@ def _move_to(directory: Path) -> None:
         os.dup2(log, stream)
     os.environ["TMPDIR"] = str(directory)
     tempfile.tempdir = None
-
-
-def _function(name: str) -> Callable[..., Any]:
-    module, _, function = name.partition(":")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    return found
 
 
 class _StoredRunLost(InputError):

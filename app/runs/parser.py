@@ -10,11 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from app.confine import Limits, confine
-from app.nursery.answers import tell
+from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.errors import RunFileError
-from identification.ingest import Limits as FileLimits
-from identification.ingest import Run, read_run
+from identification.ingest import Limits, Run, read_run
 
 __all__ = ["handle"]
 
@@ -26,20 +24,20 @@ def handle(task: dict[str, Any], answer: int) -> None:
         task: `path`, `name`, `mapping`, `max_rows` and `limits`.
         answer: Write end of the pipe to the server.
     """
-    confine(Limits(**task["limits"]))
+    confine(ProcessLimits(**task["limits"]))
     try:
         run = read_run(
             task["path"],
             name=task["name"],
             mapping=task["mapping"],
-            limits=FileLimits(rows=task["max_rows"]),
+            limits=Limits(rows=task["max_rows"]),
         )
         found = {"run": _summary(run)}
     except RunFileError as error:
         found = {"error": _problem(error)}
     except MemoryError:
         found = {"error": {"reason": "reader_memory"}}
-    tell(answer, found)
+    Answers(answer).send(found)
 
 
 def _problem(error: RunFileError) -> dict[str, Any]:

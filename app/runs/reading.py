@@ -1,6 +1,6 @@
 """Server side of parsing an upload: passes the file to a process with limits, and waits.
 
-    reader = RunReader(nursery, limits, max_rows=10_000_000)
+    reader = RunReader(fork_server, limits, max_rows=10_000_000)
     summary = reader.read(path, "run1.csv", mapping)     or RunRefused: file, row, column
 
 See `app.runs.parser` for the other side.
@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.confine import Limits
 from app.errors import RunRefused, Unavailable
-from app.nursery.client import Nursery
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
 
 __all__ = ["RunReader"]
 
@@ -28,13 +28,13 @@ class RunReader:
     """Parses runs in child processes.
 
     Args:
-        nursery: Fork server whose module is `app.runs.parser`.
+        fork_server: Fork server whose module is `app.runs.parser`.
         limits: Resource limits of one parser process.
         max_rows: Maximum number of samples of a run.
     """
 
-    def __init__(self, nursery: Nursery, limits: Limits, max_rows: int) -> None:
-        self._nursery = nursery
+    def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
+        self._fork_server = fork_server
         self._limits = limits
         self._max_rows = max_rows
 
@@ -72,7 +72,7 @@ class RunReader:
         """Run the parser; return its merged messages, including the exit code."""
         deadline = time.monotonic() + _START_S + self._limits.wall_s
         try:
-            reading = self._nursery.fork(task)
+            reading = self._fork_server.fork(task)
         except OSError as error:
             raise Unavailable(
                 "runs cannot be read at the moment; try again in a few seconds"

@@ -17,9 +17,9 @@ from typing import Any
 
 import httpx
 
-from app.confine import Limits
 from app.errors import RunRefused
-from app.nursery.client import Nursery
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
 from app.runs.reading import RunReader
 from benchmarks.torture.mutations import SAMPLES, mutated
 from benchmarks.torture.outcome import Outcome
@@ -28,7 +28,7 @@ from tests.app.service import serving
 
 __all__ = ["run"]
 
-_LIMITS = Limits(memory_bytes=2_000_000_000, cpu_s=20, wall_s=30.0)
+_LIMITS = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=20, wall_s=30.0)
 _MAPPINGS = (
     {"speed_rad_s": {"column": "speed_rad_s", "unit": "rpm"}},
     {"current_A": {"column": "current_A", "scale": 2.5, "offset": 0.1}},
@@ -39,8 +39,8 @@ _MAPPINGS = (
 def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     """Read mutated files of each kind, and send some."""
     number = 15 if short else 10_000
-    nursery = Nursery("app.runs.parser", temporary=directory)
-    reader = RunReader(nursery, _LIMITS, 1_000_000)
+    fork_server = ForkServer("app.runs.parser", temporary=directory)
+    reader = RunReader(fork_server, _LIMITS, 1_000_000)
     try:
         for name, content in SAMPLES.items():
             files = _files(content, name, number)
@@ -48,7 +48,7 @@ def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
         mapped = ((SAMPLES["canonical CSV"], mapping) for mapping in _mappings(number))
         yield _outcome("mappings", _ends(reader, directory, mapped))
     finally:
-        nursery.stop()
+        fork_server.stop()
     yield _over_http(directory, 30 if short else 2000)
 
 

@@ -155,7 +155,7 @@ def _kills(server: int, caller: Caller, run_id: str, kills: int) -> Outcome:
     killed = 0
     deadline = time.monotonic() + kills * _PATIENCE_S
     while killed < kills and time.monotonic() < deadline:
-        found = processes.nurseries(server)
+        found = processes.fork_servers(server)
         if not found or not processes.children(found[0]):
             time.sleep(0.02)
             continue

@@ -13,7 +13,7 @@ __all__ = [
     "kill",
     "machine_seconds",
     "marked",
-    "nurseries",
+    "fork_servers",
     "tree_seconds",
 ]
 
@@ -49,8 +49,8 @@ def children(process: int) -> list[int]:
     ]
 
 
-def nurseries(process: int) -> list[int]:
-    """Processes that fork those that compute, of a server or of a worker of a cluster."""
+def fork_servers(process: int) -> list[int]:
+    """Fork servers of the fits of a server or of a worker of a cluster."""
     return [child for child in children(process) if b"app.fits.worker" in _read(child, "cmdline")]
 
 

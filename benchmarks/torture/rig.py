@@ -107,7 +107,7 @@ class Rig:
 
     def targets(self) -> list[str]:
         """What can be killed here."""
-        found = ["server", "nursery", "child"]
+        found = ["server", "fork server", "child"]
         if self.postgres is not None:
             found += ["postgresql", "backend"]
         if self.cluster is not None:
@@ -121,7 +121,7 @@ class Rig:
             target: One of `targets`.
             rng: Chooses among several of a kind.
         """
-        return bool(getattr(self, f"_kill_{target}")(rng))
+        return bool(getattr(self, f"_kill_{target.replace(' ', '_')}")(rng))
 
     def left_over(self) -> list[int]:
         """Processes of this rig that still run."""
@@ -133,13 +133,13 @@ class Rig:
         self.start()
         return True
 
-    def _nurseries(self) -> list[int]:
+    def _fork_servers(self) -> list[int]:
         if self.cluster is None:
-            return processes.nurseries(self.server.process.pid)
-        return [n for worker in self.cluster.workers for n in processes.nurseries(worker.pid)]
+            return processes.fork_servers(self.server.process.pid)
+        return [n for worker in self.cluster.workers for n in processes.fork_servers(worker.pid)]
 
-    def _kill_nursery(self, rng: random.Random) -> bool:
-        found = self._nurseries()
+    def _kill_fork_server(self, rng: random.Random) -> bool:
+        found = self._fork_servers()
         return bool(found) and processes.kill(rng.choice(found))
 
     def _kill_child(self, rng: random.Random) -> bool:
@@ -147,7 +147,7 @@ class Rig:
         deadline = time.monotonic() + _PATIENCE_S
         while not found and time.monotonic() < deadline:
             time.sleep(0.01)
-            found = [child for one in self._nurseries() for child in processes.children(one)]
+            found = [child for one in self._fork_servers() for child in processes.children(one)]
         return bool(found) and processes.kill(rng.choice(found))
 
     def _kill_postgresql(self, rng: random.Random) -> bool:

@@ -38,8 +38,8 @@ def children(process: int) -> list[int]:
     return found
 
 
-def nursery(server: Server) -> int:
-    """The process that forks those that compute for a server."""
+def fork_server(server: Server) -> int:
+    """The fork server of the fits of a server."""
     [found] = [
         process
         for process in children(server.process.pid)
@@ -51,7 +51,7 @@ def nursery(server: Server) -> int:
 def worker(server: Server) -> int:
     """The process that computes for a server, once there is one."""
     deadline = time.monotonic() + 20
-    while not (found := children(nursery(server))):
+    while not (found := children(fork_server(server))):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     return found[0]
@@ -98,7 +98,7 @@ def test_fits_survive_a_kill_of_the_server_and_end_exactly_once(data_dir: Path) 
         waiting = [caller.begin(run, seed=QUICK)["id"] for _ in range(2)]
         cancelled = caller.begin(run, seed=QUICK)["id"]
         caller.http.delete(f"/fits/{cancelled}")
-        processes = [worker(server), nursery(server)]
+        processes = [worker(server), fork_server(server)]
         server.kill()
 
     assert is_gone(*processes)
@@ -136,9 +136,9 @@ def test_fit_survives_kills_of_its_process_and_an_orderly_stop_puts_it_back(
         os.kill(first, signal.SIGKILL)
         assert is_gone(first)
         second = worker(server)
-        os.kill(nursery(server), signal.SIGKILL)
+        os.kill(fork_server(server), signal.SIGKILL)
         assert is_gone(second)
-        processes = [worker(server), nursery(server)]
+        processes = [worker(server), fork_server(server)]
         with caller.http.stream("GET", f"/fits/{fit}/events") as answer:
             lines = answer.iter_lines()
             assert next(lines).startswith("retry")

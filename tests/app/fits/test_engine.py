@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from app.confine import child_environment
 from app.fits.engine import AbstractEngine, AbstractRunning, LocalEngine
 from app.fits.job import Job, RunFile
-from app.nursery.client import Nursery
+from app.fork_server.child import child_environment
+from app.fork_server.client import ForkServer
 from app.settings import load_settings
 from app.storage import Storage
 from tests.app.cluster import Cluster
@@ -48,8 +48,10 @@ def engine(
     """Each engine in turn; what computes knows the pretended pipeline."""
     directory = tmp_path_factory.mktemp("engine")
     if request.param == "local":
-        nursery = Nursery("app.fits.worker", PRETENDED.partition(":")[0], temporary=directory)
-        with opened(LocalEngine(nursery, 2)) as engine:
+        fork_server = ForkServer(
+            "app.fits.worker", PRETENDED.partition(":")[0], temporary=directory
+        )
+        with opened(LocalEngine(fork_server, 2)) as engine:
             yield engine
         return
     from app.fits.dask_engine import DaskEngine
@@ -201,9 +203,9 @@ def test_a_fit_has_its_share_of_four_cores_unless_told_otherwise(
 ) -> None:
     """Cores over jobs at once, rounded down, and at least one: threads beyond cores only wait."""
     monkeypatch.setattr("app.fits.engine.cores", lambda: 4)
-    nursery = Nursery("app.fits.worker", temporary=tmp_path)
+    fork_server = ForkServer("app.fits.worker", temporary=tmp_path)
 
-    assert LocalEngine(nursery, workers, told).threads(jobs) == threads
+    assert LocalEngine(fork_server, workers, told).threads(jobs) == threads
 
 
 def test_secrets_of_the_server_do_not_reach_the_computing_process(

@@ -11,27 +11,27 @@ from pathlib import Path
 
 import pytest
 
-from app.confine import Limits
 from app.errors import RunRefused
-from app.nursery.client import Nursery
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
 from app.runs.reading import RunReader
 from tests.app.service import HEADER, run_text
 
-LIMITS = Limits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=60.0)
+LIMITS = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=60.0)
 
 
 @pytest.fixture(scope="module")
-def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
+def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Where runs are read."""
-    made = Nursery("app.runs.parser", temporary=tmp_path_factory.mktemp("reader"))
+    made = ForkServer("app.runs.parser", temporary=tmp_path_factory.mktemp("reader"))
     yield made
     made.stop()
 
 
 @pytest.fixture
-def reader(nursery: Nursery) -> RunReader:
+def reader(fork_server: ForkServer) -> RunReader:
     """A reader with the limits of the service."""
-    return RunReader(nursery, LIMITS, 1_000_000)
+    return RunReader(fork_server, LIMITS, 1_000_000)
 
 
 @pytest.fixture
@@ -85,29 +85,29 @@ def test_many_runs_are_read_at_once_and_none_is_mixed_up(reader: RunReader, tmp_
     assert found == {rows: rows for rows in range(60, 72)}
 
 
-def test_reading_beyond_its_memory_is_refused_by_name(nursery: Nursery, run: Path) -> None:
+def test_reading_beyond_its_memory_is_refused_by_name(fork_server: ForkServer, run: Path) -> None:
     """A million rows of 5 numbers are 40 MB; no more is allowed than the loaded libraries fill."""
-    plain = RunReader(nursery, LIMITS, 1_000_000)
+    plain = RunReader(fork_server, LIMITS, 1_000_000)
     assert plain.read(run, "first.csv", None)["rows"] == 60
-    used = int(Path(f"/proc/{nursery.pid}/statm").read_text().split()[0]) * os.sysconf(
+    used = int(Path(f"/proc/{fork_server.pid}/statm").read_text().split()[0]) * os.sysconf(
         "SC_PAGESIZE"
     )
-    limits = Limits(memory_bytes=used, cpu_s=60, wall_s=60.0)
+    limits = ProcessLimits(memory_bytes=used, cpu_s=60, wall_s=60.0)
     big = run.with_name("big")
     rows = (f"{k / 1000},{k % 7},{k % 5},{k % 11},25\n" for k in range(1_000_000))
     big.write_text(f"{HEADER}\n" + "".join(rows))
 
     with pytest.raises(RunRefused, match="GB|reader fail") as caught:
-        RunReader(nursery, limits, 1_000_000).read(big, "big.csv", None)
+        RunReader(fork_server, limits, 1_000_000).read(big, "big.csv", None)
 
     assert caught.value.reason in ("reader_memory", "reader_crash")
     assert plain.read(run, "again.csv", None)["rows"] == 60
 
 
-def test_reader_may_open_few_files_and_write_none(nursery: Nursery, run: Path) -> None:
+def test_reader_may_open_few_files_and_write_none(fork_server: ForkServer, run: Path) -> None:
     """The limits of the process itself, as the kernel tells them while it reads a long run."""
     run.write_bytes(run_text(1, 300_000))
-    task = nursery.fork(
+    task = fork_server.fork(
         {
             "path": str(run),
             "name": "a.csv",
@@ -117,7 +117,7 @@ def test_reader_may_open_few_files_and_write_none(nursery: Nursery, run: Path) -
         }
     )
     try:
-        limits = _limits_of_the_child_of(nursery.pid)
+        limits = _limits_of_the_child_of(fork_server.pid)
     finally:
         task.kill()
 
@@ -146,18 +146,18 @@ def _limits_of_the_child_of(parent: int | None) -> dict[str, str]:
     raise AssertionError("no child was found")
 
 
-def test_reading_beyond_its_time_is_ended(nursery: Nursery, run: Path) -> None:
+def test_reading_beyond_its_time_is_ended(fork_server: ForkServer, run: Path) -> None:
     """Twenty milliseconds for a hundred thousand rows."""
     run.write_bytes(run_text(1, 100_000))
-    limits = Limits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=0.02)
+    limits = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=0.02)
 
     with pytest.raises(RunRefused, match="takes more than") as caught:
-        RunReader(nursery, limits, 1_000_000).read(run, "slow.csv", None)
+        RunReader(fork_server, limits, 1_000_000).read(run, "slow.csv", None)
 
     assert caught.value.reason == "reader_time"
 
 
-def test_more_rows_than_are_taken_are_refused(nursery: Nursery, run: Path) -> None:
+def test_more_rows_than_are_taken_are_refused(fork_server: ForkServer, run: Path) -> None:
     """Sixty samples where fifty are the limit."""
     with pytest.raises(RunRefused, match="50"):
-        RunReader(nursery, LIMITS, max_rows=50).read(run, "a.csv", None)
+        RunReader(fork_server, LIMITS, max_rows=50).read(run, "a.csv", None)

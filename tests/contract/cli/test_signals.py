@@ -126,7 +126,7 @@ def test_batch_whose_fork_server_is_killed_fits_its_motors_again(
     (server,) = [
         found
         for found in marked(mark)
-        if b"app.nursery.process" in Path(f"/proc/{found}/cmdline").read_bytes()
+        if b"app.fork_server.process" in Path(f"/proc/{found}/cmdline").read_bytes()
         and f"PPid:\t{process.pid}\n" in Path(f"/proc/{found}/status").read_text()
     ]
     os.kill(server, number)

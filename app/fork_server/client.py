@@ -1,13 +1,13 @@
 """Client of the fork server: runs tasks in children forked from a preloaded process.
 
-    nursery = Nursery("app.runs.parser", temporary=directory)
-    task = nursery.fork({"path": ...})
+    fork_server = ForkServer("app.runs.parser", temporary=directory)
+    task = fork_server.fork({"path": ...})
     for message in task.messages(): ...          messages of the child, then {"exit": 0}
     task.kill()
 
-See `app.nursery.process` for the other side.  A task is passed as an unnamed temporary file, so it
-may have any size.  The fork server is started on demand, and again after it was killed.  Tasks that
-were running in it are then lost; a lost task ends without an `exit` message.
+See `app.fork_server.process` for the other side.  A task is passed as an unnamed temporary file, so
+it may have any size.  The fork server is started on demand, and again after it was killed.  Tasks
+that were running in it are then lost; a lost task ends without an `exit` message.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from app.confine import child_environment
-from app.nursery.process import FORK, KILL
+from app.fork_server.child import child_environment
+from app.fork_server.process import FORK, KILL
 
-__all__ = ["Nursery", "Task"]
+__all__ = ["ForkServer", "Task"]
 
 _LONGEST_LINE = 2_000_000
 _BLOCK_BYTES = 65536
@@ -36,7 +36,7 @@ _MOST_BLOCKS = 64
 _KILL_S = 10.0
 
 
-class Nursery:
+class ForkServer:
     """Client of one fork server, which forks a child for each task.
 
     Args:
@@ -119,7 +119,7 @@ class Nursery:
         self._socket = ours
         with theirs:
             handle = theirs.fileno()
-            words = ("-P", "-m", "app.nursery.process", str(handle), *self._modules)
+            words = ("-P", "-m", "app.fork_server.process", str(handle), *self._modules)
             self._process = subprocess.Popen(
                 [sys.executable, *words],
                 pass_fds=[handle],
@@ -149,13 +149,13 @@ class Task:
     """A task that was given to the fork server.
 
     Args:
-        nursery: Client of the fork server.
+        fork_server: Client of the fork server.
         token: ID of the task at the fork server.
         incoming: Read end of the message pipe; closed at the end of the task.
     """
 
-    def __init__(self, nursery: Nursery, token: bytes, incoming: int) -> None:
-        self._nursery = nursery
+    def __init__(self, fork_server: ForkServer, token: bytes, incoming: int) -> None:
+        self._fork_server = fork_server
         self._token = token
         self._incoming = incoming
         self._rest = b""
@@ -196,7 +196,7 @@ class Task:
         """Kill the task with all its child processes; return when it has ended."""
         deadline = time.monotonic() + _KILL_S
         if self._is_open:
-            self._nursery.kill(self._token)
+            self._fork_server.kill(self._token)
         while self._is_open and time.monotonic() < deadline:
             self.messages(wait_s=deadline - time.monotonic())
         self._close()

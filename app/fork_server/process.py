@@ -1,4 +1,4 @@
-"""Fork server: `python -m app.nursery.process SOCKET MODULE [MODULE...]`.
+"""Fork server: `python -m app.fork_server.process SOCKET MODULE [MODULE...]`.
 
 Starting an interpreter and importing the numerical libraries costs seconds of CPU time.  The fork
 server does this once, and each task gets a child by fork.  The first MODULE has the function
@@ -34,7 +34,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from app.confine import die_with_parent, prefer_as_victim
+from app.fork_server.child import die_with_parent, prefer_as_victim
 
 __all__ = ["FORK", "KILL", "main"]
 
@@ -56,8 +56,8 @@ class _Child:
     answer: int
 
 
-class _ForkServer:
-    """Forks children and reaps them.
+class _RequestLoop:
+    """Processes requests, forks children and reaps them.
 
     Args:
         requests: Socket to the client.
@@ -201,7 +201,7 @@ def main(handle: int, module: str, *others: str) -> None:
     # collector leaves them alone.
     gc.freeze()
     with socket.socket(fileno=handle) as requests:
-        _ForkServer(requests, work).serve()
+        _RequestLoop(requests, work).serve()
 
 
 def _finish(answer: int, end: bytes) -> None:

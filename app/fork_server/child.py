@@ -1,27 +1,41 @@
-"""Resource limits that a process sets on itself before it handles untrusted input.
+"""Child processes of the fork server: resource limits, messages to the client, and pipelines.
 
-Used by the processes that read uploads and those that compute fits.  A process cannot lift the
-limits again.
+A child that handles untrusted input limits itself first; it cannot lift the limits again.  Each
+message is one JSON object on a line of the pipe.
 """
 
 from __future__ import annotations
 
 import ctypes
+import importlib
+import json
 import os
 import resource
 import signal
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-__all__ = ["Limits", "child_environment", "confine", "die_with_parent", "prefer_as_victim"]
+__all__ = [
+    "Answers",
+    "ProcessLimits",
+    "child_environment",
+    "confine",
+    "die_with_parent",
+    "prefer_as_victim",
+    "pipeline_of",
+]
 
 _PR_SET_PDEATHSIG = 1
+_PROGRESS_INTERVAL_S = 0.2
 _SECRETS = ("MOTORID_DATABASE_URL", "PGPASSWORD")
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProcessLimits:
     """Resource limits of a process.
 
     Args:
@@ -37,7 +51,7 @@ class Limits:
     files: int = 32
 
 
-def confine(limits: Limits) -> None:
+def confine(limits: ProcessLimits) -> None:
     """Limit this process permanently.
 
     The process is killed when its processor or wall-clock time is used up.  Allocations beyond the
@@ -87,7 +101,7 @@ def child_environment(temporary: Path) -> dict[str, str]:
     Args:
         temporary: Directory for temporary files.
     """
-    root = str(Path(__file__).parents[1])
+    root = str(Path(__file__).parents[2])
     kept = {name: value for name, value in os.environ.items() if name not in _SECRETS}
     paths = [root, *filter(None, [kept.get("PYTHONPATH")])]
     return kept | {
@@ -95,3 +109,41 @@ def child_environment(temporary: Path) -> dict[str, str]:
         "TMPDIR": str(temporary),
         **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")},
     }
+
+
+class Answers:
+    """Messages of a task to its client.
+
+    Args:
+        pipe: Write end of the pipe.
+    """
+
+    def __init__(self, pipe: int) -> None:
+        self._pipe = pipe
+        self._stage = ""
+        self._sent = 0.0
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Write a message; if the pipe has no reader any more, exit without an error."""
+        line = json.dumps(message).encode() + b"\n"
+        try:
+            while line:
+                line = line[os.write(self._pipe, line) :]
+        except BrokenPipeError:
+            # The client has ended or abandoned the task; the fork server would kill this child
+            # anyway.
+            os._exit(1)
+
+    def progress(self, stage: str, fraction: float) -> None:
+        """Write the stage and the completed fraction of the task, at most five times a second."""
+        now = time.monotonic()
+        if stage != self._stage or now - self._sent >= _PROGRESS_INTERVAL_S:
+            self._stage, self._sent = stage, now
+            self.send({"progress": {"stage": stage, "fraction": min(max(fraction, 0.0), 1.0)}})
+
+
+def pipeline_of(name: str) -> Callable[..., Any]:
+    """Function that computes a fit, from its name ``module:function``."""
+    module, _, function = name.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    return found

@@ -1,4 +1,4 @@
-"""Tasks in children of a nursery: what they tell, how they end, what is left of them."""
+"""Tasks in children of a fork server: what they tell, how they end, what is left of them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from typing import Any
 
 import pytest
 
-from app.nursery.client import Nursery, Task
+from app.fork_server.client import ForkServer, Task
 
 
 @pytest.fixture(scope="module")
-def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
-    """A nursery of small tasks."""
-    made = Nursery("tests.app.nursery.tasks", temporary=tmp_path_factory.mktemp("nursery"))
+def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
+    """A fork server of small tasks."""
+    made = ForkServer(
+        "tests.app.fork_server.tasks", temporary=tmp_path_factory.mktemp("fork_server")
+    )
     yield made
     made.stop()
 
@@ -63,15 +65,15 @@ def are_gone(pids: list[int]) -> bool:
     ids=["well", "error", "signal", "half a line", "long", "huge task", "junk"],
 )
 def test_task_tells_what_it_has_to_and_how_it_ended(
-    nursery: Nursery, task: dict[str, Any], told: list[dict[str, Any]]
+    fork_server: ForkServer, task: dict[str, Any], told: list[dict[str, Any]]
 ) -> None:
     """The last message is the exit, by the numbers of the system; what is no message is dropped."""
-    assert heard(nursery.fork(task)) == told
+    assert heard(fork_server.fork(task)) == told
 
 
-def test_kill_ends_a_task_with_what_it_started_at_once(nursery: Nursery) -> None:
+def test_kill_ends_a_task_with_what_it_started_at_once(fork_server: ForkServer) -> None:
     """The task wrote down its process and that of its child."""
-    task = nursery.fork({"family": "stays"})
+    task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
 
     began = time.monotonic()
@@ -83,9 +85,9 @@ def test_kill_ends_a_task_with_what_it_started_at_once(nursery: Nursery) -> None
     assert are_gone(pids)
 
 
-def test_what_a_task_started_ends_with_it(nursery: Nursery) -> None:
+def test_what_a_task_started_ends_with_it(fork_server: ForkServer) -> None:
     """The task ends by itself and leaves a child behind."""
-    task = nursery.fork({"family": "is left"})
+    task = fork_server.fork({"family": "is left"})
     pids = first(task)["pids"]
 
     heard(task)
@@ -93,37 +95,37 @@ def test_what_a_task_started_ends_with_it(nursery: Nursery) -> None:
     assert are_gone(pids)
 
 
-def test_many_tasks_are_told_apart(nursery: Nursery) -> None:
+def test_many_tasks_are_told_apart(fork_server: ForkServer) -> None:
     """Thirty at once, each with its own number."""
-    tasks = [nursery.fork({"echo": number}) for number in range(30)]
+    tasks = [fork_server.fork({"echo": number}) for number in range(30)]
 
     assert [heard(task)[0]["echo"] for task in tasks] == list(range(30))
 
 
-def test_end_of_the_nursery_is_told_from_an_end_of_the_task(nursery: Nursery) -> None:
-    """No exit is told; the children are gone, and the next task runs in a new nursery."""
-    task = nursery.fork({"family": "stays"})
+def test_end_of_the_fork_server_is_told_from_an_end_of_the_task(fork_server: ForkServer) -> None:
+    """No exit is told; the children are gone, and the next task runs in a new fork server."""
+    task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
-    assert nursery.pid is not None
+    assert fork_server.pid is not None
 
-    os.kill(nursery.pid, signal.SIGKILL)
+    os.kill(fork_server.pid, signal.SIGKILL)
 
     assert heard(task) == []
     assert are_gone(pids[:1])
     os.kill(pids[1], signal.SIGKILL)
-    assert heard(nursery.fork({"echo": 1}))[0] == {"echo": 1}
+    assert heard(fork_server.fork({"echo": 1}))[0] == {"echo": 1}
 
 
-def test_stopped_nursery_takes_its_children_with_it(tmp_path: Path) -> None:
+def test_stopped_fork_server_takes_its_children_with_it(tmp_path: Path) -> None:
     """Process, child and grandchild; nothing has to be waited for."""
-    nursery = Nursery("tests.app.nursery.tasks", temporary=tmp_path)
-    task = nursery.fork({"family": "stays"})
+    fork_server = ForkServer("tests.app.fork_server.tasks", temporary=tmp_path)
+    task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
-    process = nursery.pid
+    process = fork_server.pid
     assert process is not None
 
     began = time.monotonic()
-    nursery.stop()
+    fork_server.stop()
 
     assert time.monotonic() - began < 5
     assert are_gone([process, *pids])
@@ -131,57 +133,57 @@ def test_stopped_nursery_takes_its_children_with_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("message", [b"F", b"Fabc", b"K", b"Kabc", b"{}", b"\xff" * 300])
-def test_fork_server_survives_any_message(nursery: Nursery, message: bytes) -> None:
+def test_fork_server_survives_any_message(fork_server: ForkServer, message: bytes) -> None:
     """A task that runs meanwhile ends by itself, in the same process, with what it has to tell."""
-    task = nursery.fork({"family": "stays"})
+    task = fork_server.fork({"family": "stays"})
     first(task)
-    process = nursery.pid
-    assert nursery._socket is not None
+    process = fork_server.pid
+    assert fork_server._socket is not None
 
     handle = os.open("/dev/null", os.O_RDONLY)
     for handles in ([], [handle], [handle] * 5):
-        socket.send_fds(nursery._socket, [message], handles)
+        socket.send_fds(fork_server._socket, [message], handles)
     os.close(handle)
 
-    assert heard(nursery.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
-    assert nursery.pid == process
+    assert heard(fork_server.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
+    assert fork_server.pid == process
     assert not task.has_ended
     task.kill()
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\xff" * 1000, b"[" * 100_000, b"3"])
-def test_task_that_cannot_be_read_ends_alone(nursery: Nursery, content: bytes) -> None:
+def test_task_that_cannot_be_read_ends_alone(fork_server: ForkServer, content: bytes) -> None:
     """The child reads the task, so that nothing in it reaches the fork server."""
-    beside = nursery.fork({"family": "stays"})
+    beside = fork_server.fork({"family": "stays"})
     first(beside)
-    process = nursery.pid
+    process = fork_server.pid
     incoming, outgoing = os.pipe()
     task, end = os.pipe()
     os.write(end, content[:60_000])
     os.close(end)
 
-    nursery._send(b"Fbroken", [task, outgoing])
+    fork_server._send(b"Fbroken", [task, outgoing])
     os.close(outgoing)
     os.close(task)
 
-    assert heard(Task(nursery, b"broken", incoming)) == [{"exit": 1}]
-    assert nursery.pid == process
+    assert heard(Task(fork_server, b"broken", incoming)) == [{"exit": 1}]
+    assert fork_server.pid == process
     assert not beside.has_ended
     beside.kill()
 
 
-def test_end_of_a_task_that_nobody_reads_keeps_no_other_waiting(nursery: Nursery) -> None:
+def test_end_of_a_task_that_nobody_reads_keeps_no_other_waiting(fork_server: ForkServer) -> None:
     """Its pipe is full when it ends, so that there is no room for how it ended."""
-    unread = [nursery.fork({"fills": 1}) for _ in range(3)]
+    unread = [fork_server.fork({"fills": 1}) for _ in range(3)]
     time.sleep(0.5)
 
     began = time.monotonic()
-    assert heard(nursery.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
+    assert heard(fork_server.fork({"echo": 1})) == [{"echo": 1}, {"exit": 0}]
     assert time.monotonic() - began < 5
     assert [heard(task) for task in unread] == [[{"exit": 0}]] * 3
 
 
-def test_task_is_heard_where_thousands_of_files_are_open(nursery: Nursery) -> None:
+def test_task_is_heard_where_thousands_of_files_are_open(fork_server: ForkServer) -> None:
     """As in a server with many connections: `select` refuses descriptors from 1024 on."""
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limits[1] < 1200:
@@ -189,7 +191,7 @@ def test_task_is_heard_where_thousands_of_files_are_open(nursery: Nursery) -> No
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], 1200), limits[1]))
     held = [os.open("/dev/null", os.O_RDONLY) for _ in range(1100)]
     try:
-        task = nursery.fork({"echo": 1})
+        task = fork_server.fork({"echo": 1})
         assert heard(task) == [{"echo": 1}, {"exit": 0}]
     finally:
         for handle in held:
