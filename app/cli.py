@@ -3,7 +3,7 @@
     motorid fit run1.csv run2.csv --validation run3.csv --out out/motor
     motorid feedback --result out/motor/result.json --temperature 25 125 --controller PI:2,0.5
 
-The work is done in `app.commands` and `app.serving`, which are imported when a command needs them.
+The work is done in `app.commands`, whose modules are imported when a command needs them.
 So ``motorid --help`` responds immediately and ``motorid fit`` never loads the web framework.
 """
 
@@ -12,55 +12,27 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-import typer.core
 
-from app.arguments import SeveralWords
-from app.exits import Signals, Stopped, failed, prepare_streams, raised_signals
-from app.logging import warnings_logged
-from app.option_types import (
-    ApiKey,
-    AsJson,
-    Controllers,
-    DataDir,
-    Effort,
-    Force,
-    Jobs,
-    Known,
-    MappingFile,
-    MapWords,
-    NoAuth,
-    NoEffects,
-    NoPosterior,
-    OutDir,
-    Plate,
-    Quiet,
-    Runs,
-    Seed,
-    Server,
-    SetAside,
-    Temperatures,
-    TimeLimit,
+from app.commands import options
+from app.commands.arguments import SeveralWords
+from app.commands.exits import (
+    CommandGroup,
+    Signals,
+    Stopped,
+    failed,
+    prepare_streams,
+    raised_signals,
 )
+from app.logging import warnings_logged
 
 __all__ = ["app", "main"]
 
 
-class _Commands(typer.core.TyperGroup):
-    """Command group that leaves interruptions to `main`."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command; click would map Ctrl-C and a closed pipe to its own exit statuses."""
-        try:
-            return super().invoke(ctx)
-        except (KeyboardInterrupt, BrokenPipeError) as error:
-            raise Stopped(error) from error
-
-
 app = typer.Typer(
-    cls=_Commands,
+    cls=CommandGroup,
     help="Identify the parameters of a brushed DC motor from recorded runs, and predict its closed "
     "speed loop at several temperatures.",
     epilog="Exit status: 0 success, 1 the computation failed, 2 the input is invalid, 130 "
@@ -97,44 +69,38 @@ def _without_command(
 
 @app.command(cls=SeveralWords)
 def fit(
-    runs: Runs,
-    out: OutDir,
-    validation: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="RUN...", help="Files of the validation runs, which are not fitted."),
-    ] = None,
-    seed: Seed = 0,
-    no_posterior: NoPosterior = False,
-    no_effects: NoEffects = False,
-    set_aside: SetAside = False,
-    force: Force = False,
-    known: Known = None,
-    nameplate: Plate = None,
-    hold: Annotated[
-        str,
-        typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh."),
-    ] = "auto",
-    effort: Effort = "normal",
-    time_limit: TimeLimit = None,
-    temperature: Temperatures = None,
-    controller: Controllers = None,
-    mapping: MappingFile = None,
-    map: MapWords = None,  # noqa: A002  the option's name
-    json: AsJson = False,
-    quiet: Quiet = False,
+    runs: options.Runs,
+    out: options.OutDir,
+    validation: options.Validation = None,
+    seed: options.Seed = 0,
+    no_posterior: options.NoPosterior = False,
+    no_effects: options.NoEffects = False,
+    set_aside: options.SetAside = False,
+    force: options.Force = False,
+    known: options.Known = None,
+    nameplate: options.Plate = None,
+    hold: options.Hold = "auto",
+    effort: options.Effort = "normal",
+    time_limit: options.TimeLimit = None,
+    temperature: options.Temperatures = None,
+    controller: options.Controllers = None,
+    mapping: options.MappingFile = None,
+    map: options.MapWords = None,  # noqa: A002  the option's name
+    json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Identify a motor: write DIR/result.json, DIR/report.html and DIR/posterior.nc.
 
     List the runs in recording order.  All words after --validation up to the next option are
     validation runs, so put the training runs before it or after another option.
     """
-    from app import commands
+    from app.commands import motor
 
-    commands.fit(
+    motor.fit(
         runs,
         validation or [],
         out,
-        commands.fit_options(
+        motor.fit_options(
             seed=seed,
             no_posterior=no_posterior,
             no_effects=no_effects,
@@ -148,8 +114,8 @@ def fit(
             known=known,
             nameplate=nameplate,
         ),
-        mapping=commands.mapping_of(mapping, map or []),
-        show=commands.Show(as_json=json, quiet=quiet),
+        mapping=motor.mapping_of(mapping, map or []),
+        show=motor.Show(as_json=json, quiet=quiet),
     )
 
 
@@ -161,49 +127,38 @@ def predict(
     declared: Annotated[
         bool, typer.Option("--declared", help="Simulate the nominal model, not the final one.")
     ] = False,
-    mapping: MappingFile = None,
-    map: MapWords = None,  # noqa: A002  the option's name
+    mapping: options.MappingFile = None,
+    map: options.MapWords = None,  # noqa: A002  the option's name
 ) -> None:
     """Simulate the sensor readings of a run from its voltage and temperature.
 
     Writes columns time_s,current_A,speed_rad_s with one row per sample.  The measured current and
     speed are used for the initial state only.
     """
-    from app import commands
+    from app.commands import motor
 
-    commands.predict(result, run, out, declared, commands.mapping_of(mapping, map or []))
+    motor.predict(result, run, out, declared, motor.mapping_of(mapping, map or []))
 
 
 @app.command(cls=SeveralWords)
 def feedback(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
-    result: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RESULT",
-            help="result.json of a fit; posterior.nc in the same directory is used if present.",
-        ),
-    ] = None,
-    set: Annotated[  # noqa: A002  the option's name
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE...", help="Parameter values in SI units, instead of a result."
-        ),
-    ] = None,
-    temperature: Temperatures = None,
-    controller: Controllers = None,
-    json: AsJson = False,
-    quiet: Quiet = False,
+    result: options.Result = None,
+    set: options.Parameters = None,  # noqa: A002  the option's name
+    temperature: options.Temperatures = None,
+    controller: options.Controllers = None,
+    json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Compute step response metrics and stability margins of the speed loop at each temperature."""
-    from app import commands
+    from app.commands import motor
 
-    commands.feedback(
-        commands.motor_of(result, set or []),
+    motor.feedback(
+        motor.motor_of(result, set or []),
         temperature or [25.0, 125.0],
         controller or ["P:1"],
         out,
-        show=commands.Show(as_json=json, quiet=quiet),
+        show=motor.Show(as_json=json, quiet=quiet),
     )
 
 
@@ -212,21 +167,21 @@ def batch(
     manifest: Annotated[
         Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML file: motors, runs, options.")
     ],
-    out: OutDir,
-    jobs: Jobs = None,
-    server: Server = None,
-    key: ApiKey = None,
-    seed: Seed = 0,
-    no_posterior: NoPosterior = False,
-    no_effects: NoEffects = False,
-    effort: Effort = "normal",
-    time_limit: TimeLimit = None,
-    set_aside: SetAside = False,
-    force: Force = False,
-    known: Known = None,
-    nameplate: Plate = None,
-    json: AsJson = False,
-    quiet: Quiet = False,
+    out: options.OutDir,
+    jobs: options.Jobs = None,
+    server: options.Server = None,
+    key: options.ApiKey = None,
+    seed: options.Seed = 0,
+    no_posterior: options.NoPosterior = False,
+    no_effects: options.NoEffects = False,
+    effort: options.Effort = "normal",
+    time_limit: options.TimeLimit = None,
+    set_aside: options.SetAside = False,
+    force: options.Force = False,
+    known: options.Known = None,
+    nameplate: options.Plate = None,
+    json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Fit many motors: write DIR/MOTOR/ for each, DIR/results.csv and DIR/fleet.html for all.
 
@@ -234,14 +189,14 @@ def batch(
     given here are defaults that the manifest overrides.  A motor whose result is up to date is not
     fitted again, and a motor that fails does not stop the others.
     """
-    from app import commands
-    from app.batch.command import run_batch
+    from app.commands import motor
+    from app.commands.batch.command import run_batch
     from identification.threads import cores
 
     run_batch(
         manifest,
         out,
-        commands.fit_options(
+        motor.fit_options(
             seed=seed,
             no_posterior=no_posterior,
             no_effects=no_effects,
@@ -255,7 +210,7 @@ def batch(
         at_once=jobs or cores(),
         server=server,
         key=key,
-        show=commands.Show(as_json=json, quiet=quiet),
+        show=motor.Show(as_json=json, quiet=quiet),
     )
 
 
@@ -269,44 +224,39 @@ def demo(
         Path | None,
         typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]"),
     ] = None,
-    seed: Seed = 0,
-    no_posterior: NoPosterior = False,
-    effort: Effort = "normal",
-    time_limit: TimeLimit = None,
-    json: AsJson = False,
-    quiet: Quiet = False,
+    seed: options.Seed = 0,
+    no_posterior: options.NoPosterior = False,
+    effort: options.Effort = "normal",
+    time_limit: options.TimeLimit = None,
+    json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Identify a motor from the runs of a campaign in data/."""
-    from app import commands
+    from app.commands import motor
 
-    training, validation = commands.campaign_runs(campaign, data)
-    commands.fit(
+    training, validation = motor.campaign_runs(campaign, data)
+    motor.fit(
         training,
         validation,
         out or Path("out") / campaign,
-        commands.fit_options(
+        motor.fit_options(
             seed=seed, no_posterior=no_posterior, effort=effort, time_limit=time_limit
         ),
-        show=commands.Show(as_json=json, quiet=quiet),
+        show=motor.Show(as_json=json, quiet=quiet),
     )
 
 
 @app.command()
 def serve(
-    host: Annotated[
-        str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")
-    ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]"),
-    ] = None,
-    data_dir: DataDir = None,
-    no_auth: NoAuth = False,
+    host: options.Host = None,
+    port: options.Port = None,
+    data_dir: options.DataDir = None,
+    no_auth: options.NoAuth = False,
 ) -> None:
     """Run the HTTP service.  MOTORID_ environment variables supply all other settings."""
-    from app import serving
+    from app.commands import administration
 
-    serving.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
+    administration.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
 
 
 @app.command()
@@ -317,12 +267,12 @@ def backup(
             metavar="BACKUP", help="New directory, or new file with a name that ends with .tar."
         ),
     ],
-    data_dir: DataDir = None,
+    data_dir: options.DataDir = None,
 ) -> None:
     """Back up the service's database, runs and results, even while the service runs."""
-    from app import serving
+    from app.commands import administration
 
-    serving.back_up(archive, data_dir)
+    administration.back_up(archive, data_dir)
 
 
 @app.command()
@@ -330,12 +280,12 @@ def restore(
     archive: Annotated[
         Path, typer.Argument(metavar="BACKUP", help="Backup made by 'motorid backup'.")
     ],
-    data_dir: DataDir = None,
+    data_dir: options.DataDir = None,
 ) -> None:
     """Create a data directory from a backup after checking every file; nothing is overwritten."""
-    from app import serving
+    from app.commands import administration
 
-    serving.restore(archive, data_dir)
+    administration.restore(archive, data_dir)
 
 
 @keys.command("create")
@@ -347,31 +297,31 @@ def create_key(
     days: Annotated[
         float | None, typer.Option(help="Lifetime in days.  [default: unlimited]")
     ] = None,
-    data_dir: DataDir = None,
+    data_dir: options.DataDir = None,
 ) -> None:
     """Create an API key.  It is printed once and cannot be shown again."""
-    from app import serving
+    from app.commands import administration
 
-    serving.create_key(name, workspace, days, data_dir)
+    administration.create_key(name, workspace, days, data_dir)
 
 
 @keys.command("list")
-def list_keys(data_dir: DataDir = None) -> None:
+def list_keys(data_dir: options.DataDir = None) -> None:
     """List all keys with workspace, expiry and last use, but not their secrets."""
-    from app import serving
+    from app.commands import administration
 
-    serving.list_keys(data_dir)
+    administration.list_keys(data_dir)
 
 
 @keys.command("revoke")
 def revoke_key(
     key: Annotated[str, typer.Argument(help="Id of the key, from 'motorid keys list'.")],
-    data_dir: DataDir = None,
+    data_dir: options.DataDir = None,
 ) -> None:
     """Revoke a key and end its sessions."""
-    from app import serving
+    from app.commands import administration
 
-    serving.revoke_key(key, data_dir)
+    administration.revoke_key(key, data_dir)
 
 
 def main(words: Sequence[str] | None = None) -> int:

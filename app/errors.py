@@ -29,7 +29,7 @@
         ├── FileLost           stored file missing or damaged
         └── DatabaseDamaged    database file damaged
 
-The messages are defined here, the HTTP statuses in `app.problems`.
+The messages are defined here, the HTTP statuses in `app.http.problems`.
 """
 
 from __future__ import annotations

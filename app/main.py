@@ -15,22 +15,21 @@ from anyio import to_thread
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from app.access.gate import Gate
-from app.access.rate import RateLimit
 from app.batches.endpoints import router as batches
-from app.connections import BodyDeadline, CrowdCheck
-from app.files import PageFiles
+from app.composition import Services
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
-from app.middleware import HostCheck, RequestLog, SizeCheck
+from app.http import API_PREFIX, STATIC_PREFIX
+from app.http.connections import BodyDeadline, CrowdCheck
+from app.http.files import PageFiles
+from app.http.gate import Gate
+from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, WellFormed
+from app.http.problems import add_problem_handlers
+from app.http.rate import RateLimit
 from app.pages.endpoints import STATIC_FILES
 from app.pages.endpoints import router as pages
-from app.paths import API_PREFIX, STATIC_PREFIX
-from app.problems import add_problem_handlers
 from app.runs.endpoints import router as runs
-from app.services import Services
 from app.settings import Settings, load_settings
-from app.wellformed import HeadCheck, WellFormed
 
 __all__ = ["create_app"]
 

@@ -14,11 +14,11 @@ from types import FrameType
 
 import uvicorn
 
-from app.connections import accepted_at_once, connection_class
+from app.composition import Services
 from app.environment import unknown_variables
+from app.http.connections import accepted_at_once, connection_class
 from app.logging import configure_logging
 from app.main import create_app
-from app.services import Services
 from app.settings import Settings
 
 __all__ = ["serve"]

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from app.arguments import mapping_of
+from app.commands.arguments import mapping_of
 from bench import EFFECTS, EffectRequest, Noise, make_campaign
 from benchmarks.attribution import plan
 from benchmarks.coverage import run_of

@@ -32,7 +32,8 @@ from typing import Any
 
 import jsonschema
 
-from app.commands import Show, feedback, motor_of, read_result
+from app.commands.files import read_result
+from app.commands.motor import Show, feedback, motor_of
 from benchmarks.absurd_runs import Case, drawn
 from identification import identify, predict
 from identification.errors import IdentificationError

@@ -9,11 +9,11 @@ from fastapi.responses import HTMLResponse
 
 from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
-from app.dependencies import CallerDep, JsonBody, ServicesDep
+from app.composition import Services
 from app.errors import NotAcceptable
-from app.headers import FLEET_POLICY
-from app.problems import responses
-from app.services import Services
+from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.headers import FLEET_POLICY
+from app.http.problems import responses
 
 __all__ = ["router"]
 

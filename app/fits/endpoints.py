@@ -8,12 +8,12 @@ from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
-from app.dependencies import CallerDep, JsonBody, ServicesDep
-from app.files import OpenFileResponse
 from app.fits.events import EventStream, has_heard_the_end, last_version
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
-from app.headers import REPORT_POLICY
-from app.problems import responses
+from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.files import OpenFileResponse
+from app.http.headers import REPORT_POLICY
+from app.http.problems import responses
 
 __all__ = ["router"]
 

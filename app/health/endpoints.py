@@ -7,7 +7,7 @@ from typing import Literal
 from fastapi import APIRouter, Response
 from pydantic import BaseModel
 
-from app.dependencies import ServicesDep
+from app.http.dependencies import ServicesDep
 from app.metrics import MEDIA_TYPE
 
 __all__ = ["router"]

@@ -9,13 +9,13 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from app.access.gate import COOKIE, session_of
 from app.batches.schemas import BatchSummary
-from app.dependencies import CallerDep, ServicesDep
 from app.errors import BadKey, NotFound
 from app.fits.schemas import FitOut, FitSummary
+from app.http import API_PREFIX, LOGIN_PATH
+from app.http.dependencies import CallerDep, ServicesDep
+from app.http.gate import COOKIE, session_of
 from app.pages.views import batch_view, fit_view, outcome_view, run_view
-from app.paths import API_PREFIX, LOGIN_PATH
 from app.runs.schemas import RunOut
 
 __all__ = ["STATIC_FILES", "router"]

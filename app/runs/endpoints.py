@@ -10,9 +10,9 @@ import anyio
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
-from app.dependencies import CallerDep, ServicesDep
 from app.errors import BodyTooSlow
-from app.problems import responses
+from app.http.dependencies import CallerDep, ServicesDep
+from app.http.problems import responses
 from app.runs.schemas import UPLOAD_BODY, RunList, RunOut
 from app.runs.upload import Upload, UploadForm, boundary_of
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from app.access.gate import PUBLIC_PATHS
 from app.access.service import AccessService
 from app.database import Database
-from app.paths import STATIC_PREFIX
+from app.http import STATIC_PREFIX
+from app.http.gate import PUBLIC_PATHS
 
 PLACE = re.compile(r"\{(\w+)\}")
 

@@ -128,7 +128,7 @@ def test_motors_of_more_runs_than_a_batch_may_name_become_several_batches(
     caller: Caller, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Three motors of two runs each, where a batch takes five: two batches, and all are fitted."""
-    monkeypatch.setattr("app.batch.remote.MOST_RUNS", 5)
+    monkeypatch.setattr("app.commands.batch.remote.MOST_RUNS", 5)
     path = manifest(tmp_path / "bench", one=QUICK, two=QUICK, three=QUICK)
 
     assert batch(path, tmp_path / "out", caller) == 0
@@ -204,7 +204,7 @@ def test_wrong_key_and_absent_service_are_one_line(
 
     assert main([*words, "--server", server.url]) == 2
     assert "motorid: --key: " in capsys.readouterr().err
-    monkeypatch.setattr("app.batch.command._FIRST_PATIENCE_S", 0.5)
+    monkeypatch.setattr("app.commands.batch.command._FIRST_PATIENCE_S", 0.5)
     assert main([*words, "--server", "http://127.0.0.1:9"]) == 1
     assert "127.0.0.1:9 does not answer" in capsys.readouterr().err
     assert main([*words, "--server", "localhost:8000"]) == 2

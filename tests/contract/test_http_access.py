@@ -10,9 +10,9 @@ from typing import Any
 import httpx
 import pytest
 
-from app.access.gate import PUBLIC_PATHS
 from app.access.service import AccessService
 from app.database import Database
+from app.http.gate import PUBLIC_PATHS
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, make_key, run_text
 

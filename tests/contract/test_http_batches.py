@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from app.headers import FLEET_POLICY
+from app.http.headers import FLEET_POLICY
 from tests.app.pretended import NO_SOLUTION, QUICK, SLOW
 from tests.app.service import Caller, run_text
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from app.arguments import mapping_of
+from app.commands.arguments import mapping_of
 from identification.errors import InputError
 from identification.ingest import read_mapping, read_run
 from identification.ingest.cells import expected_instead, is_clock, is_number, split_cells

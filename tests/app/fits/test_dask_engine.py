@@ -157,7 +157,7 @@ def test_engine_without_a_scheduler_has_no_capacity_and_can_be_closed(tmp_path: 
 
 def test_cluster_is_not_imported_where_one_machine_computes() -> None:
     """Its import takes a second of each start; a fresh interpreter is asked."""
-    words = "import sys, app.services, app.server; print('distributed' in sys.modules)"
+    words = "import sys, app.composition, app.server; print('distributed' in sys.modules)"
 
     told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
 

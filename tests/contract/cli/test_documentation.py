@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 import typer
 
-from app.arguments import SeveralWords
 from app.cli import app
-from app.exits import EXIT_STATUS
+from app.commands.arguments import SeveralWords
+from app.commands.exits import EXIT_STATUS
 
 PAGE = Path(__file__).parents[3] / "docs" / "cli.md"
 HELP = re.compile(r"```text\nUsage: (motorid[a-z ]*?) (?:\[|COMMAND|\{).*?```\n", re.DOTALL)

@@ -14,9 +14,9 @@ from typing import NoReturn
 
 import pytest
 
-from app import commands
 from app.cli import main
-from app.exits import EXIT_STATUS
+from app.commands import motor
+from app.commands.exits import EXIT_STATUS
 from identification.errors import ComputationError
 
 ROOT = Path(__file__).parents[3]
@@ -198,7 +198,7 @@ def test_failure_of_the_work_is_one_line_and_its_status(
 ) -> None:
     """Errors raised in place of the work; a defect of the program shows no traceback either."""
     monkeypatch.delenv("MOTORID_TRACEBACK", raising=False)
-    monkeypatch.setattr(commands, "feedback", failing_with(error))
+    monkeypatch.setattr(motor, "feedback", failing_with(error))
 
     assert main(["feedback", *MOTOR]) == status
 
@@ -213,7 +213,7 @@ def test_traceback_is_shown_where_it_is_asked_for(
 ) -> None:
     """MOTORID_TRACEBACK=1 is for those who mend the program."""
     monkeypatch.setenv("MOTORID_TRACEBACK", "1")
-    monkeypatch.setattr(commands, "feedback", failing_with(ZeroDivisionError()))
+    monkeypatch.setattr(motor, "feedback", failing_with(ZeroDivisionError()))
 
     assert main(["feedback", *MOTOR]) == 1
     assert "Traceback (most recent call last)" in capsys.readouterr().err

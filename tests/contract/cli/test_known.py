@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from app.batch.manifest import read_manifest
-from app.batch.record import record_of
 from app.cli import main
-from app.commands import fit_options
+from app.commands.batch.manifest import read_manifest
+from app.commands.batch.record import record_of
+from app.commands.motor import fit_options
 from app.fits.schemas import FitCreate
 from identification.errors import InputError, OptionError
 from identification.options import FitOptions

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from app.console import progress_bar
+from app.commands.console import progress_bar
 
 ROOT = Path(__file__).parents[3]
 HEAVY = ("numpy", "scipy", "casadi", "pandas", "emcee", "rich", "fastapi", "sqlalchemy")
@@ -93,7 +93,7 @@ def test_no_progress_is_shown_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> N
 def test_progress_is_shown_on_a_terminal_unless_quiet(quiet: bool, is_shown: bool) -> None:
     """A pseudo-terminal as standard error; the stage's words appear on it."""
     program = (
-        "import time\nfrom app.console import progress_bar\n"
+        "import time\nfrom app.commands.console import progress_bar\n"
         f"with progress_bar({quiet}) as progress:\n    progress('posterior', 0.5)\n"
         "    time.sleep(0.5)\n"
     )

@@ -72,9 +72,9 @@ def test_a_warning_of_python_is_nothing_for_a_user(tmp_path: Path) -> None:
     """A fresh interpreter, since tests make errors of warnings: numpy overflows in a command."""
     program = """
 import numpy
-import app.commands
+import app.commands.motor
 from app.cli import main
-app.commands.fit = lambda *words, **more: numpy.float64(1e300) * numpy.float64(1e300)
+app.commands.motor.fit = lambda *words, **more: numpy.float64(1e300) * numpy.float64(1e300)
 assert main(["fit", "run.csv", "--out", "out"]) == 0
 numpy.float64(1e300) * numpy.float64(1e299)
 """

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.access.rate import Bucket
+from app.http.rate import Bucket
 
 
 def test_burst_is_let_through_and_the_next_call_waits() -> None:

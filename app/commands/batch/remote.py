@@ -18,9 +18,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from app.batch.local import Job
-from app.batch.record import finish, make_way, previous_refit, remember
 from app.batches.limits import MOST_MOTORS, MOST_RUNS
+from app.commands.batch.local import MotorJob
+from app.commands.batch.record import finish, make_way, previous_refit, remember
 from identification.errors import ComputationError, InputError
 from identification.report.atomic import write_text
 from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused, Run
@@ -66,8 +66,8 @@ def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterat
 
 
 def fit_all_at(
-    service: Client, out: Path, name: str, jobs: Sequence[Job], tell: Tell
-) -> Iterator[tuple[Job, str]]:
+    service: Client, out: Path, name: str, jobs: Sequence[MotorJob], tell: Tell
+) -> Iterator[tuple[MotorJob, str]]:
     """Fit motors on a service; yield each job with its error message, or "" on success.
 
     Args:
@@ -86,7 +86,7 @@ def fit_all_at(
     while left:
         state = _state(out, service.url, left)
         if state is None:
-            fresh: list[tuple[Job, dict[str, Any]]] = []
+            fresh: list[tuple[MotorJob, dict[str, Any]]] = []
             while left and _has_place(fresh, left[0], most):
                 job = left.pop(0)
                 entry, reason = sent.pop(job.motor.name, None), ""
@@ -117,7 +117,7 @@ def fit_all_at(
         (out / _STATE).unlink(missing_ok=True)
 
 
-def _has_place(fresh: Sequence[tuple[Job, object]], job: Job, most: int) -> bool:
+def _has_place(fresh: Sequence[tuple[MotorJob, object]], job: MotorJob, most: int) -> bool:
     """Whether one more motor fits into a batch; the first one always does."""
     motors = [job.motor, *(one.motor for one, _ in fresh)]
     runs = sum(len(motor.training) + len(motor.validation) for motor in motors)
@@ -138,8 +138,8 @@ def _begun(service: Client, state: Mapping[str, Any]) -> Batch | str | None:
 
 
 def _followed(
-    service: Client, batch: Batch, jobs: Sequence[Job], tell: Tell
-) -> Iterator[tuple[Job, str]]:
+    service: Client, batch: Batch, jobs: Sequence[MotorJob], tell: Tell
+) -> Iterator[tuple[MotorJob, str]]:
     """Poll a batch and yield each job when its fit has ended."""
     waiting = {job.motor.name: job for job in jobs}
     pause = _FIRST_LOOK_S
@@ -164,7 +164,7 @@ def _followed(
             return
 
 
-def _ended(batch: Batch, waiting: Mapping[str, Job], tell: Tell) -> list[Mapping[str, Any]]:
+def _ended(batch: Batch, waiting: Mapping[str, MotorJob], tell: Tell) -> list[Mapping[str, Any]]:
     ended = []
     for fit in batch.fits:
         if fit["motor"] not in waiting:
@@ -176,7 +176,7 @@ def _ended(batch: Batch, waiting: Mapping[str, Job], tell: Tell) -> list[Mapping
     return ended
 
 
-def _taken(service: Client, job: Job, fit: Mapping[str, Any]) -> str:
+def _taken(service: Client, job: MotorJob, fit: Mapping[str, Any]) -> str:
     """Write the result of an ended fit; return the error message, or "" on success."""
     if fit["status"] != "succeeded":
         error = fit.get("error") or {}
@@ -190,7 +190,7 @@ def _taken(service: Client, job: Job, fit: Mapping[str, Any]) -> str:
     return ""
 
 
-def _remember_earlier(service: Client, job: Job, fit: Mapping[str, Any]) -> None:
+def _remember_earlier(service: Client, job: MotorJob, fit: Mapping[str, Any]) -> None:
     """Copy the previous result of a motor from the service if the local history is empty."""
     if previous_refit(job.motor.name, job.out) is not None:
         return
@@ -203,7 +203,7 @@ def _remember_earlier(service: Client, job: Job, fit: Mapping[str, Any]) -> None
             return
 
 
-def _uploaded(service: Client, job: Job, tell: Tell) -> tuple[dict[str, Any] | None, str]:
+def _uploaded(service: Client, job: MotorJob, tell: Tell) -> tuple[dict[str, Any] | None, str]:
     """Upload the runs of a motor; return its request entry, or None and the error message."""
     motor = job.motor
     tell(motor.name, "upload", 0.0)
@@ -223,7 +223,7 @@ def _uploaded(service: Client, job: Job, tell: Tell) -> tuple[dict[str, Any] | N
 
 
 def _new_state(
-    out: Path, url: str, name: str, motors: Sequence[tuple[Job, dict[str, Any]]]
+    out: Path, url: str, name: str, motors: Sequence[tuple[MotorJob, dict[str, Any]]]
 ) -> dict[str, Any]:
     state = {
         "url": url,
@@ -236,7 +236,7 @@ def _new_state(
     return state
 
 
-def _state(out: Path, url: str, jobs: Sequence[Job]) -> dict[str, Any] | None:
+def _state(out: Path, url: str, jobs: Sequence[MotorJob]) -> dict[str, Any] | None:
     """Request of an earlier command in this directory, if it contains one of these jobs."""
     try:
         state = json.loads((out / _STATE).read_text(encoding="utf-8"))
@@ -247,7 +247,7 @@ def _state(out: Path, url: str, jobs: Sequence[Job]) -> dict[str, Any] | None:
     return state if any(_is_in(state, job) for job in jobs) else None
 
 
-def _is_in(state: Mapping[str, Any], job: Job) -> bool:
+def _is_in(state: Mapping[str, Any], job: MotorJob) -> bool:
     return bool(state["records"].get(job.motor.name) == _hash(job.record))
 
 

@@ -21,8 +21,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.access.service import DEFAULT_WORKSPACE, AccessService, Caller
 from app.errors import BadKey, CrossSite
-from app.paths import HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
-from app.problems import database_error, problem_of
+from app.http import HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
+from app.http.problems import database_error, problem_of
 
 __all__ = ["COOKIE", "PUBLIC_PATHS", "Gate", "session_of"]
 

@@ -3,8 +3,11 @@
     request -> RequestLog -> CrowdCheck -> WellFormed -> HostCheck -> Gate -> RateLimit -> SizeCheck
             -> BodyDeadline -> HeadCheck -> endpoint
 
-`Gate` and `RateLimit` are in `app.access`, `CrowdCheck` and `BodyDeadline` in `app.connections`,
-`WellFormed` and `HeadCheck` in `app.wellformed`.
+`Gate` is in `app.http.gate`, `RateLimit` in `app.http.rate`, `CrowdCheck` and `BodyDeadline` in
+`app.http.connections`.
+
+A request with both ``Content-Length`` and ``Transfer-Encoding`` can smuggle a second request past a
+proxy that evaluates the other header (RFC 9112, section 6.3).
 
 These are plain ASGI layers that forward each message as it arrives, so that event streams and large
 files are not buffered.
@@ -17,18 +20,20 @@ import re
 import secrets
 import time
 from collections.abc import Mapping
+from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import BadRequest, BodyTooLarge, WrongMediaType
-from app.headers import SECURITY_HEADERS, STATIC_CACHE
+from app.errors import BadRequest, BodyTooLarge, FieldRefused, WrongMediaType
+from app.http import API_PREFIX, HEALTH_PATHS, STATIC_PREFIX
+from app.http.headers import SECURITY_HEADERS, STATIC_CACHE
+from app.http.problems import problem_of
 from app.logging import request_id
 from app.metrics import Metrics
-from app.paths import API_PREFIX, HEALTH_PATHS, STATIC_PREFIX
-from app.problems import problem_of
+from app.texts import check_text
 
-__all__ = ["HostCheck", "RequestLog", "SizeCheck"]
+__all__ = ["HeadCheck", "HostCheck", "RequestLog", "SizeCheck", "WellFormed"]
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
 _log = logging.getLogger("app.requests")
@@ -173,3 +178,73 @@ def _without_port(host: str) -> str:
     # An IPv6 address with a port is in brackets.
     has_port = colon and port.isdigit() and (":" not in name or name.endswith("]"))
     return name if has_port else host.lower()
+
+
+class WellFormed:
+    """Middleware that rejects two body lengths, and invalid characters in query or headers.
+
+    Args:
+        app: Inner ASGI application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forward a request if it is well formed."""
+        if scope["type"] == "http":
+            try:
+                _check(scope)
+            except (BadRequest, FieldRefused) as error:
+                problem = problem_of(error)
+                if isinstance(error, BadRequest):
+                    # The message boundary is ambiguous, so the connection cannot be reused.
+                    problem.headers["Connection"] = "close"
+                await problem(scope, receive, send)
+                return
+        await self.app(scope, receive, send)
+
+
+class HeadCheck:
+    """Middleware that answers HEAD like GET, without a body.
+
+    The response ends after its headers, so that an event stream is not followed.
+
+    Args:
+        app: Inner ASGI application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forward a request; HEAD becomes GET."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self.app(scope, receive, send)
+            return
+
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                await send(message)
+                await send({"type": "http.response.body", "body": b"", "more_body": False})
+
+        as_get = {**scope, "method": "GET"}
+        try:
+            await self.app(as_get, receive, answer)
+        finally:
+            # The log and the metrics use the route.
+            if "route" in as_get:
+                scope["route"] = as_get["route"]
+
+
+def _check(scope: Scope) -> None:
+    headers = Headers(scope=scope)
+    if "content-length" in headers and "transfer-encoding" in headers:
+        raise BadRequest("Content-Length and Transfer-Encoding contradict each other; send one")
+    for name, value in headers.items():
+        if any(letter < " " and letter != "\t" or letter == "\x7f" for letter in value):
+            raise FieldRefused(f"{name}: expected no control characters", name)
+    query = scope["query_string"].decode("latin-1")
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        check_text("query", name)
+        check_text(f"query.{name}", value)

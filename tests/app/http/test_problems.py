@@ -8,7 +8,7 @@ import json
 import pytest
 
 from app import errors
-from app.problems import MEDIA_TYPE, STATUS, problem_of
+from app.http.problems import MEDIA_TYPE, STATUS, problem_of
 from identification import errors as library
 from identification.errors import InputError, NotANumber, OptionError
 

@@ -17,12 +17,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from app import console
-from app.batch.local import Job, fit_all
-from app.batch.manifest import Motor, read_manifest
-from app.batch.record import kept_result, previous_refit, record_of
-from app.commands import Show
-from app.outputs import writable_directory
+from app.commands import console
+from app.commands.batch.local import MotorJob, fit_all
+from app.commands.batch.manifest import Motor, read_manifest
+from app.commands.batch.record import kept_result, previous_refit, record_of
+from app.commands.files import writable_directory
+from app.commands.motor import Show
 from identification.errors import ComputationError, InputError, OptionError
 from identification.fleet.refit import Refit, compared_with, refit_of
 from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
@@ -72,7 +72,7 @@ def run_batch(
             if server is None:
                 batch.take(fit_all(jobs, at_once, tell), tell)
             else:
-                from app.batch.remote import fit_all_at, reached
+                from app.commands.batch.remote import fit_all_at, reached
 
                 with reached(server, key, _FIRST_PATIENCE_S, _PATIENCE_S) as service:
                     batch.take(fit_all_at(service, out, manifest.name, jobs, tell), tell)
@@ -111,14 +111,14 @@ class _Batch:
         names = (motor.name for motor in self._motors)
         return [self._found[name] for name in names if name in self._found]
 
-    def begin(self) -> list[Job]:
+    def begin(self) -> list[MotorJob]:
         """Return the jobs that are still to be fitted; results that are up to date are kept."""
         for rest in (*self._out.glob(".results.*.part"), *self._out.glob(".fleet.html.*.part")):
             rest.unlink(missing_ok=True)
         jobs = []
         for motor in self._motors:
             try:
-                job = Job(motor, record_of(motor), self._out / motor.name)
+                job = MotorJob(motor, record_of(motor), self._out / motor.name)
             except InputError as error:
                 self._failed(motor.name, str(error))
                 continue
@@ -126,7 +126,7 @@ class _Batch:
                 jobs.append(job)
         return jobs
 
-    def take(self, ended: Iterator[tuple[Job, str]], tell: _Teller) -> None:
+    def take(self, ended: Iterator[tuple[MotorJob, str]], tell: _Teller) -> None:
         """Record the outcome of each fit, and rewrite the table at intervals."""
         for job, reason in ended:
             if reason:
@@ -158,7 +158,7 @@ class _Batch:
             neighbour.write_bytes(content)
         return ""
 
-    def _read(self, job: Job, status: str) -> bool:
+    def _read(self, job: MotorJob, status: str) -> bool:
         """Load the stored result of a job if it is up to date; return whether it is."""
         found = kept_result(job.out, job.record)
         if found is None:

@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from app.batch.manifest import Motor
+from app.commands.batch.manifest import Motor
 from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
-__all__ = ["Job", "fit_all"]
+__all__ = ["MotorJob", "fit_all"]
 
 _WAIT_S = 0.02
 _MOST_LOSSES = 3
@@ -22,7 +22,7 @@ _PIPELINE = "identification.pipeline:identify"
 
 
 @dataclass(frozen=True)
-class Job:
+class MotorJob:
     """A motor to be fitted.
 
     Args:
@@ -37,8 +37,8 @@ class Job:
 
 
 def fit_all(
-    jobs: Sequence[Job], at_once: int, tell: Callable[[str, str, float], None]
-) -> Iterator[tuple[Job, str]]:
+    jobs: Sequence[MotorJob], at_once: int, tell: Callable[[str, str, float], None]
+) -> Iterator[tuple[MotorJob, str]]:
     """Fit motors on this machine; yield each job with its error message, or "" on success.
 
     Args:
@@ -52,7 +52,9 @@ def fit_all(
     at_once = min(at_once, len(jobs))
     threads = max(1, cores() // at_once)
     fork_server = ForkServer(
-        "app.batch.worker", pipeline.partition(":")[0], temporary=Path(tempfile.gettempdir())
+        "app.commands.batch.worker",
+        pipeline.partition(":")[0],
+        temporary=Path(tempfile.gettempdir()),
     )
     waiting = list(reversed(jobs))
     losses: Counter[str] = Counter()
@@ -79,7 +81,7 @@ def fit_all(
 class _Running:
     """A fit in progress."""
 
-    def __init__(self, job: Job, task: Task) -> None:
+    def __init__(self, job: MotorJob, task: Task) -> None:
         self.job = job
         self.reason = ""
         self.is_lost = False
@@ -111,7 +113,7 @@ def _end_in_words(status: object) -> str:
     )
 
 
-def _task(job: Job, pipeline: str, threads: int) -> dict[str, Any]:
+def _task(job: MotorJob, pipeline: str, threads: int) -> dict[str, Any]:
     motor = job.motor
     return {
         "out": str(job.out.absolute()),

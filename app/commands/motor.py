@@ -12,16 +12,15 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app import console
-from app.arguments import check_mapped_files, mapping_of, values_by_name
-from app.outputs import writable_directory, writable_file
-from app.regular import open_regular
-from identification.errors import InputError, OptionError, UnreadableFile
+from app.commands import console
+from app.commands.arguments import check_mapped_files, mapping_of, values_by_name
+from app.commands.files import draws_of, read_result, writable_directory, writable_file
+from identification.errors import InputError, OptionError
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.options import FitOptions
 
@@ -35,7 +34,6 @@ __all__ = [
     "mapping_of",
     "motor_of",
     "predict",
-    "read_result",
 ]
 
 Array = NDArray[np.float64]
@@ -238,46 +236,10 @@ def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array
         )
     if result is None:
         return {name: np.array([value]) for name, value in values_by_name(settings).items()}
-    from app.draws import draws_of
-
     draws, remark = draws_of(read_result(result), result, _MOST_DRAWS)
     if remark:
         console.remark(remark)
     return draws
-
-
-def read_result(path: Path) -> dict[str, Any]:
-    """Content of a result.json.
-
-    Raises:
-        InputError: The file cannot be read or is not a result of ``motorid fit``.
-    """
-    try:
-        with open_regular(path) as file:
-            text = file.read().decode("utf-8-sig")
-    except OSError as error:
-        raise UnreadableFile(
-            f"cannot be opened ({error.strerror}); expected a result.json of 'motorid fit'",
-            file=str(path),
-        ) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is not text; expected a result.json", file=str(path)) from error
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            "is not JSON; expected a result.json of 'motorid fit'",
-            file=str(path),
-            row=getattr(error, "lineno", None),
-        ) from error
-    version = content.get("schema_version") if isinstance(content, dict) else None
-    if version != 1 or not isinstance(content.get("parameters"), dict):
-        raise InputError(
-            f"has schema_version {version!r}; expected a result.json of 'motorid fit' with "
-            "schema_version 1",
-            file=str(path),
-        )
-    return cast(dict[str, Any], content)
 
 
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:

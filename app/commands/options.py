@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.arguments import decimal, whole
+from app.commands.arguments import decimal, whole
 
 __all__ = [
     "ApiKey",
@@ -16,6 +16,8 @@ __all__ = [
     "DataDir",
     "Effort",
     "Force",
+    "Hold",
+    "Host",
     "Jobs",
     "Known",
     "MapWords",
@@ -24,18 +26,26 @@ __all__ = [
     "NoEffects",
     "NoPosterior",
     "OutDir",
+    "Parameters",
     "Plate",
+    "Port",
     "Quiet",
+    "Result",
     "Runs",
     "Seed",
     "Server",
     "SetAside",
     "Temperatures",
     "TimeLimit",
+    "Validation",
 ]
 
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Files of the training runs.")]
 OutDir = Annotated[Path, typer.Option(metavar="DIR", help="Output directory.")]
+Validation = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="RUN...", help="Files of the validation runs, which are not fitted."),
+]
 MappingFile = Annotated[
     Path | None,
     typer.Option("--mapping", metavar="FILE", help="JSON file that assigns columns to channels."),
@@ -159,4 +169,26 @@ NoAuth = Annotated[
 DataDir = Annotated[
     Path | None,
     typer.Option(help="Directory of the database, the runs and the results of the service."),
+]
+Hold = Annotated[
+    str,
+    typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh."),
+]
+Host = Annotated[str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")]
+Port = Annotated[
+    int | None,
+    typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]"),
+]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE...", help="Parameter values in SI units, instead of a result."
+    ),
+]
+Result = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="RESULT",
+        help="result.json of a fit; posterior.nc in the same directory is used if present.",
+    ),
 ]

@@ -22,8 +22,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.access.service import Caller
 from app.errors import TooManyRequests
+from app.http.problems import problem_of
 from app.metrics import Metrics
-from app.problems import problem_of
 
 __all__ = ["Bucket", "RateLimit"]
 

@@ -1,4 +1,4 @@
-"""URL paths that several parts of the service use."""
+"""HTTP layer of the service: URL paths, middleware, problem responses and dependencies."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from app.batch.manifest import Motor
-from app.commands import read_result
+from app.commands.batch.manifest import Motor
+from app.commands.files import read_result
 from app.regular import open_regular
 from app.storage import sync_directory
 from identification.errors import InputError, OptionError

@@ -11,9 +11,10 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 import typer
+import typer.core
 
 from app.space import is_full
 from identification.errors import ComputationError, InputError
@@ -21,6 +22,7 @@ from identification.errors import ComputationError, InputError
 __all__ = [
     "EXIT_STATUS",
     "TRACEBACK",
+    "CommandGroup",
     "HungUp",
     "Signals",
     "Stopped",
@@ -82,6 +84,17 @@ class Signals:
         """Raise the exception of a signal and keep it, because a library may convert it."""
         self.raised = self.raised or _SIGNALS[signal.Signals(number)]()
         raise self.raised
+
+
+class CommandGroup(typer.core.TyperGroup):
+    """Command group that leaves interruptions to `main`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; click would map Ctrl-C and a closed pipe to its own exit statuses."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise Stopped(error) from error
 
 
 @contextmanager

@@ -20,8 +20,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from app.errors import BodyTooSlow, Unavailable
-from app.paths import API_PREFIX, HEALTH_PATHS
-from app.problems import problem_of
+from app.http import API_PREFIX, HEALTH_PATHS
+from app.http.problems import problem_of
 
 __all__ = ["BodyDeadline", "CrowdCheck", "accepted_at_once", "connection_class"]
 

@@ -7,8 +7,8 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from app.access.service import Caller
+from app.composition import Services
 from app.errors import BadKey, WrongMediaType
-from app.services import Services
 
 __all__ = ["CallerDep", "JsonBody", "ServicesDep"]
 

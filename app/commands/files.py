@@ -1,19 +1,23 @@
-"""Posterior draws of an existing result, read from posterior.nc or approximated."""
+"""Files of the commands: checks of output paths, results and posterior draws of earlier fits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.regular import open_regular
-from identification.errors import InputError
+from identification.errors import InputError, OptionError, UnreadableFile
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["draws_of"]
+__all__ = ["draws_of", "read_result", "writable_directory", "writable_file"]
 
 Array = NDArray[np.float64]
 
@@ -21,6 +25,87 @@ _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
 _WIDEST: Final = 100.0
 """Largest absolute log ratio of a drawn parameter to its median."""
+
+
+@contextmanager
+def writable_directory(directory: Path) -> Iterator[None]:
+    """Create a directory and check that it is writable, before hours of computation.
+
+    If the block fails, a directory created here is removed again if it is empty.
+
+    Args:
+        directory: The directory; missing parents are created.
+
+    Raises:
+        OptionError: The directory cannot be created or written.
+    """
+    is_new = not directory.exists()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+    except OSError as error:
+        raise OptionError(
+            f"--out {directory}: cannot be written ({error.strerror}); choose another directory",
+            value=str(directory),
+        ) from error
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                directory.rmdir()
+        raise
+
+
+@contextmanager
+def writable_file(path: Path) -> Iterator[None]:
+    """Check that a file can be written, as `writable_directory` does for a directory.
+
+    Args:
+        path: The file; missing parent directories are created.
+
+    Raises:
+        OptionError: The path is a directory or cannot be written.
+    """
+    if path.is_dir():
+        raise OptionError(f"--out {path}: is a directory; expected a file name", value=str(path))
+    with writable_directory(Path(os.path.abspath(path)).parent):
+        yield
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """Content of a result.json.
+
+    Raises:
+        InputError: The file cannot be read or is not a result of ``motorid fit``.
+    """
+    try:
+        with open_regular(path) as file:
+            text = file.read().decode("utf-8-sig")
+    except OSError as error:
+        raise UnreadableFile(
+            f"cannot be opened ({error.strerror}); expected a result.json of 'motorid fit'",
+            file=str(path),
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is not text; expected a result.json", file=str(path)) from error
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            "is not JSON; expected a result.json of 'motorid fit'",
+            file=str(path),
+            row=getattr(error, "lineno", None),
+        ) from error
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if version != 1 or not isinstance(content.get("parameters"), dict):
+        raise InputError(
+            f"has schema_version {version!r}; expected a result.json of 'motorid fit' with "
+            "schema_version 1",
+            file=str(path),
+        )
+    return cast(dict[str, Any], content)
 
 
 def draws_of(result: Mapping[str, Any], path: Path, most: int) -> tuple[dict[str, Array], str]:

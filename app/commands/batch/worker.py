@@ -16,8 +16,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.batch.record import finish, make_way, now_text
-from app.exits import TRACEBACK
+from app.commands.batch.record import finish, make_way, now_text
+from app.commands.exits import TRACEBACK
 from app.fork_server.child import Answers, pipeline_of
 from app.logging import warnings_logged
 from identification.errors import ComputationError, InputError

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from app.batch.option_words import option_of, options_with
+from app.commands.batch.options import option_of, options_with
 from identification.errors import InputError, UnreadableFile
 from identification.options import FitOptions
 
@@ -141,7 +141,7 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
 def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
     import yaml
 
-    from app.batch.yaml_loader import ManifestLoader
+    from app.commands.batch.yaml_loader import ManifestLoader
 
     try:
         content = yaml.load(text, ManifestLoader)  # noqa: S506  subclass of the safe loader

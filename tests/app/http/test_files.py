@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from app.errors import BadRequest, RangeOutside
-from app.files import OpenFileResponse
+from app.http.files import OpenFileResponse
 
 CONTENT = bytes(range(256)) * 1000
 """More than is read at once."""

@@ -13,9 +13,9 @@ from pathlib import Path
 from sqlalchemy.exc import DatabaseError
 
 from app.access.service import AccessService
+from app.commands.exits import Terminated
 from app.damage import DamagedDatabase, check_present, is_damaged
 from app.database import Database
-from app.exits import Terminated
 from app.settings import Settings, load_settings
 from app.storage import Storage
 from identification.errors import OptionError

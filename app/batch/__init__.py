@@ -1,1 +1,0 @@
-"""Batch identification of many motors from a manifest, locally or on a service."""
