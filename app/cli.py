@@ -19,8 +19,8 @@ import typer
 from app.commands import options
 from app.commands.arguments import SeveralWords
 from app.commands.exits import (
+    CaughtSignals,
     CommandGroup,
-    Signals,
     Stopped,
     failed,
     prepare_streams,
@@ -334,7 +334,7 @@ def main(words: Sequence[str] | None = None) -> int:
         Exit status.
     """
     prepare_streams()
-    came = Signals()
+    came = CaughtSignals()
     try:
         with warnings_logged(), raised_signals() as came:
             status = app(args=words, prog_name="motorid", standalone_mode=False)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.batches.limits import MOST_MOTORS
-from app.batches.service import ENDED, Batch
+from app.batches.service import ENDED, StoredBatch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
 from app.runs.schemas import moment
@@ -101,7 +101,7 @@ class BatchSummary(BaseModel):
     created_at: str = Field(description="UTC, ISO 8601.")
 
     @classmethod
-    def of(cls, batch: Batch) -> BatchSummary:
+    def of(cls, batch: StoredBatch) -> BatchSummary:
         """Build the schema from a stored batch."""
         return cls.model_validate(_fields(batch))
 
@@ -141,7 +141,7 @@ class BatchOut(BatchSummary):
     fits: list[BatchFit]
 
     @classmethod
-    def of(cls, batch: Batch) -> BatchOut:
+    def of(cls, batch: StoredBatch) -> BatchOut:
         """Build the schema from a stored batch."""
         listed = [
             {
@@ -186,7 +186,7 @@ class BatchResults(BaseModel):
     )
 
     @classmethod
-    def of(cls, batch: Batch, rows: Sequence[dict[str, Any]]) -> BatchResults:
+    def of(cls, batch: StoredBatch, rows: Sequence[dict[str, Any]]) -> BatchResults:
         """Build the schema from a batch and the rows of its table."""
         return cls(id=batch.row.id, status=batch.status, rows=list(rows))
 
@@ -200,12 +200,12 @@ class BatchList(BaseModel):
     )
 
     @classmethod
-    def of(cls, batches: Sequence[Batch], following: str | None) -> BatchList:
+    def of(cls, batches: Sequence[StoredBatch], following: str | None) -> BatchList:
         """Build the schema from stored batches and the cursor of the next page."""
         return cls(items=[BatchSummary.of(batch) for batch in batches], next=following)
 
 
-def _fields(batch: Batch) -> dict[str, Any]:
+def _fields(batch: StoredBatch) -> dict[str, Any]:
     own = f"/api/v1/batches/{batch.row.id}"
     total = sum(batch.counts.values())
     ended = sum(number for state, number in batch.counts.items() if state in ENDED)

@@ -32,11 +32,11 @@ from app.texts import checked_label
 from identification.fleet.refit import Refit
 from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 
-__all__ = ["ENDED", "Batch", "BatchService"]
+__all__ = ["ENDED", "BatchService", "StoredBatch"]
 
 
 @dataclass(frozen=True)
-class Batch:
+class StoredBatch:
     """A batch with its derived data.
 
     Args:
@@ -84,7 +84,7 @@ class BatchService:
         requests: Sequence[FitRequest],
         name: str | None,
         idempotency_key: str | None,
-    ) -> Batch:
+    ) -> StoredBatch:
         """Submit a batch.
 
         Args:
@@ -137,7 +137,7 @@ class BatchService:
 
     def page(
         self, caller: Caller, *, after: str | None, limit: int
-    ) -> tuple[list[Batch], str | None]:
+    ) -> tuple[list[StoredBatch], str | None]:
         """Page of batches, newest first, and the cursor of the next page, if any.
 
         Raises:
@@ -150,10 +150,10 @@ class BatchService:
             ids = [row.id for row in rows[:limit]]
             counts = repository.counts(session, ids)
             shares = repository.fractions(session, ids)
-        batches = [Batch(row, counts[row.id], shares[row.id]) for row in rows[:limit]]
+        batches = [StoredBatch(row, counts[row.id], shares[row.id]) for row in rows[:limit]]
         return batches, cursor_of(rows, limit)
 
-    def get(self, caller: Caller, batch_id: str) -> Batch:
+    def get(self, caller: Caller, batch_id: str) -> StoredBatch:
         """Batch with its fits.
 
         Raises:
@@ -163,9 +163,9 @@ class BatchService:
             row = _known(session, caller, batch_id)
             counts = repository.counts(session, [row.id])[row.id]
             share = repository.fractions(session, [row.id])[row.id]
-            return Batch(row, counts, share, fits.of_batch(session, row.id))
+            return StoredBatch(row, counts, share, fits.of_batch(session, row.id))
 
-    def delete(self, caller: Caller, batch_id: str) -> Batch | None:
+    def delete(self, caller: Caller, batch_id: str) -> StoredBatch | None:
         """Cancel the unfinished fits of a batch; if all have ended, delete the batch.
 
         Returns:
@@ -187,7 +187,7 @@ class BatchService:
             self._storage.remove_fit(fit_id)
         return None
 
-    def rows(self, caller: Caller, batch_id: str) -> tuple[Batch, list[dict[str, Any]]]:
+    def rows(self, caller: Caller, batch_id: str) -> tuple[StoredBatch, list[dict[str, Any]]]:
         """Batch and the rows of its results table, one per motor.
 
         Raises:
@@ -231,7 +231,7 @@ class BatchService:
         batch, refits = self._refits(caller, batch_id)
         return render_fleet(batch.row.name or "Batch", refits)
 
-    def _refits(self, caller: Caller, batch_id: str) -> tuple[Batch, list[Refit]]:
+    def _refits(self, caller: Caller, batch_id: str) -> tuple[StoredBatch, list[Refit]]:
         batch = self.get(caller, batch_id)
         refits = self._read(caller, batch)
         if any(refit.error == MISSING for refit in refits):
@@ -241,7 +241,7 @@ class BatchService:
             refits = self._read(caller, batch)
         return batch, refits
 
-    def _read(self, caller: Caller, batch: Batch) -> list[Refit]:
+    def _read(self, caller: Caller, batch: StoredBatch) -> list[Refit]:
         motors = sorted({fit.motor for fit in batch.fits if fit.motor})
         with self._database.reading() as session:
             earlier = repository.earlier(

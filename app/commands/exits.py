@@ -24,7 +24,7 @@ __all__ = [
     "TRACEBACK",
     "CommandGroup",
     "HungUp",
-    "Signals",
+    "CaughtSignals",
     "Stopped",
     "Terminated",
     "failed",
@@ -70,7 +70,7 @@ class Stopped(Exception):
         super().__init__(str(reason))
 
 
-class Signals:
+class CaughtSignals:
     """Signals received while a command ran.
 
     Args:
@@ -98,12 +98,12 @@ class CommandGroup(typer.core.TyperGroup):
 
 
 @contextmanager
-def raised_signals() -> Iterator[Signals]:
+def raised_signals() -> Iterator[CaughtSignals]:
     """Convert SIGINT, SIGTERM and SIGHUP into exceptions while the block runs.
 
     Signals that are ignored (nohup) or already have a handler are left unchanged.
     """
-    came = Signals()
+    came = CaughtSignals()
     is_main = threading.current_thread() is threading.main_thread()
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     ours = [n for n, handler in before.items() if is_main and handler in _DEFAULTS]

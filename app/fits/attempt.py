@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.fits.engine import AbstractRunning
-from app.fits.job import Job
+from app.fits.job import FitJob
 
 __all__ = ["Attempt"]
 
@@ -37,7 +37,7 @@ class Attempt:
     renewed: float = 0.0
 
     @property
-    def job(self) -> Job:
+    def job(self) -> FitJob:
         """The job of the attempt."""
         return self.running.job
 

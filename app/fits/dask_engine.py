@@ -25,7 +25,7 @@ from distributed import Client, Future, Security
 
 from app.fits.dask_task import TOPIC, compute
 from app.fits.engine import LOST, AbstractEngine, AbstractRunning, in_words, log_tail
-from app.fits.job import Job
+from app.fits.job import FitJob
 from app.settings import Settings
 from app.storage import Storage
 
@@ -87,7 +87,7 @@ class DaskEngine(AbstractEngine):
         """Configured threads per fit, or one, because the cluster assigns one thread to a task."""
         return self._threads_of_one
 
-    def start(self, job: Job) -> AbstractRunning:
+    def start(self, job: FitJob) -> AbstractRunning:
         """Submit an attempt to the cluster."""
         client = self._client
         line = _line(client)
@@ -193,7 +193,7 @@ class DaskEngine(AbstractEngine):
 
 
 class _DaskRunning(AbstractRunning):
-    def __init__(self, engine: DaskEngine, job: Job, key: str, line: object) -> None:
+    def __init__(self, engine: DaskEngine, job: FitJob, key: str, line: object) -> None:
         self.job = job
         self._line = line
         self.future: Future[None] | None = None

@@ -21,7 +21,7 @@ from typing import Any
 
 from distributed import Worker, get_worker
 
-from app.fits.job import Job, RunFile
+from app.fits.job import FitJob, RunFile
 from app.fork_server.client import ForkServer
 
 __all__ = ["BEGUN", "TOPIC", "compute"]
@@ -48,28 +48,28 @@ def compute(fields: dict[str, Any], data_dir: str) -> None:
     """
     worker = get_worker()
     key = str(worker.get_current_task())
-    told = _Teller(worker, key)
-    job = _placed(Job.of(fields), Path(data_dir))
+    log = _EventLog(worker, key)
+    job = _placed(FitJob.of(fields), Path(data_dir))
     if not _begin(Path(job.directory)):
-        told.tell([], has_ended=True)
+        log.send([], has_ended=True)
         return
-    told.tell([])
+    log.send([])
     task = _fork_server(job.pipeline, worker).fork(asdict(job))
     try:
         while not task.has_ended and _is_wanted(worker, key):
             if messages := task.messages(wait_s=_LOOK_S):
-                told.tell(messages)
+                log.send(messages)
     finally:
         task.kill()
-        told.tell([], has_ended=True)
+        log.send([], has_ended=True)
 
 
 @dataclass(frozen=True)
-class _Teller:
+class _EventLog:
     worker: Worker
     key: str
 
-    def tell(self, messages: list[dict[str, Any]], *, has_ended: bool = False) -> None:
+    def send(self, messages: list[dict[str, Any]], *, has_ended: bool = False) -> None:
         event = {
             "key": self.key,
             "worker": self.worker.address,
@@ -104,8 +104,8 @@ def _fork_server(pipeline: str, worker: Worker) -> ForkServer:
         return _fork_servers[module]
 
 
-def _placed(job: Job, theirs: Path) -> Job:
-    """Job with its paths translated to this machine."""
+def _placed(job: FitJob, theirs: Path) -> FitJob:
+    """FitJob with its paths translated to this machine."""
     ours = Path(os.environ.get("MOTORID_DATA_DIR") or theirs).absolute()
 
     def place(path: str) -> str:

@@ -19,7 +19,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
-from app.fits.job import LOG, Job
+from app.fits.job import LOG, FitJob
 from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
@@ -34,7 +34,7 @@ _LONGEST_LOG = 4_000
 class AbstractRunning(abc.ABC):
     """A job that was started."""
 
-    job: Job
+    job: FitJob
 
     @abc.abstractmethod
     def messages(self) -> list[dict[str, Any]]:
@@ -77,11 +77,11 @@ class AbstractEngine(abc.ABC):
         """
 
     @abc.abstractmethod
-    def start(self, job: Job) -> AbstractRunning:
+    def start(self, job: FitJob) -> AbstractRunning:
         """Start a job.
 
         Args:
-            job: Job to compute; its directory exists and is empty.
+            job: FitJob to compute; its directory exists and is empty.
 
         Raises:
             OSError: The job cannot be started now.
@@ -118,13 +118,13 @@ class LocalEngine(AbstractEngine):
         """Configured number of threads, or an equal share of the cores and at least one."""
         return self._threads or max(1, cores() // min(jobs, self._most))
 
-    def start(self, job: Job) -> AbstractRunning:
+    def start(self, job: FitJob) -> AbstractRunning:
         """Fork a process for a job."""
         return _LocalRunning(job, self._fork_server.fork(dataclasses.asdict(job)))
 
 
 class _LocalRunning(AbstractRunning):
-    def __init__(self, job: Job, task: Task) -> None:
+    def __init__(self, job: FitJob, task: Task) -> None:
         self.job = job
         self._task = task
         self._told: list[dict[str, Any]] = []
@@ -153,7 +153,7 @@ class _LocalRunning(AbstractRunning):
                 self._told.append(message)
 
 
-def log_tail(job: Job) -> str:
+def log_tail(job: FitJob) -> str:
     """End of the log that the process of a job has written."""
     try:
         with (Path(job.directory) / LOG).open("rb") as log:

@@ -1,4 +1,4 @@
-"""Job description for a computing process: one attempt at one fit.
+"""FitJob description for a computing process: one attempt at one fit.
 
 A computing process has no access to the database, the keys or the settings.  It receives this
 description, writes to one directory and reports over a pipe.
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "OUTPUT_SUMS", "Job", "RunFile"]
+__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "OUTPUT_SUMS", "FitJob", "RunFile"]
 
 CHECKPOINTS = "checkpoints"
 """Directory next to the attempt directories, with one checkpoint file per attempt number."""
@@ -43,7 +43,7 @@ class RunFile:
 
 
 @dataclass(frozen=True)
-class Job:
+class FitJob:
     """One attempt at one fit.
 
     Args:

@@ -26,7 +26,7 @@ from sqlalchemy.orm import Session
 
 from app.database import Database
 from app.fits import repository, roles
-from app.fits.job import Job, RunFile
+from app.fits.job import FitJob, RunFile
 from app.storage import Storage
 from app.tables import FitRow
 
@@ -48,7 +48,7 @@ class Claim:
         is_alone: Whether the fit must run alone, since it may be the cause of server kills.
     """
 
-    job: Job
+    job: FitJob
     failures: int
     is_alone: bool
 
@@ -186,7 +186,7 @@ class FitQueue:
                 )
             _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
 
-    def _job(self, session: Session, row: FitRow) -> Job:
+    def _job(self, session: Session, row: FitRow) -> FitJob:
         attempt = row.attempt + 1
 
         def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
@@ -195,7 +195,7 @@ class FitQueue:
                 for run in roles.runs_of(session, row.id, role)
             )
 
-        return Job(
+        return FitJob(
             fit_id=row.id,
             attempt=attempt,
             directory=str(self._storage.attempt(row.id, attempt)),

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.fits.request import FitRequest
-from app.fits.service import Fit
+from app.fits.service import StoredFit
 from app.runs.schemas import moment
 from app.tables import FitRow
 from app.texts import Received
@@ -205,7 +205,7 @@ class FitSummary(BaseModel):
     ended_at: str | None
 
     @classmethod
-    def of(cls, fit: Fit) -> FitSummary:
+    def of(cls, fit: StoredFit) -> FitSummary:
         """Build the schema from a stored fit."""
         return cls.model_validate(_fields(fit))
 
@@ -222,7 +222,7 @@ class FitOut(FitSummary):
     )
 
     @classmethod
-    def of(cls, fit: Fit) -> FitOut:
+    def of(cls, fit: StoredFit) -> FitOut:
         """Build the schema from a stored fit."""
         return cls.model_validate(_fields(fit) | {"result": fit.result})
 
@@ -236,7 +236,7 @@ class FitList(BaseModel):
     )
 
     @classmethod
-    def of(cls, fits: Sequence[Fit], following: str | None) -> FitList:
+    def of(cls, fits: Sequence[StoredFit], following: str | None) -> FitList:
         """Build the schema from stored fits and the cursor of the next page."""
         return cls(items=[FitSummary.of(fit) for fit in fits], next=following)
 
@@ -264,7 +264,7 @@ class FitEvent(BaseModel):
         )
 
 
-def _fields(fit: Fit) -> dict[str, Any]:
+def _fields(fit: StoredFit) -> dict[str, Any]:
     row = fit.row
     own = f"/api/v1/fits/{row.id}"
     links = {"self": own, "events": f"{own}/events"}

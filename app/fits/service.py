@@ -25,13 +25,13 @@ from app.paging import cursor_of, position_of
 from app.storage import Storage
 from app.tables import FitRow
 
-__all__ = ["Fit", "FitService"]
+__all__ = ["FitService", "StoredFit"]
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Fit:
+class StoredFit:
     """A fit with its derived data.
 
     Args:
@@ -60,7 +60,7 @@ class FitService:
         self._storage = storage
         self._supervisor = supervisor
 
-    def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> Fit:
+    def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> StoredFit:
         """Submit a fit, which is queued and computed in the background.
 
         Args:
@@ -98,7 +98,7 @@ class FitService:
             return self.get(caller, known.id)
         _log.info("fit accepted", extra={"fit": row.id, "runs": len(request.training)})
         self._supervisor.wake()
-        return Fit(row, request.training, request.validation)
+        return StoredFit(row, request.training, request.validation)
 
     def page(
         self,
@@ -108,7 +108,7 @@ class FitService:
         limit: int,
         status: str | None,
         motor: str | None,
-    ) -> tuple[list[Fit], str | None]:
+    ) -> tuple[list[StoredFit], str | None]:
         """Page of fits, newest first, and the cursor of the next page, if any.
 
         Raises:
@@ -126,7 +126,7 @@ class FitService:
             ids = roles.ids_of(session, [row.id for row in rows[:limit]])
         return [self._fit(row, ids[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
 
-    def get(self, caller: Caller, fit_id: str) -> Fit:
+    def get(self, caller: Caller, fit_id: str) -> StoredFit:
         """Fit with its result if it has succeeded.
 
         Raises:
@@ -157,7 +157,7 @@ class FitService:
         with self._database.reading() as session:
             return _known(session, caller, fit_id)
 
-    def delete(self, caller: Caller, fit_id: str) -> Fit | None:
+    def delete(self, caller: Caller, fit_id: str) -> StoredFit | None:
         """Cancel an unfinished fit, or delete an ended one.
 
         Returns:
@@ -222,9 +222,9 @@ class FitService:
 
     def _fit(
         self, row: FitRow, ids: Mapping[str, Sequence[str]], result: dict[str, Any] | None = None
-    ) -> Fit:
+    ) -> StoredFit:
         has = row.status == "succeeded" and (self._directory(row) / "posterior.nc").is_file()
-        return Fit(row, ids["training"], ids["validation"], has, result)
+        return StoredFit(row, ids["training"], ids["validation"], has, result)
 
     def _directory(self, row: FitRow) -> Path:
         return self._storage.attempt(row.id, row.attempt)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from app.fits.engine import AbstractEngine, AbstractRunning
-from app.fits.job import Job
+from app.fits.job import FitJob
 from app.fits.postponed import Postponed
 from app.fits.queue import Claim, FitQueue
 from app.space import is_full
@@ -80,7 +80,7 @@ class Starter:
             return claim, started
         return None
 
-    def _refused(self, job: Job, error: Exception) -> None:
+    def _refused(self, job: FitJob, error: Exception) -> None:
         self._postponed.postpone(job.fit_id)
         if _is_shortage(error):
             self._queue.unclaim(job.fit_id, job.attempt)

@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass
-class _Fit:
+class _WatchedFit:
     """A fit with listeners: its row, or None once it is deleted."""
 
     row: FitRow | None
@@ -54,7 +54,7 @@ class _Fit:
 
 
 @dataclass
-class _Key:
+class _WatchedKey:
     """An API key with listeners."""
 
     listeners: int = 0
@@ -64,7 +64,7 @@ class _Key:
 class Listener:
     """Subscription to one fit."""
 
-    def __init__(self, fit: _Fit, key: _Key) -> None:
+    def __init__(self, fit: _WatchedFit, key: _WatchedKey) -> None:
         self._fit = fit
         self._key = key
         self._change = fit.change
@@ -98,8 +98,8 @@ class Watcher:
         self._database = database
         self._access = access
         self._most_streams = most_streams
-        self._fits: dict[str, _Fit] = {}
-        self._keys: dict[str, _Key] = {}
+        self._fits: dict[str, _WatchedFit] = {}
+        self._keys: dict[str, _WatchedKey] = {}
         self._keys_due = 0.0
         self._is_failing = False
         # Use a dedicated thread, so that polls and requests do not wait for each other.
@@ -116,14 +116,14 @@ class Watcher:
         Raises:
             TooManyStreams: The key has the maximum number of listeners.
         """
-        key = _Key() if key_id is None else self._keys.get(key_id, _Key())
+        key = _WatchedKey() if key_id is None else self._keys.get(key_id, _WatchedKey())
         if self._most_streams and key.listeners >= self._most_streams:
             raise TooManyStreams(
                 f"the key has {key.listeners} open event streams; expected at most "
                 f"{self._most_streams}; close some, or ask the operator to raise "
                 "MOTORID_STREAMS_PER_KEY"
             )
-        fit = self._fits.setdefault(row.id, _Fit(row))
+        fit = self._fits.setdefault(row.id, _WatchedFit(row))
         fit.tell(row)
         fit.listeners += 1
         key.listeners += 1

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.fits.job import CHECKPOINTS, LOG, Job, RunFile
+from app.fits.job import CHECKPOINTS, LOG, FitJob, RunFile
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
 from app.regular import open_regular, sha256_of
@@ -50,7 +50,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
         task: Fields of a job.
         answer: Write end of the pipe to the supervisor.
     """
-    job = Job.of(task)
+    job = FitJob.of(task)
     _move_to(Path(job.directory))
     use_threads(job.threads)
     answers = Answers(answer)
@@ -74,11 +74,11 @@ def handle(task: dict[str, Any], answer: int) -> None:
         answers.send({"done": True})
 
 
-def compute(job: Job, progress: Callable[[str, float], None]) -> None:
+def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     """Compute a job and write its outputs to disk.
 
     Args:
-        job: Job with its output directory.
+        job: FitJob with its output directory.
         progress: Callback with the stage and the completed fraction of the fit.
 
     Raises:
@@ -105,7 +105,7 @@ def compute(job: Job, progress: Callable[[str, float], None]) -> None:
     sync_directory(directory)
 
 
-def checkpoint_of(job: Job) -> Checkpoint:
+def checkpoint_of(job: FitJob) -> Checkpoint:
     """Checkpoint files of an attempt: its own and those of earlier attempts, newest first.
 
     Each attempt writes a file of its own, so an abandoned attempt that still runs cannot overwrite

@@ -68,7 +68,7 @@ def run_batch(
         batch = _Batch(motors, out)
         try:
             jobs = batch.begin()
-            tell = _Teller(progress, batch)
+            tell = _BatchProgress(progress, batch)
             if server is None:
                 batch.take(fit_all(jobs, at_once, tell), tell)
             else:
@@ -126,7 +126,7 @@ class _Batch:
                 jobs.append(job)
         return jobs
 
-    def take(self, ended: Iterator[tuple[MotorJob, str]], tell: _Teller) -> None:
+    def take(self, ended: Iterator[tuple[MotorJob, str]], tell: _BatchProgress) -> None:
         """Record the outcome of each fit, and rewrite the table at intervals."""
         for job, reason in ended:
             if reason:
@@ -174,7 +174,7 @@ class _Batch:
         self._found[name] = Refit(name, "failed", error=" ".join(reason.split()))
 
 
-class _Teller:
+class _BatchProgress:
     """Combines the progress of single fits into the progress of the batch."""
 
     def __init__(self, progress: console.Progress, batch: _Batch) -> None:

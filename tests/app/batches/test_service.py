@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.batches.service import Batch
+from app.batches.service import StoredBatch
 from app.tables import BatchRow
 
 
@@ -28,4 +28,4 @@ def test_status_of_a_batch_is_that_of_its_fits_together(
     counts: dict[str, int], status: str
 ) -> None:
     """docs/http.md, "Batches"."""
-    assert Batch(BatchRow(id="batch"), counts).status == status
+    assert StoredBatch(BatchRow(id="batch"), counts).status == status

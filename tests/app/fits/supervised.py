@@ -12,7 +12,7 @@ from app.access.service import Caller
 from app.database import Database
 from app.fits import repository
 from app.fits.engine import AbstractEngine, AbstractRunning
-from app.fits.job import Job
+from app.fits.job import FitJob
 from app.fits.request import FitRequest, new_row
 from app.fits.supervisor import Supervisor
 from app.metrics import Metrics
@@ -25,7 +25,7 @@ from app.tables import FitRow
 class Running(AbstractRunning):
     """A job of which the test says what it tells and how it ends."""
 
-    job: Job
+    job: FitJob
     told: list[dict[str, Any]] = field(default_factory=list)
     end: str | None = None
     is_killed: bool = False
@@ -77,7 +77,7 @@ class Engine(AbstractEngine):
         """A share of eight."""
         return 8 // max(1, min(jobs, self.most))
 
-    def start(self, job: Job) -> AbstractRunning:
+    def start(self, job: FitJob) -> AbstractRunning:
         """Start nothing."""
         if self.refusals:
             self.refusals -= 1

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from app.fits.engine import AbstractEngine, AbstractRunning, LocalEngine
-from app.fits.job import Job, RunFile
+from app.fits.job import FitJob, RunFile
 from app.fork_server.child import child_environment
 from app.fork_server.client import ForkServer
 from app.settings import load_settings
@@ -33,12 +33,12 @@ from tests.app.pretended import (
 from tests.app.service import PRETENDED, run_text
 
 
-def job(directory: Path, seed: int) -> Job:
+def job(directory: Path, seed: int) -> FitJob:
     """A job of the pretended pipeline."""
     (directory / "run").write_bytes(run_text(1))
     run = RunFile(str(directory / "run"), "a.csv", None)
     options = {"seed": seed, "controllers": ["P:1"], "temperatures": [25.0]}
-    return Job("fit", 1, str(directory), (run,), (), options, PRETENDED)
+    return FitJob("fit", 1, str(directory), (run,), (), options, PRETENDED)
 
 
 @pytest.fixture(scope="module", params=["local", "dask"])
@@ -181,11 +181,11 @@ def test_crash_of_one_job_leaves_the_others_alone(tmp_path: Path, engine: Abstra
 def test_job_comes_out_as_it_was_sent(tmp_path: Path) -> None:
     """Runs with their mappings, options and all."""
     run = RunFile("/data/runs/x", "ä.csv", {"current_A": {"column": "i", "scale": 2.5}})
-    saved = Job("fit", 3, str(tmp_path), (run,), (run, run), {"seed": 1}, "a:b")
+    saved = FitJob("fit", 3, str(tmp_path), (run,), (run, run), {"seed": 1}, "a:b")
 
     sent = json.loads(json.dumps(dataclasses.asdict(saved)))
 
-    assert Job.of(sent) == saved
+    assert FitJob.of(sent) == saved
 
 
 @pytest.mark.parametrize(

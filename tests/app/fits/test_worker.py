@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from app.fits.job import CHECKPOINTS, Job
+from app.fits.job import CHECKPOINTS, FitJob
 from app.fits.worker import checkpoint_of
 
 
-def attempt(directory: Path, number: int) -> Job:
+def attempt(directory: Path, number: int) -> FitJob:
     """An attempt at a fit whose directories are below `directory`."""
-    return Job("fit", number, str(directory / str(number)), (), (), {}, "a:b")
+    return FitJob("fit", number, str(directory / str(number)), (), (), {}, "a:b")
 
 
 def kept(directory: Path, number: int) -> int | None:
