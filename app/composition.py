@@ -21,8 +21,7 @@ from app.health.service import HealthService
 from app.housekeeping import Housekeeper
 from app.metrics import Metrics
 from app.retention.service import Retention
-from app.runs.queue import ReadingQueue
-from app.runs.reading import RunReader
+from app.runs.reading import ReadingQueue, RunReader
 from app.runs.service import RunService
 from app.settings import Settings
 from app.storage import Storage

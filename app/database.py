@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,11 +31,11 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from app.damage import DamagedDatabase, corrupt, is_damaged
+from app.disk import is_full
 from app.migrations import NEWEST
-from app.space import is_full
 from identification.errors import OptionError
 
-__all__ = ["NO_ANSWER", "Database"]
+__all__ = ["NO_ANSWER", "Database", "portions"]
 
 NO_ANSWER = (OperationalError, InterfaceError, PoolTimeout)
 """Errors after which a retry of the call may succeed."""
@@ -45,6 +45,9 @@ _CONNECT_S = 10
 _FIRST_SAFE_WAL = (3, 51, 3)
 _JOURNAL_BYTES = 1 << 20
 """Journal space kept between transactions, so that a full disk still permits deletions [bytes]."""
+
+_IDS_PER_QUERY = 500
+"""Ids per query; SQLite before 3.32 accepts at most 999 parameters."""
 
 _MIGRATING = 6_032_011
 """Key of the PostgreSQL advisory lock that lets only one server migrate at a time."""
@@ -175,6 +178,17 @@ class Database:
         """Close all connections."""
         self._readers.dispose()
         self._writer.dispose()
+
+
+def portions(ids: Sequence[str], most: int = _IDS_PER_QUERY) -> Iterator[Sequence[str]]:
+    """Slices of a list of ids, in order; they keep parameter counts and transactions small.
+
+    Args:
+        ids: Sequence to slice.
+        most: Length of a slice; default: as many ids as one query takes.
+    """
+    for first in range(0, len(ids), most):
+        yield ids[first : first + most]
 
 
 def _parsed(address: str) -> sqlalchemy.URL:

@@ -15,11 +15,10 @@ from types import FrameType
 import uvicorn
 
 from app.composition import Services
-from app.environment import unknown_variables
 from app.http.connections import accepted_at_once, connection_class
 from app.logging import configure_logging
 from app.main import create_app
-from app.settings import Settings
+from app.settings import Settings, unknown_variables
 
 __all__ = ["serve"]
 

@@ -7,10 +7,12 @@ Unsafe combinations are rejected when the settings are read, not at the first re
 
 from __future__ import annotations
 
+import difflib
 import ipaddress
 import os
 import re
 import socket
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -20,9 +22,11 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from identification.errors import OptionError
 from identification.threads import cores
 
-__all__ = ["Settings", "is_loopback", "load_settings"]
+__all__ = ["Settings", "is_loopback", "load_settings", "unknown_variables"]
 
 _CLUSTER = re.compile(r"(?P<protocol>tcp|tls)://(?P<host>\[[0-9a-fA-F:.]+\]|[\w.-]+):[0-9]{1,5}")
+# Variables of other commands, and the directory of the settings files.
+_OTHERS = ("MOTORID_CACHE", "MOTORID_KEY", "MOTORID_SECRETS_DIR", "MOTORID_TRACEBACK")
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 
 
@@ -321,3 +325,16 @@ def load_settings(**given: object) -> Settings:
         name = ".".join(str(part) for part in first["loc"])
         text = first["msg"].removeprefix("Value error, ")
         raise OptionError(f"{name}: {text}" if name else text) from error
+
+
+def unknown_variables(names: Iterable[str]) -> dict[str, str]:
+    """Unknown names with the prefix MOTORID_, each with the most similar known name.
+
+    Args:
+        names: Names of the environment variables.
+    """
+    known = [*(f"MOTORID_{name.upper()}" for name in Settings.model_fields), *_OTHERS]
+    unknown = [
+        name for name in names if name.upper().startswith("MOTORID_") and name.upper() not in known
+    ]
+    return {name: difflib.get_close_matches(name.upper(), known, 1, 0.0)[0] for name in unknown}

@@ -24,15 +24,16 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from app.disk import is_full, open_regular, remove_entry, sha256_of, sync_directory
 from app.errors import StorageFull
-from app.fits.job import CHECKPOINTS
 from app.identifiers import Kind, is_id
 from app.locking import NodeLock
-from app.regular import open_regular, remove_entry, sha256_of
-from app.space import is_full
 from identification.errors import OptionError
 
-__all__ = ["RESTORING", "Storage", "refused_when_full", "sync_directory"]
+__all__ = ["CHECKPOINTS", "RESTORING", "Storage", "refused_when_full"]
+
+CHECKPOINTS = "checkpoints"
+"""Directory next to the attempt directories, with one checkpoint file per attempt number."""
 
 RESTORING = ".restoring"
 """Subdirectory of the data directory that exists while a restore is incomplete."""
@@ -293,15 +294,6 @@ def refused_when_full(what: str) -> Iterator[None]:
         raise StorageFull(
             f"no space is left for the {what}; have some made, then send it again"
         ) from error
-
-
-def sync_directory(directory: Path) -> None:
-    """Make the entries of a directory durable (fsync)."""
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _checked(kind: Kind, text: str) -> str:

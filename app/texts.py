@@ -1,19 +1,20 @@
-"""Validation of client texts in queries, headers, forms and JSON bodies.
+"""Texts of the HTTP interface: validation of received texts, and the format of times.
 
-Texts must be printable and of limited length.  PostgreSQL cannot store NUL, UTF-8 cannot encode
-lone surrogates, and logs and terminals interpret control characters.  SQLite accepts all of them,
-so without this check one request would succeed on one database and fail on the other.
+Received texts must be printable and of limited length.  PostgreSQL cannot store NUL, UTF-8 cannot
+encode lone surrogates, and logs and terminals interpret control characters.  SQLite accepts all of
+them, so without this check one request would succeed on one database and fail on the other.
 """
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from app.errors import FieldRefused
 
-__all__ = ["Received", "check_text", "checked_label"]
+__all__ = ["Received", "check_text", "checked_label", "moment"]
 
 _LONGEST = 1000
 
@@ -72,3 +73,9 @@ def _check_in_body(place: str, text: str) -> None:
         check_text(place.removesuffix("."), text)
     except FieldRefused as error:
         raise ValueError(error.message) from error
+
+
+def moment(seconds: float) -> str:
+    """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
+    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
+    return text.replace("+00:00", "Z")

@@ -22,9 +22,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from app.disk import is_full, sync_directory
 from app.identifiers import is_id
-from app.space import is_full
-from app.storage import sync_directory
 from identification.errors import InputError, OptionError
 
 __all__ = ["DATABASE", "SUMS", "AbstractTarget", "copied", "is_name", "opened", "target"]

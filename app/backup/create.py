@@ -17,9 +17,9 @@ from pathlib import Path
 
 from app.backup.archive import DATABASE, AbstractTarget, target
 from app.damage import DamagedDatabase, check_present, is_damaged
+from app.disk import open_regular
 from app.fits.job import OUTPUT_SUMS, OUTPUTS
 from app.fits.outputs import expected_outputs, sums_of
-from app.regular import open_regular
 from app.settings import Settings
 from app.storage import Storage
 from identification.errors import InputError, OptionError

@@ -17,8 +17,9 @@ from pathlib import Path
 from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
 from app.backup.check import check_database
 from app.backup.create import Saved, database_file
+from app.disk import sync_directory
 from app.settings import Settings
-from app.storage import RESTORING, sync_directory
+from app.storage import RESTORING
 from identification.errors import InputError, OptionError
 
 __all__ = ["restore"]

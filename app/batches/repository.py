@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from sqlalchemy import case, delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
+from app.database import portions
 from app.fits.repository import ENDED
-from app.portions import portions
 from app.tables import BatchRow, FitRow
 
 __all__ = [

@@ -12,9 +12,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from app.fits.outputs import read_result
-from app.runs.schemas import moment
 from app.storage import Storage
 from app.tables import FitRow
+from app.texts import moment
 from identification.fleet.refit import Refit, compared_with, refit_of
 
 __all__ = ["MISSING", "refits_of"]

@@ -7,12 +7,11 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.batches.limits import MOST_MOTORS
+from app.batches import MOST_MOTORS
 from app.batches.service import ENDED, StoredBatch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
-from app.runs.schemas import moment
-from app.texts import Received
+from app.texts import Received, moment
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 

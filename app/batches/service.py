@@ -15,8 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.access.quotas import Quotas
 from app.access.service import Caller
-from app.batches import repository
-from app.batches.limits import MOST_RUNS
+from app.batches import MOST_RUNS, repository
 from app.batches.results import MISSING, refits_of
 from app.database import Database
 from app.errors import FieldRefused, KeyReused, NotAcceptable, NotFound

@@ -16,7 +16,7 @@ from typing import Any, Final, TextIO
 import typer
 import typer.core
 
-from app.space import is_full
+from app.disk import is_full
 from identification.errors import ComputationError, InputError
 
 __all__ = [

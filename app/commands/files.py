@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from app.regular import open_regular
+from app.disk import open_regular
 from identification.errors import InputError, OptionError, UnreadableFile
 from identification.quantities import DECLARED_PARAMETERS
 

@@ -105,7 +105,7 @@ def _fork_server(pipeline: str, worker: Worker) -> ForkServer:
 
 
 def _placed(job: FitJob, theirs: Path) -> FitJob:
-    """FitJob with its paths translated to this machine."""
+    """Job with its paths translated to this machine."""
     ours = Path(os.environ.get("MOTORID_DATA_DIR") or theirs).absolute()
 
     def place(path: str) -> str:

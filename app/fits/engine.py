@@ -81,7 +81,7 @@ class AbstractEngine(abc.ABC):
         """Start a job.
 
         Args:
-            job: FitJob to compute; its directory exists and is empty.
+            job: Job to compute; its directory exists and is empty.
 
         Raises:
             OSError: The job cannot be started now.

@@ -1,4 +1,4 @@
-"""FitJob description for a computing process: one attempt at one fit.
+"""Job description for a computing process: one attempt at one fit.
 
 A computing process has no access to the database, the keys or the settings.  It receives this
 description, writes to one directory and reports over a pipe.
@@ -10,10 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["CHECKPOINTS", "LOG", "OUTPUTS", "OUTPUT_SUMS", "FitJob", "RunFile"]
-
-CHECKPOINTS = "checkpoints"
-"""Directory next to the attempt directories, with one checkpoint file per attempt number."""
+__all__ = ["LOG", "OUTPUTS", "OUTPUT_SUMS", "FitJob", "RunFile"]
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Output files of a fit; the last exists only if the posterior was sampled."""

@@ -17,8 +17,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
+from app.disk import open_regular, sha256_of
 from app.fits.job import OUTPUT_SUMS, OUTPUTS
-from app.regular import open_regular, sha256_of
 from identification.report.atomic import write_text
 
 __all__ = ["expected_outputs", "open_output", "read_result", "seal", "sums_of"]

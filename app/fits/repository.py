@@ -13,9 +13,9 @@ from typing import Any
 from sqlalchemy import and_, delete, func, or_, select, tuple_, update
 from sqlalchemy.orm import Session
 
+from app.database import portions
 from app.fits import roles
 from app.fits.request import FitRequest
-from app.portions import portions
 from app.tables import FitRow
 
 __all__ = [

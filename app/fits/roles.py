@@ -8,8 +8,8 @@ from typing import Literal
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
+from app.database import portions
 from app.fits.request import FitRequest
-from app.portions import portions
 from app.tables import FitRunRow, RunRow
 
 __all__ = ["Role", "add", "ids_of", "runs_of"]

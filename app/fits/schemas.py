@@ -9,9 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from app.fits.request import FitRequest
 from app.fits.service import StoredFit
-from app.runs.schemas import moment
 from app.tables import FitRow
-from app.texts import Received
+from app.texts import Received, moment
 from identification.effort import EffortName
 from identification.options import FitOptions
 

@@ -17,8 +17,10 @@ happens so often that the fit itself is suspect.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,21 +28,63 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.database import Database
 from app.fits import repository
-from app.fits.attempt import Attempt
-from app.fits.engine import LOST, AbstractEngine
-from app.fits.postponed import Postponed
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning
+from app.fits.job import FitJob
 from app.fits.queue import FitQueue
-from app.fits.starter import CannotStart, Starter
+from app.fits.starter import CannotStart, Postponed, Starter
 from app.metrics import Metrics
 from app.settings import Settings
 from app.storage import Storage
 
-__all__ = ["Supervisor"]
+__all__ = ["Attempt", "Supervisor"]
 
 _BUSY_S = 0.1
 _IDLE_S = 1.0
 _LOOK_S = 0.5
+_LONGEST_STAGE = 100
 _log = logging.getLogger(__name__)
+
+
+@dataclass
+class Attempt:
+    """An attempt that runs under this server.
+
+    Args:
+        running: The job on its engine.
+        began: Time of the start, on the monotonic clock [s].
+        failures: Number of earlier attempts that crashed.
+        is_alone: Whether no other fit may run at the same time.
+        told: Fields of all messages so far; a later value replaces an earlier one.
+        news: Stage and fraction that are not stored yet.
+        renewed: Time of the last renewal of the lease, on the monotonic clock [s].
+    """
+
+    running: AbstractRunning
+    began: float
+    failures: int
+    is_alone: bool = False
+    told: dict[str, Any] = field(default_factory=dict)
+    news: dict[str, Any] = field(default_factory=dict)
+    renewed: float = 0.0
+
+    @property
+    def job(self) -> FitJob:
+        """The job of the attempt."""
+        return self.running.job
+
+    def hear(self, message: dict[str, Any]) -> None:
+        """Process a message; ignore progress that the database could not store.
+
+        Args:
+            message: Message of the process, with unchecked content.
+        """
+        self.told |= message
+        progress = message.get("progress")
+        if not isinstance(progress, dict):
+            return
+        stage, fraction = progress.get("stage"), progress.get("fraction")
+        if isinstance(stage, str) and isinstance(fraction, int | float) and math.isfinite(fraction):
+            self.news = {"stage": stage[:_LONGEST_STAGE], "fraction": float(fraction)}
 
 
 class Supervisor:

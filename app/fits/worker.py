@@ -21,12 +21,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.fits.job import CHECKPOINTS, LOG, FitJob, RunFile
+from app.disk import is_full, open_regular, sha256_of, sync_directory
+from app.fits.job import LOG, FitJob, RunFile
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
-from app.regular import open_regular, sha256_of
-from app.space import is_full
-from app.storage import sync_directory
+from app.storage import CHECKPOINTS
 from identification.errors import (
     ComputationError,
     ContradictoryRuns,
@@ -78,7 +77,7 @@ def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     """Compute a job and write its outputs to disk.
 
     Args:
-        job: FitJob with its output directory.
+        job: Job with its output directory.
         progress: Callback with the stage and the completed fraction of the fit.
 
     Raises:

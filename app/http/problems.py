@@ -28,8 +28,8 @@ from starlette.requests import ClientDisconnect
 from app import errors
 from app.damage import is_damaged
 from app.database import NO_ANSWER
+from app.disk import is_full
 from app.logging import request_id
-from app.space import is_full
 from identification.errors import InputError
 
 __all__ = [

@@ -10,10 +10,9 @@ import logging
 import time
 from dataclasses import dataclass
 
-from app.database import Database
+from app.database import Database, portions
 from app.fits import repository as fits
 from app.metrics import Metrics
-from app.portions import portions
 from app.retention import repository
 from app.runs import repository as runs
 from app.storage import Storage

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from sqlalchemy import delete, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
-from app.portions import portions
+from app.database import portions
 from app.tables import FitRow, FitRunRow, RunRow
 
 __all__ = [

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.tables import RunRow
+from app.texts import moment
 
-__all__ = ["RunList", "RunOut", "UPLOAD_BODY", "moment"]
+__all__ = ["RunList", "RunOut", "UPLOAD_BODY"]
 
 _EXAMPLE: dict[str, Any] = {
     "id": "run_n2dq4hoyzmxrj6tcf7k3wvb5ea",
@@ -132,9 +132,3 @@ class RunList(BaseModel):
     def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:
         """Build the schema from stored runs and the cursor of the next page."""
         return cls(items=[RunOut.of(row) for row in rows], next=following)
-
-
-def moment(seconds: float) -> str:
-    """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
-    text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
-    return text.replace("+00:00", "Z")

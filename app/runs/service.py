@@ -14,6 +14,7 @@ from sqlalchemy.exc import IntegrityError, OperationalError
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
+from app.disk import is_full
 from app.errors import FieldRefused, NotFound, QuotaExceeded, RunInUse
 from app.identifiers import is_id, new_id
 from app.metrics import Metrics
@@ -21,7 +22,6 @@ from app.paging import cursor_of, position_of
 from app.runs import repository
 from app.runs.reading import RunReader
 from app.runs.upload import Upload
-from app.space import is_full
 from app.storage import Storage, refused_when_full
 from app.tables import RunRow
 from app.texts import checked_label

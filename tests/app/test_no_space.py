@@ -16,8 +16,8 @@ from app.backup import archive
 from app.backup import restore as restoring
 from app.cli import main
 from app.database import Database
+from app.disk import is_full
 from app.settings import load_settings
-from app.space import is_full
 from app.storage import Storage
 from identification.errors import OptionError
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.environment import unknown_variables
-from app.settings import Settings, is_loopback, load_settings
+from app.settings import Settings, is_loopback, load_settings, unknown_variables
 from identification.errors import OptionError
 
 

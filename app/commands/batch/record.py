@@ -22,8 +22,7 @@ from typing import Any, Final
 
 from app.commands.batch.manifest import Motor
 from app.commands.files import read_result
-from app.regular import open_regular
-from app.storage import sync_directory
+from app.disk import open_regular, sync_directory
 from identification.errors import InputError, OptionError
 from identification.fleet.refit import Refit, refit_of
 from identification.report.atomic import write_text

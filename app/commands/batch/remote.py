@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from app.batches.limits import MOST_MOTORS, MOST_RUNS
+from app.batches import MOST_MOTORS, MOST_RUNS
 from app.commands.batch.local import MotorJob
 from app.commands.batch.record import finish, make_way, previous_refit, remember
 from identification.errors import ComputationError, InputError

@@ -12,7 +12,7 @@ import pytest
 
 from app.access.quotas import Quotas
 from app.access.service import Caller
-from app.batches.limits import MOST_RUNS
+from app.batches import MOST_RUNS
 from app.batches.service import BatchService
 from app.database import Database
 from app.errors import FieldRefused, KeyReused, NotFound, WaitingQuota

@@ -14,11 +14,10 @@ from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from app.access.service import AccessService
-from app.database import Database
+from app.database import Database, portions
 from app.errors import TooManyStreams
 from app.fits import repository, watcher
 from app.fits.watcher import Listener, Watcher
-from app.portions import portions
 from app.tables import FitRow
 from tests.app.rows import fit_row
 from tests.app.statements import statements

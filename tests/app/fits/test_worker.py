@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.fits.job import CHECKPOINTS, FitJob
+from app.fits.job import FitJob
 from app.fits.worker import checkpoint_of
+from app.storage import CHECKPOINTS
 
 
 def attempt(directory: Path, number: int) -> FitJob:

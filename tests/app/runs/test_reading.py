@@ -1,4 +1,4 @@
-"""Reading in a process with limits: what a file does to its reader reaches nobody else."""
+"""Reading of uploads in processes with resource limits, and the queue of uploads."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import anyio
 import pytest
 
-from app.errors import RunRefused
+from app.errors import RunRefused, TooManyUploads
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
-from app.runs.reading import RunReader
+from app.runs.reading import ReadingQueue, RunReader
 from tests.app.service import HEADER, run_text
 
 LIMITS = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=60.0)
@@ -161,3 +162,55 @@ def test_more_rows_than_are_taken_are_refused(fork_server: ForkServer, run: Path
     """Sixty samples where fifty are the limit."""
     with pytest.raises(RunRefused, match="50"):
         RunReader(fork_server, LIMITS, max_rows=50).read(run, "a.csv", None)
+
+
+def test_upload_beyond_the_queue_is_refused_and_those_in_it_are_read() -> None:
+    """One is read, two wait, and the fourth is told a time; afterwards there is room again."""
+    release = threading.Event()
+    read: list[int] = []
+
+    def reading(number: int) -> None:
+        """A reading that takes as long as the test says."""
+        assert release.wait(30.0)
+        read.append(number)
+
+    async def load() -> None:
+        """Three uploads one after the other, then a fourth."""
+        queue = ReadingQueue(readers=1, most_waiting=2)
+        async with anyio.create_task_group() as group:
+            for number in range(3):
+                queue.check()
+                group.start_soon(queue.run, reading, number)
+                await anyio.wait_all_tasks_blocked()
+            with pytest.raises(TooManyUploads, match="2 uploads are waiting to be read") as caught:
+                queue.check()
+            assert 1.0 <= caught.value.retry_after_s <= 60.0
+            release.set()
+        queue.check()
+        await queue.run(reading, 4)
+
+    anyio.run(load)
+
+    assert read == [0, 1, 2, 4]
+
+
+def test_time_to_come_back_follows_the_time_of_a_reading() -> None:
+    """Ten readings of 0.3 s let the mean rise, and fifty that wait make 11 s."""
+
+    async def load() -> float:
+        """Read, then fill the queue."""
+        queue = ReadingQueue(readers=1, most_waiting=50)
+        release = threading.Event()
+        for _ in range(10):
+            await queue.run(release.wait, 0.3)
+        async with anyio.create_task_group() as group:
+            for _ in range(51):
+                group.start_soon(queue.run, release.wait, 30.0)
+            await anyio.wait_all_tasks_blocked()
+            with pytest.raises(TooManyUploads) as caught:
+                queue.check()
+            release.set()
+        return caught.value.retry_after_s
+
+    # Mean 0.3 - 0.2 * 0.9**10 = 0.23 s, fifty times; a busy machine is slower, never faster.
+    assert anyio.run(load) >= 11.0

@@ -1,7 +1,7 @@
-"""Regular files in a directory that others can write to: non-blocking open, hash and removal.
+"""Regular files, directories and full disks.
 
-Opening a FIFO without a writer blocks forever, and a directory can be opened; both raise an OSError
-here, like an unreadable file.
+Others can write to the data directory.  Opening a FIFO without a writer blocks forever, and a
+directory can be opened; both raise an OSError here, like an unreadable file.
 """
 
 from __future__ import annotations
@@ -10,12 +10,16 @@ import errno
 import hashlib
 import os
 import shutil
+import sqlite3
 import stat
 from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 
-__all__ = ["open_regular", "remove_entry", "sha256_of"]
+__all__ = ["is_full", "open_regular", "remove_entry", "sha256_of", "sync_directory"]
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FULL_POSTGRESQL = "53100"
 
 
 def open_regular(path: Path) -> BufferedReader:
@@ -50,3 +54,29 @@ def remove_entry(path: Path) -> None:
     # NotADirectoryError: a parent is a file, so nothing exists at the path.
     with suppress(FileNotFoundError, NotADirectoryError):
         path.unlink()
+
+
+def sync_directory(directory: Path) -> None:
+    """Make the entries of a directory durable (fsync)."""
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def is_full(error: BaseException) -> bool:
+    """Return True if an error means that a disk, a quota or a file size limit is exhausted.
+
+    Database errors are recognised by their codes, so that no driver must be imported.
+
+    Args:
+        error: Error of the operating system, a database driver or SQLAlchemy.
+    """
+    if isinstance(error, OSError):
+        return error.errno in _FULL
+    original = getattr(error, "orig", None) or error
+    return (
+        getattr(original, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+        or getattr(original, "sqlstate", None) == _FULL_POSTGRESQL
+    )
