@@ -61,6 +61,23 @@ def test_every_module_of_the_library_stands_in_the_layers() -> None:
     assert layers == modules | {"app"}
 
 
+def test_every_module_of_the_application_stands_in_the_layers() -> None:
+    """As for the library: the files are the expected list, and each layer names some of them."""
+    layers = CONTRACTS["application"]["layers"]
+    named = {name for layer in layers for name in layer.split(" | ")}
+    modules = {
+        path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+        for path in (ROOT / "app").rglob("*.py")
+        if path.name != "__init__.py"
+    }
+
+    covered = {
+        module for module in modules for name in named if f"{module}.".startswith(f"{name}.")
+    }
+
+    assert modules == covered
+
+
 def test_decision_shows_the_layers_that_are_checked() -> None:
     """The list in decision 0001 is the list in pyproject.toml, without the package's name."""
     page = ROOT / "docs" / "adr" / "0001-layers-and-direction-of-imports.md"
@@ -95,6 +112,8 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
         ("identification/quantities.py", "import fastapi", "library"),
         ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
         ("app/fits/service.py", "import fastapi", "services"),
+        ("app/storage.py", "import app.fits.service", "application"),
+        ("app/runs/service.py", "import app.runs.endpoints", "application"),
         ("bench/motors.py", "import identification.quantities", "bench"),
         ("motorid/files.py", "import identification.quantities", "client"),
     ],
