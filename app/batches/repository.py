@@ -1,10 +1,10 @@
-"""Database queries of batches; lookups are restricted to one workspace."""
+"""Database queries of batches."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy import case, delete, func, select, tuple_, update
+from sqlalchemy import case, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
@@ -13,14 +13,11 @@ from app.tables import BatchRow, FitRow
 
 __all__ = [
     "add",
-    "by_key",
     "cancel",
     "counts",
     "earlier",
     "fit_ids",
     "fractions",
-    "get",
-    "page",
     "remove",
 ]
 
@@ -29,32 +26,6 @@ def add(session: Session, row: BatchRow) -> None:
     """Insert a batch."""
     session.add(row)
     session.flush()
-
-
-def get(session: Session, workspace: str, batch_id: str) -> BatchRow | None:
-    """Batch by ID within a workspace, or None."""
-    query = select(BatchRow).where(BatchRow.workspace == workspace, BatchRow.id == batch_id)
-    return session.scalars(query).one_or_none()
-
-
-def by_key(session: Session, workspace: str, idempotency_key: str) -> BatchRow | None:
-    """Batch that was requested with an Idempotency-Key, or None."""
-    query = select(BatchRow).where(
-        BatchRow.workspace == workspace, BatchRow.idempotency_key == idempotency_key
-    )
-    return session.scalars(query).one_or_none()
-
-
-def page(
-    session: Session, workspace: str, *, after: tuple[float, str] | None, limit: int
-) -> Sequence[BatchRow]:
-    """Page of batches, newest first; `after` is the creation time and ID of the preceding batch."""
-    query = select(BatchRow).where(BatchRow.workspace == workspace)
-    if after is not None:
-        query = query.where(tuple_(BatchRow.created_at, BatchRow.id) < tuple_(*after))
-    return session.scalars(
-        query.order_by(BatchRow.created_at.desc(), BatchRow.id.desc()).limit(limit)
-    ).all()
 
 
 def counts(session: Session, batch_ids: Sequence[str]) -> dict[str, dict[str, int]]:

@@ -10,21 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from app import queries
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.batches import MOST_RUNS, repository
 from app.batches.results import MISSING, refits_of
 from app.database import Database
-from app.errors import FieldRefused, KeyReused, NotAcceptable, NotFound
+from app.errors import FieldRefused, NotAcceptable
 from app.fits import repository as fits
 from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
 from app.fits.supervisor import Supervisor
-from app.identifiers import is_id, new_id
-from app.paging import cursor_of, position_of
+from app.identifiers import new_id
 from app.storage import Storage
 from app.tables import BatchRow, FitRow
 from app.texts import checked_label
@@ -114,25 +113,16 @@ class BatchService:
         )
         # Build the rows before the transaction, which blocks other writers.
         made = [(_fit_row(caller, row, n, request), request) for n, request in enumerate(requests)]
-        known = None
-        try:
-            with self._database.writing() as session:
-                known = repository.by_key(session, caller.workspace, key) if key else None
-                if known is None:
-                    self._quotas.check_fits(session, caller.workspace, len(requests))
-                    check_runs(session, caller, *requests)
-                    repository.add(session, row)
-                    fits.add(session, *made)
-        except IntegrityError:
-            # A concurrent request with the same key was committed first.
-            if key is None:
-                raise
-            with self._database.reading() as session:
-                known = repository.by_key(session, caller.workspace, key)
-        if known is not None and known.request_sha256 != row.request_sha256:
-            raise KeyReused("this Idempotency-Key was used with another request; use a new key")
+
+        def add(session: Session) -> None:
+            self._quotas.check_fits(session, caller.workspace, len(requests))
+            check_runs(session, caller, *requests)
+            repository.add(session, row)
+            fits.add(session, *made)
+
+        stored = queries.requested_once(self._database, row, add)
         self._supervisor.wake()
-        return self.get(caller, row.id if known is None else known.id)
+        return self.get(caller, stored.id)
 
     def page(
         self, caller: Caller, *, after: str | None, limit: int
@@ -143,14 +133,13 @@ class BatchService:
             FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
-            rows = repository.page(
-                session, caller.workspace, after=position_of(after), limit=limit + 1
+            rows, following = queries.page(
+                session, BatchRow, caller.workspace, after=after, limit=limit
             )
-            ids = [row.id for row in rows[:limit]]
+            ids = [row.id for row in rows]
             counts = repository.counts(session, ids)
             shares = repository.fractions(session, ids)
-        batches = [StoredBatch(row, counts[row.id], shares[row.id]) for row in rows[:limit]]
-        return batches, cursor_of(rows, limit)
+        return [StoredBatch(row, counts[row.id], shares[row.id]) for row in rows], following
 
     def get(self, caller: Caller, batch_id: str) -> StoredBatch:
         """Batch with its fits.
@@ -159,7 +148,7 @@ class BatchService:
             NotFound: The caller's workspace has no such batch.
         """
         with self._database.reading() as session:
-            row = _known(session, caller, batch_id)
+            row = queries.known(session, BatchRow, caller.workspace, batch_id)
             counts = repository.counts(session, [row.id])[row.id]
             share = repository.fractions(session, [row.id])[row.id]
             return StoredBatch(row, counts, share, fits.of_batch(session, row.id))
@@ -174,7 +163,7 @@ class BatchService:
             NotFound: The caller's workspace has no such batch.
         """
         with self._database.writing() as session:
-            row = _known(session, caller, batch_id)
+            row = queries.known(session, BatchRow, caller.workspace, batch_id)
             cancelled = repository.cancel(session, row.id, time.time())
             ids = repository.fit_ids(session, row.id)
             if not cancelled:
@@ -263,12 +252,3 @@ def _fit_row(caller: Caller, batch: BatchRow, position: int, request: FitRequest
     row = new_row(caller, request)
     row.batch_id, row.position, row.created_at = batch.id, position, batch.created_at
     return row
-
-
-def _known(session: Session, caller: Caller, batch_id: str) -> BatchRow:
-    found = None
-    if is_id("batch", batch_id):
-        found = repository.get(session, caller.workspace, batch_id)
-    if found is None:
-        raise NotFound("there is no such batch; GET /api/v1/batches lists them")
-    return found

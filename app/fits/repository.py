@@ -1,6 +1,6 @@
 """Database queries of fits.
 
-Queries for callers are restricted to one workspace.  Every update of a running fit is conditional
+Every update of a running fit is conditional
 on the attempt number (optimistic locking), so a slow process whose attempt was replaced cannot
 overwrite the state of its successor.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import and_, delete, func, or_, select, tuple_, update
+from sqlalchemy import and_, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
@@ -22,20 +22,17 @@ __all__ = [
     "ENDED",
     "add",
     "all_ids",
-    "by_key",
     "cancel",
     "changes",
     "claim",
     "counts",
     "expired",
     "finish",
-    "get",
     "has_ended",
     "held",
     "next_queued",
     "of_batch",
     "oldest_queued",
-    "page",
     "put_back",
     "remove",
     "renew",
@@ -52,12 +49,6 @@ def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
     session.add_all(row for row, _ in fits)
     session.flush()
     roles.add(session, ((row.id, request) for row, request in fits))
-
-
-def get(session: Session, workspace: str, fit_id: str) -> FitRow | None:
-    """Fit by ID within a workspace, or None."""
-    query = select(FitRow).where(FitRow.workspace == workspace, FitRow.id == fit_id)
-    return session.scalars(query).one_or_none()
 
 
 def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:
@@ -77,45 +68,6 @@ def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow |
             found |= {row.id: row for row in rows}
         found |= dict.fromkeys(fit_id for fit_id in asked if fit_id not in now)
     return found
-
-
-def by_key(session: Session, workspace: str, idempotency_key: str) -> FitRow | None:
-    """Fit that was requested with an Idempotency-Key, or None."""
-    query = select(FitRow).where(
-        FitRow.workspace == workspace, FitRow.idempotency_key == idempotency_key
-    )
-    return session.scalars(query).one_or_none()
-
-
-def page(
-    session: Session,
-    workspace: str,
-    *,
-    after: tuple[float, str] | None,
-    limit: int,
-    status: str | None = None,
-    motor: str | None = None,
-) -> Sequence[FitRow]:
-    """Page of fits, newest first.
-
-    Args:
-        session: Database session.
-        workspace: Workspace of the caller.
-        after: Creation time and ID of the last fit of the previous page.
-        limit: Maximum number of fits.
-        status: Select only fits in this state.
-        motor: Select only fits of this motor.
-    """
-    query = select(FitRow).where(FitRow.workspace == workspace)
-    if status is not None:
-        query = query.where(FitRow.status == status)
-    if motor is not None:
-        query = query.where(FitRow.motor == motor)
-    if after is not None:
-        query = query.where(tuple_(FitRow.created_at, FitRow.id) < tuple_(*after))
-    return session.scalars(
-        query.order_by(FitRow.created_at.desc(), FitRow.id.desc()).limit(limit)
-    ).all()
 
 
 def of_batch(session: Session, batch_id: str) -> Sequence[FitRow]:

@@ -9,19 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from app import queries
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
-from app.errors import FileLost, KeyReused, NotFound, NotReady
+from app.errors import FileLost, NotReady
 from app.fits import repository, roles
 from app.fits.outputs import expected_outputs, open_output, read_result
 from app.fits.request import FitRequest, check_runs, checked_key, new_row
 from app.fits.supervisor import Supervisor
-from app.identifiers import is_id
-from app.paging import cursor_of, position_of
 from app.storage import Storage
 from app.tables import FitRow
 
@@ -79,23 +77,15 @@ class FitService:
         key = checked_key(idempotency_key)
         row = new_row(caller, request)
         row.idempotency_key = key
-        try:
-            with self._database.writing() as session:
-                known = key and repository.by_key(session, caller.workspace, key)
-                if not known:
-                    check_runs(session, caller, request)
-                    self._quotas.check_fits(session, caller.workspace, 1)
-                    repository.add(session, (row, request))
-        except IntegrityError:
-            # A concurrent request with the same key was committed first.
-            with self._database.reading() as session:
-                known = key and repository.by_key(session, caller.workspace, key)
-            if not known:
-                raise
-        if known:
-            if known.request_sha256 != row.request_sha256:
-                raise KeyReused("this Idempotency-Key was used with another request; use a new key")
-            return self.get(caller, known.id)
+
+        def add(session: Session) -> None:
+            check_runs(session, caller, request)
+            self._quotas.check_fits(session, caller.workspace, 1)
+            repository.add(session, (row, request))
+
+        stored = queries.requested_once(self._database, row, add)
+        if stored is not row:
+            return self.get(caller, stored.id)
         _log.info("fit accepted", extra={"fit": row.id, "runs": len(request.training)})
         self._supervisor.wake()
         return StoredFit(row, request.training, request.validation)
@@ -115,16 +105,17 @@ class FitService:
             FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
-            rows = repository.page(
+            rows, following = queries.page(
                 session,
+                FitRow,
                 caller.workspace,
-                after=position_of(after),
-                limit=limit + 1,
+                after=after,
+                limit=limit,
                 status=status,
                 motor=motor,
             )
-            ids = roles.ids_of(session, [row.id for row in rows[:limit]])
-        return [self._fit(row, ids[row.id]) for row in rows[:limit]], cursor_of(rows, limit)
+            ids = roles.ids_of(session, [row.id for row in rows])
+        return [self._fit(row, ids[row.id]) for row in rows], following
 
     def get(self, caller: Caller, fit_id: str) -> StoredFit:
         """Fit with its result if it has succeeded.
@@ -134,7 +125,7 @@ class FitService:
             FileLost: The result is missing or damaged.
         """
         with self._database.reading() as session:
-            row = _known(session, caller, fit_id)
+            row = queries.known(session, FitRow, caller.workspace, fit_id)
             ids = roles.ids_of(session, [row.id])[row.id]
         result = None
         if row.status == "succeeded":
@@ -155,7 +146,7 @@ class FitService:
             NotFound: The caller's workspace has no such fit.
         """
         with self._database.reading() as session:
-            return _known(session, caller, fit_id)
+            return queries.known(session, FitRow, caller.workspace, fit_id)
 
     def delete(self, caller: Caller, fit_id: str) -> StoredFit | None:
         """Cancel an unfinished fit, or delete an ended one.
@@ -167,7 +158,7 @@ class FitService:
             NotFound: The caller's workspace has no such fit.
         """
         with self._database.writing() as session:
-            _known(session, caller, fit_id)
+            queries.known(session, FitRow, caller.workspace, fit_id)
             is_cancelled = repository.cancel(session, fit_id, time.time())
             if not is_cancelled:
                 repository.remove(session, fit_id)
@@ -245,10 +236,3 @@ class FitService:
             f"the {name} of {row.id} {state}; repeat the fit, or ask the operator to restore "
             "a backup"
         )
-
-
-def _known(session: Session, caller: Caller, fit_id: str) -> FitRow:
-    found = repository.get(session, caller.workspace, fit_id) if is_id("fit", fit_id) else None
-    if found is None:
-        raise NotFound("there is no such fit; GET /api/v1/fits lists them")
-    return found

@@ -1,10 +1,10 @@
-"""Database queries of runs; lookups are restricted to one workspace."""
+"""Database queries of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sqlalchemy import delete, func, select, tuple_, update
+from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
@@ -14,10 +14,8 @@ __all__ = [
     "add",
     "all_ids",
     "by_content",
-    "get",
     "hashes",
     "note_sent",
-    "page",
     "remove",
     "totals",
     "waiting_fit",
@@ -27,19 +25,6 @@ __all__ = [
 def add(session: Session, row: RunRow) -> None:
     """Insert a run."""
     session.add(row)
-
-
-def get(session: Session, workspace: str, run_id: str, *, lock: bool = False) -> RunRow | None:
-    """Run by ID within a workspace, or None.
-
-    Args:
-        session: Database session.
-        workspace: Workspace of the caller.
-        run_id: ID of the run.
-        lock: Whether to lock the row until the session ends, so that no new fit can name the run.
-    """
-    query = select(RunRow).where(RunRow.workspace == workspace, RunRow.id == run_id)
-    return session.scalars(query.with_for_update() if lock else query).one_or_none()
 
 
 def hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, str]:
@@ -66,33 +51,6 @@ def by_content(session: Session, workspace: str, sha256: str, mapping_sha256: st
         RunRow.mapping_sha256 == mapping_sha256,
     )
     return session.scalars(query).one_or_none()
-
-
-def page(
-    session: Session,
-    workspace: str,
-    *,
-    after: tuple[float, str] | None,
-    limit: int,
-    motor: str | None = None,
-) -> Sequence[RunRow]:
-    """Page of runs, newest first.
-
-    Args:
-        session: Database session.
-        workspace: Workspace of the caller.
-        after: Creation time and ID of the last run of the previous page.
-        limit: Maximum number of runs.
-        motor: Select only runs of this motor.
-    """
-    query = select(RunRow).where(RunRow.workspace == workspace)
-    if motor is not None:
-        query = query.where(RunRow.motor == motor)
-    if after is not None:
-        query = query.where(tuple_(RunRow.created_at, RunRow.id) < tuple_(*after))
-    return session.scalars(
-        query.order_by(RunRow.created_at.desc(), RunRow.id.desc()).limit(limit)
-    ).all()
 
 
 def waiting_fit(session: Session, run_id: str) -> str | None:

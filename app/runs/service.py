@@ -11,14 +11,14 @@ from typing import Any
 
 from sqlalchemy.exc import IntegrityError, OperationalError
 
+from app import queries
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.disk import is_full
-from app.errors import FieldRefused, NotFound, QuotaExceeded, RunInUse
-from app.identifiers import is_id, new_id
+from app.errors import FieldRefused, QuotaExceeded, RunInUse
+from app.identifiers import new_id
 from app.metrics import Metrics
-from app.paging import cursor_of, position_of
 from app.runs import repository
 from app.runs.reading import RunReader
 from app.runs.upload import Upload
@@ -160,14 +160,9 @@ class RunService:
             FieldRefused: `after` is not a cursor of this service.
         """
         with self._database.reading() as session:
-            rows = repository.page(
-                session,
-                caller.workspace,
-                after=position_of(after),
-                limit=limit + 1,
-                motor=motor,
+            return queries.page(
+                session, RunRow, caller.workspace, after=after, limit=limit, motor=motor
             )
-        return rows[:limit], cursor_of(rows, limit)
 
     def get(self, caller: Caller, run_id: str) -> RunRow:
         """Run by ID.
@@ -176,12 +171,7 @@ class RunService:
             NotFound: The caller's workspace has no such run.
         """
         with self._database.reading() as session:
-            row = (
-                repository.get(session, caller.workspace, run_id) if is_id("run", run_id) else None
-            )
-        if row is None:
-            raise _missing()
-        return row
+            return queries.known(session, RunRow, caller.workspace, run_id)
 
     def delete(self, caller: Caller, run_id: str) -> None:
         """Delete a run and its file.
@@ -190,12 +180,8 @@ class RunService:
             NotFound: The caller's workspace has no such run.
             RunInUse: An unfinished fit needs the run.
         """
-        if not is_id("run", run_id):
-            raise _missing()
         with self._database.writing() as session:
-            row = repository.get(session, caller.workspace, run_id, lock=True)
-            if row is None:
-                raise _missing()
+            queries.known(session, RunRow, caller.workspace, run_id, lock=True)
             fit_id = repository.waiting_fit(session, run_id)
             if fit_id is not None:
                 raise RunInUse(
@@ -204,10 +190,6 @@ class RunService:
                 )
             repository.remove(session, run_id)
         self._storage.remove_run(run_id)
-
-
-def _missing() -> NotFound:
-    return NotFound("there is no such run; GET /api/v1/runs lists them")
 
 
 def _mapping(text: str | None) -> dict[str, Any] | None:

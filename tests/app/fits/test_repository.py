@@ -37,13 +37,13 @@ def take(database: Database, owner: str, now: float = 0.0) -> FitRow | None:
         if row is None or not repository.claim(session, row, owner, now, now + 10.0):
             return None
     with database.reading() as session:
-        return repository.get(session, "default", row.id)
+        return session.get(FitRow, row.id)
 
 
 def state(database: Database, fit_id: str) -> FitRow:
     """A fit as it is now."""
     with database.reading() as session:
-        row = repository.get(session, "default", fit_id)
+        row = session.get(FitRow, fit_id)
     assert row is not None
     return row
 

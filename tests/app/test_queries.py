@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.errors import FieldRefused
-from app.paging import cursor_of, position_of
+from app.queries import cursor_of, position_of
 
 
 @dataclass(frozen=True)
