@@ -69,87 +69,69 @@ __all__ = [
 
 
 class ServiceError(Exception):
-    """Base class; `code` is a stable identifier for scripts.
+    """Base class; each class names its `code`, a stable identifier for scripts.
 
     Args:
         message: What was wrong, what was expected, what to do next.
     """
 
-    code: ClassVar[str] = "service"
+    code: ClassVar[str]
+
+    def __init_subclass__(cls, *, code: str) -> None:
+        super().__init_subclass__()
+        cls.code = code
 
     def __init__(self, message: str) -> None:
         self.message = message
         super().__init__(message)
 
 
-class NotFound(ServiceError):
+class NotFound(ServiceError, code="not_found"):
     """Item missing in the client's workspace."""
 
-    code: ClassVar[str] = "not_found"
 
-
-class NotReady(NotFound):
+class NotReady(NotFound, code="not_ready"):
     """Output that the fit does not have, or not yet."""
 
-    code: ClassVar[str] = "not_ready"
 
-
-class RequestRefused(ServiceError):
+class RequestRefused(ServiceError, code="request"):
     """Fault of the request."""
 
-    code: ClassVar[str] = "request"
 
-
-class BadRequest(RequestRefused):
+class BadRequest(RequestRefused, code="bad_request"):
     """Malformed request."""
 
-    code: ClassVar[str] = "bad_request"
 
-
-class BadKey(RequestRefused):
+class BadKey(RequestRefused, code="unauthorized"):
     """Missing or invalid API key."""
 
-    code: ClassVar[str] = "unauthorized"
 
-
-class CrossSite(RequestRefused):
+class CrossSite(RequestRefused, code="cross_site"):
     """Request sent by a page of another site."""
 
-    code: ClassVar[str] = "cross_site"
 
-
-class BodyTooLarge(RequestRefused):
+class BodyTooLarge(RequestRefused, code="too_large"):
     """Body larger than the limit."""
 
-    code: ClassVar[str] = "too_large"
 
-
-class BodyTooSlow(RequestRefused):
+class BodyTooSlow(RequestRefused, code="too_slow"):
     """Body stalled, or incomplete at its deadline."""
 
-    code: ClassVar[str] = "too_slow"
 
-
-class WrongMediaType(RequestRefused):
+class WrongMediaType(RequestRefused, code="media_type"):
     """Body of a media type that the call does not take."""
 
-    code: ClassVar[str] = "media_type"
 
-
-class NotAcceptable(RequestRefused):
+class NotAcceptable(RequestRefused, code="not_acceptable"):
     """No representation that the Accept header allows."""
 
-    code: ClassVar[str] = "not_acceptable"
 
-
-class RangeOutside(RequestRefused):
+class RangeOutside(RequestRefused, code="range"):
     """Range header that asks for bytes outside the file.
 
     Args:
         content_range: Value of the Content-Range header, with the size of the file.
     """
-
-    code: ClassVar[str] = "range"
 
     def __init__(self, content_range: str) -> None:
         self.content_range = content_range
@@ -159,7 +141,7 @@ class RangeOutside(RequestRefused):
         )
 
 
-class FieldRefused(RequestRefused):
+class FieldRefused(RequestRefused, code="field"):
     """Value of a request field that is not accepted.
 
     Args:
@@ -167,20 +149,16 @@ class FieldRefused(RequestRefused):
         field: Name of the field.
     """
 
-    code: ClassVar[str] = "field"
-
     def __init__(self, message: str, field: str) -> None:
         self.field = field
         super().__init__(message)
 
 
-class KeyReused(RequestRefused):
+class KeyReused(RequestRefused, code="idempotency_key_reused"):
     """Idempotency-Key repeated with a different request."""
 
-    code: ClassVar[str] = "idempotency_key_reused"
 
-
-class RunRefused(RequestRefused):
+class RunRefused(RequestRefused, code="run_file"):
     """Upload not readable as a run.
 
     Args:
@@ -190,8 +168,6 @@ class RunRefused(RequestRefused):
         row: Line number in the file, counted from 1.
         column: Name of the column as written in the file.
     """
-
-    code: ClassVar[str] = "run_file"
 
     def __init__(
         self,
@@ -209,7 +185,7 @@ class RunRefused(RequestRefused):
         super().__init__(message)
 
 
-class TooManyRequests(ServiceError):
+class TooManyRequests(ServiceError, code="rate_limited"):
     """Rate limit of a key exceeded.
 
     Args:
@@ -217,84 +193,59 @@ class TooManyRequests(ServiceError):
         retry_after_s: Time until the next call is accepted [s].
     """
 
-    code: ClassVar[str] = "rate_limited"
-
     def __init__(self, message: str, retry_after_s: float) -> None:
         self.retry_after_s = retry_after_s
         super().__init__(message)
 
 
-class TooManyStreams(TooManyRequests):
+class TooManyStreams(TooManyRequests, code="too_many_streams"):
     """Too many open event streams of a key."""
-
-    code: ClassVar[str] = "too_many_streams"
 
     def __init__(self, message: str) -> None:
         super().__init__(message, retry_after_s=10.0)
 
 
-class TooManyUploads(TooManyRequests):
+class TooManyUploads(TooManyRequests, code="too_many_uploads"):
     """Queue of uploads to be read, shared by all keys, is full."""
 
-    code: ClassVar[str] = "too_many_uploads"
 
-
-class QuotaExceeded(ServiceError):
+class QuotaExceeded(ServiceError, code="quota"):
     """Quota of the workspace reached."""
 
-    code: ClassVar[str] = "quota"
 
-
-class BytesQuota(QuotaExceeded):
+class BytesQuota(QuotaExceeded, code="quota_bytes"):
     """Quota of bytes of the workspace's run files."""
 
-    code: ClassVar[str] = "quota_bytes"
 
-
-class RunsQuota(QuotaExceeded):
+class RunsQuota(QuotaExceeded, code="quota_runs"):
     """Quota of runs of the workspace."""
 
-    code: ClassVar[str] = "quota_runs"
 
-
-class WaitingQuota(QuotaExceeded):
+class WaitingQuota(QuotaExceeded, code="quota_waiting_fits"):
     """Quota of waiting fits of the workspace."""
 
-    code: ClassVar[str] = "quota_waiting_fits"
     retry_after_s: ClassVar[float] = 60.0
 
 
-class BatchQuota(QuotaExceeded):
+class BatchQuota(QuotaExceeded, code="quota_batch"):
     """Batch that alone exceeds the quota of waiting fits; a retry would fail, too."""
 
-    code: ClassVar[str] = "quota_batch"
 
-
-class RunInUse(ServiceError):
+class RunInUse(ServiceError, code="run_in_use"):
     """Run that cannot be deleted because an unfinished fit needs it."""
 
-    code: ClassVar[str] = "run_in_use"
 
-
-class Unavailable(ServiceError):
+class Unavailable(ServiceError, code="unavailable"):
     """Service temporarily unavailable; a later retry may succeed."""
 
-    code: ClassVar[str] = "unavailable"
 
-
-class StorageFull(Unavailable):
+class StorageFull(Unavailable, code="storage_full"):
     """No space left for the data of the request."""
 
-    code: ClassVar[str] = "storage_full"
 
-
-class FileLost(Unavailable):
+class FileLost(Unavailable, code="file_lost"):
     """Stored file missing, or different from what was written."""
 
-    code: ClassVar[str] = "file_lost"
 
-
-class DatabaseDamaged(Unavailable):
+class DatabaseDamaged(Unavailable, code="database_damaged"):
     """Damaged database file."""
-
-    code: ClassVar[str] = "database_damaged"

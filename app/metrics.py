@@ -6,6 +6,8 @@ unbounded.
 
 from __future__ import annotations
 
+from functools import partial
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 __all__ = ["MEDIA_TYPE", "Metrics"]
@@ -20,78 +22,47 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        self.requests = Counter(
-            "motorid_http_requests",
-            "Requests answered.",
-            ["method", "route", "status"],
-            registry=self.registry,
+        counter = partial(Counter, registry=self.registry)
+        gauge = partial(Gauge, registry=self.registry)
+        histogram = partial(Histogram, registry=self.registry)
+        self.requests = counter(
+            "motorid_http_requests", "Requests answered.", ["method", "route", "status"]
         )
-        self.request_seconds = Histogram(
-            "motorid_http_request_seconds",
-            "Time to the end of an answer.",
-            ["method", "route"],
-            registry=self.registry,
+        self.request_seconds = histogram(
+            "motorid_http_request_seconds", "Time to the end of an answer.", ["method", "route"]
         )
-        self.uploaded_bytes = Counter(
-            "motorid_uploaded_bytes", "Bytes of run files received.", registry=self.registry
+        self.uploaded_bytes = counter("motorid_uploaded_bytes", "Bytes of run files received.")
+        self.uploads = counter(
+            "motorid_uploads", "Run files received, by what became of them.", ["outcome"]
         )
-        self.uploads = Counter(
-            "motorid_uploads",
-            "Run files received, by what became of them.",
-            ["outcome"],
-            registry=self.registry,
-        )
-        self.read_seconds = Histogram(
-            "motorid_read_seconds", "Time to read a run file.", registry=self.registry
-        )
-        self.stored_runs = Gauge("motorid_runs", "Runs that there are.", registry=self.registry)
-        self.stored_bytes = Gauge(
-            "motorid_run_bytes", "Bytes of the run files that there are.", registry=self.registry
-        )
-        self.free_bytes = Gauge(
-            "motorid_free_bytes", "Space left in the data directory.", registry=self.registry
-        )
-        self.refused = Counter(
+        self.read_seconds = histogram("motorid_read_seconds", "Time to read a run file.")
+        self.stored_runs = gauge("motorid_runs", "Runs that there are.")
+        self.stored_bytes = gauge("motorid_run_bytes", "Bytes of the run files that there are.")
+        self.free_bytes = gauge("motorid_free_bytes", "Space left in the data directory.")
+        self.refused = counter(
             "motorid_refused",
             "Calls refused by a rate, a quota or a full queue, by which.",
             ["limit"],
-            registry=self.registry,
         )
-        self.removed = Counter(
-            "motorid_removed",
-            "What was removed because of its age, by kind.",
-            ["kind"],
-            registry=self.registry,
+        self.removed = counter(
+            "motorid_removed", "What was removed because of its age, by kind.", ["kind"]
         )
-        self.fits = Gauge(
-            "motorid_fits", "Fits that there are, by status.", ["status"], registry=self.registry
+        self.fits = gauge("motorid_fits", "Fits that there are, by status.", ["status"])
+        self.oldest_queued_seconds = gauge(
+            "motorid_oldest_queued_fit_seconds", "Age of the fit that waits longest."
         )
-        self.oldest_queued_seconds = Gauge(
-            "motorid_oldest_queued_fit_seconds",
-            "Age of the fit that waits longest.",
-            registry=self.registry,
-        )
-        self.fit_capacity = Gauge(
+        self.fit_capacity = gauge(
             "motorid_fit_capacity",
             "Fits that can be computed at once now; 0 while the cluster is away.",
-            registry=self.registry,
         )
-        self.fits_ended = Counter(
-            "motorid_fits_ended",
-            "Fits that ended here, by status.",
-            ["status"],
-            registry=self.registry,
+        self.fits_ended = counter(
+            "motorid_fits_ended", "Fits that ended here, by status.", ["status"]
         )
-        self.fit_attempts_failed = Counter(
-            "motorid_fit_attempts_failed",
-            "Attempts that ended without a result.",
-            registry=self.registry,
+        self.fit_attempts_failed = counter(
+            "motorid_fit_attempts_failed", "Attempts that ended without a result."
         )
-        self.fit_seconds = Histogram(
-            "motorid_fit_seconds",
-            "Computing time of fits that succeeded.",
-            buckets=_FIT_BUCKETS_S,
-            registry=self.registry,
+        self.fit_seconds = histogram(
+            "motorid_fit_seconds", "Computing time of fits that succeeded.", buckets=_FIT_BUCKETS_S
         )
 
     def text(self) -> bytes:

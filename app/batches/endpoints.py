@@ -11,7 +11,7 @@ from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
 from app.composition import Services
 from app.errors import NotAcceptable
-from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
 from app.http.headers import FLEET_POLICY
 from app.http.problems import responses
 
@@ -75,9 +75,7 @@ def list_batches(
     limit: Annotated[
         int, Query(ge=1, le=1000, description="Maximum number of batches on a page.")
     ] = 100,
-    after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the previous page.")
-    ] = None,
+    after: After = None,
 ) -> BatchList:
     """List batches, newest first."""
     return BatchList.of(*services.batches.page(caller, after=after, limit=limit))

@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, StreamingResponse
 
 from app.fits.events import EventStream, has_heard_the_end, last_version
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
-from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
 from app.http.files import OpenFileResponse
 from app.http.headers import REPORT_POLICY
 from app.http.problems import responses
@@ -71,9 +71,7 @@ def list_fits(
     limit: Annotated[
         int, Query(ge=1, le=1000, description="Maximum number of fits on a page.")
     ] = 100,
-    after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the previous page.")
-    ] = None,
+    after: After = None,
     status: Annotated[Status | None, Query(description="Only fits in this state.")] = None,
     motor: Annotated[
         str | None, Query(max_length=200, description="Only fits of this motor.")

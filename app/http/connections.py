@@ -21,6 +21,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from app.errors import BodyTooSlow, Unavailable
 from app.http import API_PREFIX, HEALTH_PATHS
+from app.http.middleware import AbstractCheck
 from app.http.problems import problem_of
 
 __all__ = ["BodyDeadline", "CrowdCheck", "accepted_at_once", "connection_class"]
@@ -115,28 +116,18 @@ class _Connection(H11Protocol):
             self.transport.close()
 
 
-class CrowdCheck:
+class CrowdCheck(AbstractCheck):
     """Middleware that rejects requests on connections opened when descriptors were scarce.
 
     Health checks are exempt.
-
-    Args:
-        app: Inner ASGI application.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+    closing = (Unavailable,)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request unless its connection is marked as crowded."""
-        is_crowded = scope["type"] == "http" and scope.get("state", {}).get("is_crowded", False)
-        if not is_crowded or scope["path"] in HEALTH_PATHS:
-            await self.app(scope, receive, send)
-            return
-        error = Unavailable("too many connections are open; try again in some seconds")
-        problem = problem_of(error)
-        problem.headers["Connection"] = "close"
-        await problem(scope, receive, send)
+    def check(self, scope: Scope) -> None:
+        """Raise Unavailable if the connection is marked as crowded."""
+        if scope.get("state", {}).get("is_crowded") and scope["path"] not in HEALTH_PATHS:
+            raise Unavailable("too many connections are open; try again in some seconds")
 
 
 class BodyDeadline:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Depends, Request
+from fastapi import Depends, Query, Request
 
 from app.access.service import Caller
 from app.composition import Services
 from app.errors import BadKey, WrongMediaType
 
-__all__ = ["CallerDep", "JsonBody", "ServicesDep"]
+__all__ = ["After", "CallerDep", "JsonBody", "ServicesDep"]
 
 
 def _services(request: Request) -> Services:
@@ -38,3 +38,5 @@ CallerDep = Annotated[Caller, Depends(_caller)]
 """Authenticated client."""
 JsonBody = Depends(_json_body)
 """Dependency that rejects bodies of media types other than JSON."""
+After = Annotated[str | None, Query(max_length=200, description="`next` of the previous page.")]
+"""Cursor of a page."""

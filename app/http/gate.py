@@ -62,20 +62,14 @@ class Gate:
             path = scope["path"]
             if path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX):
                 scope.setdefault("state", {})["caller"] = await self._caller(headers)
-        except BadKey as error:
-            if _is_page(scope, headers):
-                await RedirectResponse(LOGIN_PATH, status_code=303)(scope, receive, send)
-                return
-            await problem_of(error)(scope, receive, send)
-            return
-        except CrossSite as error:
-            await problem_of(error)(scope, receive, send)
-            return
-        except SQLAlchemyError as error:
-            refusal = database_error(error)
+        except (BadKey, CrossSite, SQLAlchemyError) as error:
+            refusal = database_error(error) if isinstance(error, SQLAlchemyError) else error
             if refusal is None:
                 raise
-            await problem_of(refusal)(scope, receive, send)
+            if isinstance(error, BadKey) and _is_page(scope, headers):
+                await RedirectResponse(LOGIN_PATH, status_code=303)(scope, receive, send)
+            else:
+                await problem_of(refusal)(scope, receive, send)
             return
         await self.app(scope, receive, send)
 

@@ -15,17 +15,19 @@ files are not buffered.
 
 from __future__ import annotations
 
+import abc
 import logging
 import re
 import secrets
 import time
 from collections.abc import Mapping
+from typing import ClassVar
 from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import BadRequest, BodyTooLarge, FieldRefused, WrongMediaType
+from app.errors import BadRequest, BodyTooLarge, FieldRefused, ServiceError, WrongMediaType
 from app.http import API_PREFIX, HEALTH_PATHS, STATIC_PREFIX
 from app.http.headers import SECURITY_HEADERS, STATIC_CACHE
 from app.http.problems import problem_of
@@ -33,7 +35,7 @@ from app.logging import request_id
 from app.metrics import Metrics
 from app.texts import check_text
 
-__all__ = ["HeadCheck", "HostCheck", "RequestLog", "SizeCheck", "WellFormed"]
+__all__ = ["AbstractCheck", "HeadCheck", "HostCheck", "RequestLog", "SizeCheck", "WellFormed"]
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
 _log = logging.getLogger("app.requests")
@@ -110,7 +112,38 @@ def _template(scope: Scope) -> str:
     return API_PREFIX + path if is_call else path
 
 
-class HostCheck:
+class AbstractCheck(abc.ABC):
+    """Middleware that answers a request with the error that its check raises.
+
+    Args:
+        app: Inner ASGI application.
+    """
+
+    closing: ClassVar[tuple[type[ServiceError], ...]] = ()
+    """Errors after which the connection cannot be reused."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    @abc.abstractmethod
+    def check(self, scope: Scope) -> None:
+        """Raise the error of a request that is not accepted."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forward a request that passes the check."""
+        try:
+            if scope["type"] == "http":
+                self.check(scope)
+        except ServiceError as error:
+            problem = problem_of(error)
+            if isinstance(error, self.closing):
+                problem.headers["Connection"] = "close"
+            await problem(scope, receive, send)
+            return
+        await self.app(scope, receive, send)
+
+
+class HostCheck(AbstractCheck):
     """Middleware that rejects requests whose Host header is not a name of this service.
 
     This prevents DNS rebinding: otherwise a page of another site could resolve its own name to this
@@ -122,23 +155,17 @@ class HostCheck:
     """
 
     def __init__(self, app: ASGIApp, hosts: tuple[str, ...]) -> None:
-        self.app = app
+        super().__init__(app)
         self.hosts = frozenset(host.lower() for host in hosts)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request if its host is accepted."""
-        if scope["type"] == "http" and "*" not in self.hosts:
-            host = Headers(scope=scope).get("host", "")
-            if _without_port(host) not in self.hosts:
-                problem = problem_of(
-                    BadRequest("the Host header names another service; see MOTORID_ALLOWED_HOSTS")
-                )
-                await problem(scope, receive, send)
-                return
-        await self.app(scope, receive, send)
+    def check(self, scope: Scope) -> None:
+        """Raise BadRequest for the name of another service."""
+        host = _without_port(Headers(scope=scope).get("host", ""))
+        if "*" not in self.hosts and host not in self.hosts:
+            raise BadRequest("the Host header names another service; see MOTORID_ALLOWED_HOSTS")
 
 
-class SizeCheck:
+class SizeCheck(AbstractCheck):
     """Middleware that rejects compressed bodies and excessive Content-Length before reading.
 
     The framework counts the bytes of bodies without Content-Length as they arrive.
@@ -150,59 +177,41 @@ class SizeCheck:
     """
 
     def __init__(self, app: ASGIApp, limit: int, limits: Mapping[str, int]) -> None:
-        self.app = app
+        super().__init__(app)
         self.limit = limit
         self.limits = limits
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request if its body is accepted."""
-        if scope["type"] == "http":
-            headers = Headers(scope=scope)
-            coding = headers.get("content-encoding", "identity").strip().lower()
-            if coding not in ("", "identity"):
-                # Decompression is not supported: it would turn a small body into a large one.
-                wrong = WrongMediaType(f"the body is encoded as {coding[:40]!r}; send it plain")
-                await problem_of(wrong)(scope, receive, send)
-                return
-            announced = headers.get("content-length", "")
-            limit = self.limits.get(scope["path"], self.limit)
-            if announced.isascii() and announced.isdigit() and int(announced) > limit:
-                error = BodyTooLarge(f"the body has {announced} bytes; at most {limit} are taken")
-                await problem_of(error)(scope, receive, send)
-                return
-        await self.app(scope, receive, send)
+    def check(self, scope: Scope) -> None:
+        """Raise WrongMediaType or BodyTooLarge."""
+        headers = Headers(scope=scope)
+        coding = headers.get("content-encoding", "identity").strip().lower()
+        if coding not in ("", "identity"):
+            # Decompression is not supported: it would turn a small body into a large one.
+            raise WrongMediaType(f"the body is encoded as {coding[:40]!r}; send it plain")
+        announced = headers.get("content-length", "")
+        limit = self.limits.get(scope["path"], self.limit)
+        if announced.isascii() and announced.isdigit() and int(announced) > limit:
+            raise BodyTooLarge(f"the body has {announced} bytes; at most {limit} are taken")
 
 
-def _without_port(host: str) -> str:
-    name, colon, port = host.lower().rpartition(":")
-    # An IPv6 address with a port is in brackets.
-    has_port = colon and port.isdigit() and (":" not in name or name.endswith("]"))
-    return name if has_port else host.lower()
+class WellFormed(AbstractCheck):
+    """Middleware that rejects two body lengths, and invalid characters in query or headers."""
 
+    # The message boundary is ambiguous.
+    closing = (BadRequest,)
 
-class WellFormed:
-    """Middleware that rejects two body lengths, and invalid characters in query or headers.
-
-    Args:
-        app: Inner ASGI application.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request if it is well formed."""
-        if scope["type"] == "http":
-            try:
-                _check(scope)
-            except (BadRequest, FieldRefused) as error:
-                problem = problem_of(error)
-                if isinstance(error, BadRequest):
-                    # The message boundary is ambiguous, so the connection cannot be reused.
-                    problem.headers["Connection"] = "close"
-                await problem(scope, receive, send)
-                return
-        await self.app(scope, receive, send)
+    def check(self, scope: Scope) -> None:
+        """Raise BadRequest for two lengths, FieldRefused for invalid characters."""
+        headers = Headers(scope=scope)
+        if "content-length" in headers and "transfer-encoding" in headers:
+            raise BadRequest("Content-Length and Transfer-Encoding contradict each other; send one")
+        for name, value in headers.items():
+            if any(letter < " " and letter != "\t" or letter == "\x7f" for letter in value):
+                raise FieldRefused(f"{name}: expected no control characters", name)
+        query = scope["query_string"].decode("latin-1")
+        for name, value in parse_qsl(query, keep_blank_values=True):
+            check_text("query", name)
+            check_text(f"query.{name}", value)
 
 
 class HeadCheck:
@@ -237,14 +246,8 @@ class HeadCheck:
                 scope["route"] = as_get["route"]
 
 
-def _check(scope: Scope) -> None:
-    headers = Headers(scope=scope)
-    if "content-length" in headers and "transfer-encoding" in headers:
-        raise BadRequest("Content-Length and Transfer-Encoding contradict each other; send one")
-    for name, value in headers.items():
-        if any(letter < " " and letter != "\t" or letter == "\x7f" for letter in value):
-            raise FieldRefused(f"{name}: expected no control characters", name)
-    query = scope["query_string"].decode("latin-1")
-    for name, value in parse_qsl(query, keep_blank_values=True):
-        check_text("query", name)
-        check_text(f"query.{name}", value)
+def _without_port(host: str) -> str:
+    name, colon, port = host.lower().rpartition(":")
+    # An IPv6 address with a port is in brackets.
+    has_port = colon and port.isdigit() and (":" not in name or name.endswith("]"))
+    return name if has_port else host.lower()

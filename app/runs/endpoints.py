@@ -11,7 +11,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
 from app.errors import BodyTooSlow
-from app.http.dependencies import CallerDep, ServicesDep
+from app.http.dependencies import After, CallerDep, ServicesDep
 from app.http.problems import responses
 from app.runs.schemas import UPLOAD_BODY, RunList, RunOut
 from app.runs.upload import Upload, UploadForm, boundary_of
@@ -68,9 +68,7 @@ def list_runs(
     limit: Annotated[
         int, Query(ge=1, le=1000, description="Maximum number of runs on a page.")
     ] = 100,
-    after: Annotated[
-        str | None, Query(max_length=200, description="`next` of the previous page.")
-    ] = None,
+    after: After = None,
     motor: Annotated[
         str | None, Query(max_length=200, description="Only runs of this motor.")
     ] = None,
