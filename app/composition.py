@@ -34,24 +34,9 @@ __all__ = ["Services"]
 class Services:
     """Components that the endpoints use.
 
-    Args:
-        settings: Settings of the service.
-        database: Connections to the database.
-        storage: Data directory.
-        metrics: Prometheus metrics.
-        access: Keys and sessions.
-        runs: Operations on runs.
-        fits: Operations on fits.
-        batches: Operations on batches.
-        health: Health checks.
-        fork_server: Fork server of the processes that read uploads.
-        engine: Backend that computes fits; closed by the supervisor.
-        supervisor: Thread that schedules fits.
-        watcher: Notifies event streams of changes of a fit; runs in the event loop.
-        retention: Removal of expired data.
-        housekeeper: Thread that runs the removal periodically.
-        reading: Queue that limits concurrent and waiting uploads.
-        stopping: Set when the service is about to stop.
+    The fork server reads uploads; `reading` is their queue.  The engine computes the fits and is
+    closed by the supervisor.  The watcher runs in the event loop, the housekeeper in its own
+    thread.  `stopping` is set when the service is about to stop.
     """
 
     settings: Settings

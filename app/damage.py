@@ -16,12 +16,7 @@ _PRIMARY: Final = 0xFF
 
 
 class DamagedDatabase(ComputationError):
-    """Damaged database file; the message names the file and the recovery steps.
-
-    Args:
-        file: The database.
-        reason: Description of the damage.
-    """
+    """Damaged database file; the message names the file and the recovery steps."""
 
     def __init__(self, file: str | Path | None, reason: str) -> None:
         place = Path(file or "")
@@ -33,11 +28,7 @@ class DamagedDatabase(ComputationError):
 
 
 def is_damaged(error: BaseException) -> bool:
-    """Return True if an error means that the database file is damaged or not a database.
-
-    Args:
-        error: Error of the driver or of SQLAlchemy.
-    """
+    """Return True if an error means that the database file is damaged or not a database."""
     original = getattr(error, "orig", None) or error
     code = getattr(original, "sqlite_errorcode", None)
     return isinstance(code, int) and code & _PRIMARY in _CODES
@@ -51,11 +42,7 @@ def corrupt(reason: str) -> sqlite3.DatabaseError:
 
 
 def check_present(file: Path, stored: int) -> None:
-    """Reject a missing or empty database if the data directory still contains files.
-
-    Args:
-        file: The database.
-        stored: Number of runs and fits that have files.
+    """Reject a missing or empty database if `stored` runs and fits still have files.
 
     Raises:
         DamagedDatabase: The file is missing or empty, and `stored` is not 0.
@@ -69,10 +56,7 @@ def check_present(file: Path, stored: int) -> None:
 def check_file(file: Path) -> None:
     """Check all pages of a database with ``PRAGMA quick_check``.
 
-    Takes 0.5 s for 100,000 fits (188 MB) in the page cache.
-
-    Args:
-        file: The database; a missing file passes.
+    A missing file passes.  Takes 0.5 s for 100,000 fits (188 MB) in the page cache.
 
     Raises:
         DamagedDatabase: A page is damaged, or the file is not a database.

@@ -54,10 +54,7 @@ _MIGRATING = 6_032_011
 
 
 class Database:
-    """Connections to one database.
-
-    Args:
-        url: Database URL in SQLAlchemy's form.
+    """Connections to one database, given by its URL in SQLAlchemy's form.
 
     Raises:
         OptionError: The URL is invalid, or a required package is not installed.

@@ -69,9 +69,6 @@ def is_full(error: BaseException) -> bool:
     """Return True if an error means that a disk, a quota or a file size limit is exhausted.
 
     Database errors are recognised by their codes, so that no driver must be imported.
-
-    Args:
-        error: Error of the operating system, a database driver or SQLAlchemy.
     """
     if isinstance(error, OSError):
         return error.errno in _FULL

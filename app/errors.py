@@ -142,12 +142,7 @@ class RangeOutside(RequestRefused, code="range"):
 
 
 class FieldRefused(RequestRefused, code="field"):
-    """Value of a request field that is not accepted.
-
-    Args:
-        message: What was wrong, what was expected, what to do next.
-        field: Name of the field.
-    """
+    """Value of a request field that is not accepted."""
 
     def __init__(self, message: str, field: str) -> None:
         self.field = field
@@ -186,12 +181,7 @@ class RunRefused(RequestRefused, code="run_file"):
 
 
 class TooManyRequests(ServiceError, code="rate_limited"):
-    """Rate limit of a key exceeded.
-
-    Args:
-        message: What was wrong, what was expected, what to do next.
-        retry_after_s: Time until the next call is accepted [s].
-    """
+    """Rate limit of a key exceeded; the next call is accepted after `retry_after_s` [s]."""
 
     def __init__(self, message: str, retry_after_s: float) -> None:
         self.retry_after_s = retry_after_s

@@ -50,11 +50,7 @@ class _JsonFormatter(logging.Formatter):
 
 
 def configure_logging(level: str) -> None:
-    """Send the logs of the service and of uvicorn to standard error.
-
-    Args:
-        level: Lowest level that is logged.
-    """
+    """Send the logs of the service and of uvicorn, from a level on, to standard error."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonFormatter())
     root = logging.getLogger()

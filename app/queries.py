@@ -134,12 +134,7 @@ def _by_key(session: Session, row: _Requested) -> _Requested | None:
 
 
 def cursor_of(rows: Sequence[Entry], limit: int) -> str | None:
-    """Cursor of the next page, or None on the last page.
-
-    Args:
-        rows: Entries of the page, plus one if more follow.
-        limit: Page size.
-    """
+    """Cursor of the next page, or None on the last page."""
     if len(rows) <= limit:
         return None
     last = rows[limit - 1]

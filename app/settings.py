@@ -328,11 +328,7 @@ def load_settings(**given: object) -> Settings:
 
 
 def unknown_variables(names: Iterable[str]) -> dict[str, str]:
-    """Unknown names with the prefix MOTORID_, each with the most similar known name.
-
-    Args:
-        names: Names of the environment variables.
-    """
+    """Unknown names with the prefix MOTORID_, each with the most similar known name."""
     known = [*(f"MOTORID_{name.upper()}" for name in Settings.model_fields), *_OTHERS]
     unknown = [
         name for name in names if name.upper().startswith("MOTORID_") and name.upper() not in known

@@ -143,13 +143,7 @@ class Storage:
         sync_directory(self.directory / "runs")
 
     def has_run(self, run_id: str, size: int, sha256: str) -> bool:
-        """Return True if the stored bytes of a run are those that were uploaded.
-
-        Args:
-            run_id: Id of the run.
-            size: Size of the upload [bytes].
-            sha256: SHA-256 of the upload, in hexadecimal.
-        """
+        """Return True if the stored bytes of a run are those that were uploaded."""
         try:
             with open_regular(self.run(run_id)) as file:
                 return os.fstat(file.fileno()).st_size == size and sha256_of(file) == sha256
@@ -225,11 +219,6 @@ class Storage:
 
     def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
         """Remove old files and directories that no database row refers to.
-
-        Args:
-            runs: Ids of all runs.
-            fits: Ids of all fits.
-            now: Current time [s since 1970].
 
         Returns:
             Number of files and directories removed.

@@ -37,11 +37,6 @@ class Quotas:
     def check_run(self, session: Session, workspace: str, size: int) -> None:
         """Reject a run that would exceed a quota.
 
-        Args:
-            session: Write session, or read session for a check before anything is stored.
-            workspace: Name of the workspace.
-            size: Size of the run file [bytes].
-
         Raises:
             BytesQuota: The run files would exceed the quota of bytes.
             RunsQuota: The quota of runs is reached.
@@ -64,11 +59,6 @@ class Quotas:
 
     def check_fits(self, session: Session, workspace: str, number: int) -> None:
         """Reject fits that would exceed the quota of waiting fits.
-
-        Args:
-            session: Write session.
-            workspace: Name of the workspace.
-            number: Number of fits to add.
 
         Raises:
             WaitingQuota: The waiting fits would exceed the quota.

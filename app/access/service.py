@@ -138,10 +138,6 @@ class AccessService:
     def open_session(self, secret: str, lifetime_s: float) -> str:
         """Open a browser session with a key.
 
-        Args:
-            secret: The key.
-            lifetime_s: Lifetime of the session [s].
-
         Returns:
             Value of the session cookie.
 

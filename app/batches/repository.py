@@ -85,14 +85,7 @@ def remove(session: Session, batch_id: str) -> None:
 def earlier(
     session: Session, workspace: str, motors: Sequence[str], before: float
 ) -> dict[str, FitRow]:
-    """Newest succeeded fit of each motor that was requested before a given time, by motor.
-
-    Args:
-        session: Database session.
-        workspace: Workspace of the caller.
-        motors: Names of the motors.
-        before: Upper limit of the time of the request [s since 1970].
-    """
+    """Newest succeeded fit of each motor that was requested before a given time, by motor."""
     found: dict[str, FitRow] = {}
     for some in portions(motors):
         newest = (

@@ -29,13 +29,7 @@ _MOST_KEPT = 4000
 def refits_of(
     storage: Storage, fits: Sequence[FitRow], earlier: Mapping[str, FitRow]
 ) -> list[Refit]:
-    """Rows of the table, each compared with the previous fit of its motor.
-
-    Args:
-        storage: Data directory.
-        fits: Fits of the batch, in order.
-        earlier: Last succeeded fit before the batch, by motor.
-    """
+    """Rows of the table, each compared with the previous fit of its motor."""
     refits = []
     for row in fits:
         before = earlier.get(row.motor) if row.motor and row.status == "succeeded" else None

@@ -187,11 +187,6 @@ class BatchService:
     def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
         """Results table of a batch as a file.
 
-        Args:
-            caller: Caller of the request.
-            batch_id: ID of the batch.
-            kind: File format.
-
         Raises:
             NotFound: The caller's workspace has no such batch.
             NotAcceptable: This installation cannot write Parquet.

@@ -28,12 +28,6 @@ def serve(
 ) -> None:
     """Run the service until it is stopped by a signal.
 
-    Args:
-        host: Address to listen on.
-        port: Port to listen on; 0 selects a free port.
-        data_dir: Directory of the database, the runs and the results.
-        no_auth: Accept requests without a key.
-
     Raises:
         OptionError: A setting is not accepted, or the port cannot be listened on.
     """

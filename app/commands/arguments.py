@@ -59,11 +59,7 @@ class SeveralWords(typer.core.TyperCommand):
 
     @classmethod
     def spread(cls, words: Sequence[str]) -> Iterable[str]:
-        """Arguments with each value written as ``--option=value``.
-
-        Args:
-            words: Arguments after the command name.
-        """
+        """Arguments with each value written as ``--option=value``."""
         place = 0
         while place < len(words):
             word = words[place]
@@ -182,10 +178,6 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
 
 def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Path]) -> None:
     """Reject mapping entries for files that are not among the runs, such as misspelt names.
-
-    Args:
-        mapping: Mapping of columns to channels, or None.
-        files: Run files.
 
     Raises:
         OptionError: An entry refers to a file that is not read.

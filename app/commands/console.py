@@ -62,10 +62,7 @@ _FILES = {"result": "result.json", "posterior": "posterior.nc", "report": "repor
 
 @contextmanager
 def progress_bar(quiet: bool) -> Iterator[Progress]:
-    """Show a progress bar on standard error while the block runs, if that is a terminal.
-
-    Args:
-        quiet: Show nothing in any case.
+    """Show a progress bar on standard error while the block runs, if not quiet and a terminal.
 
     Yields:
         Callback for the stage and the completed fraction.
@@ -99,10 +96,6 @@ def print_json(content: object) -> None:
 def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """Summary of a fit for scripts.
 
-    Args:
-        result: Content of result.json.
-        out: Directory of the files.
-
     Returns:
         Paths of the files (None if missing) and the short parts of the result.
     """
@@ -114,12 +107,7 @@ def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
 
 
 def print_fit(result: Mapping[str, Any], out: Path) -> None:
-    """Print warnings, parameters, errors, speed loop metrics and the paths of the files.
-
-    Args:
-        result: Content of result.json.
-        out: Directory of the files.
-    """
+    """Print warnings, parameters, errors, speed loop metrics and the paths of the files."""
     from identification.report.summary import summary_sentences
 
     console = _console()
@@ -139,11 +127,7 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
 
 
 def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
-    """Print one table per controller, with one column per temperature.
-
-    Args:
-        entries: Feedback list of a result.
-    """
+    """Print one table per controller, with one column per temperature."""
     console = _console()
     for controller in dict.fromkeys(str(entry["controller"]) for entry in entries):
         shown = [entry for entry in entries if entry["controller"] == controller]
@@ -157,12 +141,7 @@ def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print a table of numbers and texts.
-
-    Args:
-        columns: Keys to show, in order.
-        rows: Values by key.
-    """
+    """Print a table of numbers and texts."""
     table = _table("", *columns)
     for row in rows:
         table.add_row(

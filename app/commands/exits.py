@@ -71,11 +71,7 @@ class Stopped(Exception):
 
 
 class CaughtSignals:
-    """Signals received while a command ran.
-
-    Args:
-        raised: Exception of the first signal, or None.
-    """
+    """Signals received while a command ran; `raised` is the exception of the first one."""
 
     def __init__(self) -> None:
         self.raised: BaseException | None = None
@@ -132,9 +128,6 @@ def prepare_streams() -> None:
 
 def failed(error: BaseException) -> int:
     """Print a one-line error message on standard error.
-
-    Args:
-        error: Exception that ended the program.
 
     Returns:
         Exit status of the error.

@@ -29,12 +29,9 @@ _WIDEST: Final = 100.0
 
 @contextmanager
 def writable_directory(directory: Path) -> Iterator[None]:
-    """Create a directory and check that it is writable, before hours of computation.
+    """Create a directory with its parents and check that it is writable, before the computation.
 
     If the block fails, a directory created here is removed again if it is empty.
-
-    Args:
-        directory: The directory; missing parents are created.
 
     Raises:
         OptionError: The directory cannot be created or written.
@@ -61,9 +58,6 @@ def writable_directory(directory: Path) -> Iterator[None]:
 @contextmanager
 def writable_file(path: Path) -> Iterator[None]:
     """Check that a file can be written, as `writable_directory` does for a directory.
-
-    Args:
-        path: The file; missing parent directories are created.
 
     Raises:
         OptionError: The path is a directory or cannot be written.

@@ -121,14 +121,6 @@ def identify_into(
 ) -> dict[str, Any]:
     """Read runs, identify the motor and write its files.
 
-    Args:
-        out: Output directory; created if missing.
-        training: Training run files.
-        validation: Validation run files.
-        options: Fit options.
-        mapping: Mapping of columns to channels.
-        progress: Callback for the stage and the completed fraction.
-
     Returns:
         Content of result.json.
     """

@@ -110,18 +110,11 @@ class DaskEngine(AbstractEngine):
 
         Dask silently drops a task that is submitted while the connection breaks, and the earlier
         tasks end with the connection.
-
-        Args:
-            line: Connection at the time of submission.
         """
         return _line(self._client) is line
 
     def forget(self, key: str) -> None:
-        """Ignore further events of a task.
-
-        Args:
-            key: Key of the task in the cluster.
-        """
+        """Ignore further events of a task."""
         self._running.pop(key, None)
 
     def note(self, *, has_begun: bool) -> None:

@@ -91,14 +91,7 @@ async def stream(
     keep_alive_s: float,
     is_stopping: Callable[[], bool],
 ) -> AsyncIterator[str]:
-    """Events of a fit until it ends, is deleted, or the service stops.
-
-    Args:
-        listener: Subscription to the fit.
-        version: Last version that the client has.
-        keep_alive_s: Maximum time without output [s].
-        is_stopping: Whether the service is stopping.
-    """
+    """Events of a fit until it ends, is deleted, or the service stops."""
     yield f"retry: {_RETRY_MS}\n\n"
     spoke = time.monotonic()
     while not is_stopping():

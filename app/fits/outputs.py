@@ -29,11 +29,7 @@ _LONGEST_SUMS = 10_000
 
 
 def seal(directory: Path) -> None:
-    """Flush the outputs of an attempt to disk and write their checksums.
-
-    Args:
-        directory: Directory of the attempt.
-    """
+    """Flush the outputs of an attempt to disk and write their checksums."""
     lines = []
     for name in OUTPUTS:
         if (directory / name).exists():
@@ -62,10 +58,6 @@ def expected_outputs(directory: Path) -> set[str]:
 def open_output(directory: Path, name: str) -> BufferedReader:
     """Open an output for reading after verifying its checksum, if one is stored.
 
-    Args:
-        directory: Directory of the attempt.
-        name: One of `app.fits.job.OUTPUTS`.
-
     Raises:
         OSError: The file is missing, unreadable, or differs from its checksum.
     """
@@ -82,9 +74,6 @@ def open_output(directory: Path, name: str) -> BufferedReader:
 
 def read_result(directory: Path) -> dict[str, Any]:
     """Content of the result.json of an attempt.
-
-    Args:
-        directory: Directory of the attempt.
 
     Raises:
         OSError: The file is missing, unreadable, or differs from what was written.

@@ -108,10 +108,6 @@ class FitQueue:
         If a fit's server was killed ten times while it ran, the fit may be the cause.  It is then
         started alone, so that further kills count against no other fit.
 
-        Args:
-            without: IDs of fits to skip.
-            running: Number of fits that run here.
-
         Returns:
             The claim.  None if no fit waits, or if the next fit must run alone and
             others still run.
@@ -133,34 +129,17 @@ class FitQueue:
                     return Claim(job, row.failures, _is_suspect(row))
 
     def unclaim(self, fit_id: str, attempt: int) -> None:
-        """Requeue a fit whose attempt could not be started; the attempt is not counted.
-
-        Args:
-            fit_id: ID of the fit.
-            attempt: The attempt that was claimed.
-        """
+        """Requeue a fit whose attempt could not be started; the attempt is not counted."""
         with self._database.writing() as session:
             repository.unclaim(session, fit_id, attempt)
 
     def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
-        """Requeue a fit after an attempt without a result.
-
-        Args:
-            fit_id: ID of the fit.
-            attempt: The attempt that ended.
-            failures: Total number of attempts that crashed.
-        """
+        """Requeue a fit after an attempt without a result."""
         with self._database.writing() as session:
             repository.put_back(session, fit_id, attempt, failures=failures)
 
     def give_up(self, fit_id: str, attempt: int, error: dict[str, Any]) -> bool:
-        """End a fit as failed and delete its files; return False if the attempt is not current.
-
-        Args:
-            fit_id: ID of the fit.
-            attempt: Its current attempt.
-            error: `code` and `detail` of the failure.
-        """
+        """End a fit as failed and delete its files; return False if the attempt is not current."""
         with self._database.writing() as session:
             is_ours = repository.finish(
                 session, fit_id, attempt, status="failed", now=time.time(), error=error

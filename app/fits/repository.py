@@ -52,12 +52,7 @@ def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
 
 
 def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:
-    """Fits whose version differs from the known one, by ID; None for a deleted fit.
-
-    Args:
-        session: Database session.
-        versions: Known version of each fit.
-    """
+    """Fits whose version differs from the known one, by ID; None for a deleted fit."""
     found: dict[str, FitRow | None] = {}
     for asked in portions(list(versions)):
         query = select(FitRow.id, FitRow.version).where(FitRow.id.in_(asked))
@@ -203,15 +198,7 @@ def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
 def put_back(
     session: Session, fit_id: str, attempt: int, *, failures: int, interruptions: int = 0
 ) -> bool:
-    """Requeue a fit after an attempt without a result.
-
-    Args:
-        session: Database session.
-        fit_id: ID of the fit.
-        attempt: The attempt that ended.
-        failures: Total number of attempts that crashed.
-        interruptions: Number of server kills to add to the fit's count.
-    """
+    """Requeue a fit after an attempt without a result, and add the server kills to its count."""
     return _changed(
         session,
         _current(fit_id, attempt),

@@ -18,12 +18,7 @@ Role = Literal["training", "validation"]
 
 
 def add(session: Session, fits: Iterable[tuple[str, FitRequest]]) -> None:
-    """Store the runs of several fits in one statement.
-
-    Args:
-        session: Session that writes.
-        fits: ID and request of each fit.
-    """
+    """Store the runs of several fits in one statement."""
     # Use plain rows: ORM objects would hold the write lock many times as long.
     rows = [
         {"fit_id": fit_id, "role": role, "position": position, "run_id": run_id}

@@ -82,13 +82,7 @@ class Postponed:
 
 
 class Starter:
-    """Starts queued fits one after the other.
-
-    Args:
-        queue: Queue of the fits.
-        engine: Compute engine.
-        postponed: Fits to skip for now.
-    """
+    """Starts queued fits one after the other."""
 
     def __init__(self, queue: FitQueue, engine: AbstractEngine, postponed: Postponed) -> None:
         self._queue = queue
@@ -98,9 +92,6 @@ class Starter:
 
     def start(self, running: int) -> tuple[Claim, AbstractRunning] | None:
         """Start the fit that has waited longest, skipping those that cannot be started.
-
-        Args:
-            running: Number of fits that run here.
 
         Returns:
             The claim and the running job, or None if no queued fit can be started now.

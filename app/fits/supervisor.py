@@ -73,11 +73,7 @@ class Attempt:
         return self.running.job
 
     def hear(self, message: dict[str, Any]) -> None:
-        """Process a message; ignore progress that the database could not store.
-
-        Args:
-            message: Message of the process, with unchecked content.
-        """
+        """Process a message; ignore progress that the database could not store."""
         self.told |= message
         progress = message.get("progress")
         if not isinstance(progress, dict):
@@ -88,15 +84,7 @@ class Attempt:
 
 
 class Supervisor:
-    """Runs as many fits in parallel as the engine has capacity for.
-
-    Args:
-        database: Database of the fits.
-        storage: Data directory with their files.
-        engine: Compute engine.
-        settings: Leases and limits.
-        metrics: Counters of ended fits.
-    """
+    """Runs as many fits in parallel as the engine has capacity for."""
 
     def __init__(
         self,

@@ -76,11 +76,7 @@ class Listener:
         return self._fit.row if self._key.is_open else None
 
     async def wait(self, seconds: float) -> None:
-        """Wait until the fit differs from the last look.
-
-        Args:
-            seconds: Maximum time [s].
-        """
+        """Wait until the fit differs from the last look."""
         with anyio.move_on_after(seconds):
             await self._change.wait()
 

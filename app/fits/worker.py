@@ -76,10 +76,6 @@ def handle(task: dict[str, Any], answer: int) -> None:
 def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     """Compute a job and write its outputs to disk.
 
-    Args:
-        job: Job with its output directory.
-        progress: Callback with the stage and the completed fraction of the fit.
-
     Raises:
         InputError: The runs or the options are invalid.
         ComputationError: The computation failed on valid input.
@@ -110,9 +106,6 @@ def checkpoint_of(job: FitJob) -> Checkpoint:
     Each attempt writes a file of its own, so an abandoned attempt that still runs cannot overwrite
     the checkpoint of its successor.  The files lie outside the attempt directories, which are
     deleted with their attempts, and are deleted when the fit ends.
-
-    Args:
-        job: The attempt.
     """
     folder = Path(job.directory).parent / CHECKPOINTS
     found = [path for path in folder.glob("*.npz") if path.stem.isdecimal()]

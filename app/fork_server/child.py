@@ -97,9 +97,6 @@ def child_environment(temporary: Path) -> dict[str, str]:
 
     Numerical libraries start their threads when they are loaded, and forking a process with threads
     is unsafe.
-
-    Args:
-        temporary: Directory for temporary files.
     """
     root = str(Path(__file__).parents[2])
     kept = {name: value for name, value in os.environ.items() if name not in _SECRETS}
@@ -112,11 +109,7 @@ def child_environment(temporary: Path) -> dict[str, str]:
 
 
 class Answers:
-    """Messages of a task to its client.
-
-    Args:
-        pipe: Write end of the pipe.
-    """
+    """Messages of a task to its client."""
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe

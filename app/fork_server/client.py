@@ -171,9 +171,6 @@ class Task:
 
         The last message of a task that ended is ``{"exit": code}``.  If it is missing, the fork
         server itself has ended, or it could not fork and has sent ``{"refused": reason}``.
-
-        Args:
-            wait_s: Maximum time to wait for a message [s].
         """
         if self._is_open and wait_s > 0.0:
             self._poll.poll(wait_s * 1e3)

@@ -57,12 +57,7 @@ class _Child:
 
 
 class _RequestLoop:
-    """Processes requests, forks children and reaps them.
-
-    Args:
-        requests: Socket to the client.
-        handle: Function that a child runs.
-    """
+    """Processes requests, forks children and reaps them."""
 
     def __init__(self, requests: socket.socket, handle: Handler) -> None:
         self._requests = requests

@@ -25,21 +25,13 @@ _ANYWHERE = ("0.0.0.0", "::", "[::]")  # noqa: S104  compared with MOTORID_HOST,
 
 
 def address(variables: Mapping[str, str]) -> tuple[str, str]:
-    """Host and port of the service as seen from the same machine.
-
-    Args:
-        variables: Environment of the service.
-    """
+    """Host and port of the service as seen from the same machine."""
     host = variables.get("MOTORID_HOST") or "127.0.0.1"
     return "127.0.0.1" if host in _ANYWHERE else host, variables.get("MOTORID_PORT") or "8000"
 
 
 def unready(variables: Mapping[str, str]) -> str | None:
-    """Reason why the service is not ready; None if it is.
-
-    Args:
-        variables: Environment of the service.
-    """
+    """Reason why the service is not ready; None if it is."""
     host, port = address(variables)
     try:
         with closing(HTTPConnection(host.strip("[]"), int(port), timeout=_TIMEOUT_S)) as service:

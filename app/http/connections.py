@@ -131,13 +131,9 @@ class CrowdCheck(AbstractCheck):
 
 
 class BodyDeadline:
-    """Middleware that aborts requests whose body is incomplete at the deadline.
+    """Middleware that aborts requests whose body is incomplete after `request_s` seconds.
 
     Uploads have limits of their own.
-
-    Args:
-        app: Inner ASGI application.
-        request_s: Time limit for a body [s].
     """
 
     def __init__(self, app: ASGIApp, request_s: float) -> None:

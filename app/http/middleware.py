@@ -42,12 +42,7 @@ _log = logging.getLogger("app.requests")
 
 
 class RequestLog:
-    """Middleware for request ids, log, metrics and security headers.
-
-    Args:
-        app: Inner ASGI application.
-        metrics: Metrics that count the requests.
-    """
+    """Middleware for request ids, log, metrics and security headers."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
         self.app = app
@@ -113,11 +108,7 @@ def _template(scope: Scope) -> str:
 
 
 class AbstractCheck(abc.ABC):
-    """Middleware that answers a request with the error that its check raises.
-
-    Args:
-        app: Inner ASGI application.
-    """
+    """Middleware that answers a request with the error that its check raises."""
 
     closing: ClassVar[tuple[type[ServiceError], ...]] = ()
     """Errors after which the connection cannot be reused."""
@@ -218,9 +209,6 @@ class HeadCheck:
     """Middleware that answers HEAD like GET, without a body.
 
     The response ends after its headers, so that an event stream is not followed.
-
-    Args:
-        app: Inner ASGI application.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -137,11 +137,7 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
-    """Problem response for an error.
-
-    Args:
-        error: Error of the service or of the client's data.
-    """
+    """Problem response for an error."""
     status = next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS)
     place: dict[str, Any] = {name: getattr(error, name, None) for name in ("file", "row", "column")}
     fields = None

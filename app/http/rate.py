@@ -45,11 +45,7 @@ class Bucket:
     filled: float
 
     def take(self, now: float) -> float | None:
-        """Take one token; return None, or the time until one is available [s].
-
-        Args:
-            now: Current time of a monotonic clock [s].
-        """
+        """Take one token at a monotonic time; return None, or the time until one is free [s]."""
         elapsed = max(0.0, now - self.filled)
         self.left = min(float(self.burst), self.left + elapsed * self.rate_per_s)
         self.filled = now

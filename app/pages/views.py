@@ -39,12 +39,7 @@ def run_view(run: RunOut) -> dict[str, Any]:
 
 
 def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
-    """View of a fit for the table and for its own page.
-
-    Args:
-        fit: The fit.
-        files: File names by run ID, as far as known.
-    """
+    """View of a fit for the table and for its own page."""
     took = ""
     if fit.started_at and fit.ended_at:
         seconds = _time(fit.ended_at) - _time(fit.started_at)

@@ -69,11 +69,6 @@ def old_runs(session: Session, before: float) -> Sequence[str]:
 def remove_old_runs(session: Session, run_ids: Sequence[str], before: float) -> Sequence[str]:
     """Delete those of the given runs that are still expired.
 
-    Args:
-        session: Session that writes.
-        run_ids: IDs of the runs.
-        before: Cutoff time [s since 1970].
-
     Returns:
         IDs of the deleted runs.
     """

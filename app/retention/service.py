@@ -60,11 +60,7 @@ class Retention:
         self._days = days
 
     def sweep(self, now: float | None = None) -> Removed:
-        """Delete expired items and return their number.
-
-        Args:
-            now: Current time [s since 1970]; None for the time of the clock.
-        """
+        """Delete expired items and return their number."""
         now = time.time() if now is None else now
         found = Removed(files=self._sweep_files(now))
         if self._days:

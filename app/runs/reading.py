@@ -54,11 +54,6 @@ class RunReader:
     def read(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
         """Parse a run file and return a summary of its content.
 
-        Args:
-            path: Path of the file.
-            name: Name of the file in messages.
-            mapping: Assignment of columns to channels, or None.
-
         Returns:
             Number of rows, sample rate, duration, channels with their ranges, and warnings.
 

@@ -64,10 +64,6 @@ class Motor:
 def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
     """Read the motors of a manifest.
 
-    Args:
-        path: Path of the manifest.
-        defaults: Options that apply where the manifest gives no others.
-
     Raises:
         InputError: The file cannot be read, or an entry is invalid.
     """

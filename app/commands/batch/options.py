@@ -48,11 +48,6 @@ class Place(Protocol):
 def option_of(name: str, word: str, place: Place) -> object:
     """Parse the text of a CSV cell as the value of an option.
 
-    Args:
-        name: Name of the option.
-        word: Text of the cell, not empty.
-        place: Source location for the error message.
-
     Raises:
         InputError: The text is not a value of this option.
     """
@@ -64,11 +59,6 @@ def option_of(name: str, word: str, place: Place) -> object:
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
     """Return the default options with the given values in place of some of them.
-
-    Args:
-        defaults: Options that apply unless `given` has a value.
-        given: Values by option name.
-        place: Source location for the error message.
 
     Raises:
         InputError: An option is unknown, or a value is invalid.
