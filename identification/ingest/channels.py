@@ -7,7 +7,7 @@ ambiguous column, or a missing, unknown or wrong unit, is an error whose message
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from identification.errors import (
@@ -53,16 +53,20 @@ class Channel:
     scale: float = 1.0
     offset: float = 0.0
 
+    @property
+    def may_be_blank(self) -> bool:
+        """True if the channel is often logged at a lower rate, which leaves cells blank."""
+        return self.name == "temperature_degC"
+
 
 def assign_channels(
-    columns: list[Column], mapping: Mapping[str, ChannelMapping], file: str
+    columns: Sequence[Column], mapping: Mapping[str, ChannelMapping]
 ) -> dict[str, Channel]:
     """Find the column of every channel.
 
     Args:
         columns: All columns of the table.
         mapping: User-defined mapping by canonical name.
-        file: Name of the file in messages.
 
     Returns:
         Channels by canonical name, without the optional ones that have no column.
@@ -72,9 +76,7 @@ def assign_channels(
         RunFileError: A column is duplicated or ambiguous, or its unit is missing, unknown or wrong.
     """
     mapped = {
-        name: _mapped(entry, columns, file)
-        for name, entry in mapping.items()
-        if entry.column is not None
+        name: _mapped(entry, columns) for name, entry in mapping.items() if entry.column is not None
     }
     taken = {channel.column.index for channel in mapped.values()}
     free = [column for column in columns if column.index not in taken]
@@ -83,17 +85,17 @@ def assign_channels(
     for name in CHANNEL_QUANTITIES:
         if name in mapping:
             continue
-        candidates = _candidates(name, free, file)
+        candidates = _candidates(name, free)
         if candidates:
-            found[name] = _only(name, candidates, file)
+            found[name] = _only(name, candidates)
         elif name not in OPTIONAL_CHANNELS:
             missing.append(name)
     if missing:
-        raise _missing(missing, free, columns, file)
+        raise _missing(missing, free, columns)
     return {name: found[name] for name in CHANNEL_QUANTITIES if name in found}
 
 
-def similar_columns(name: str, columns: list[Column]) -> list[Column]:
+def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
     """Columns that resemble the channel; for messages only."""
     quantity = CHANNEL_QUANTITIES[name]
     return [
@@ -104,47 +106,43 @@ def similar_columns(name: str, columns: list[Column]) -> list[Column]:
     ]
 
 
-def _mapped(entry: ChannelMapping, columns: list[Column], file: str) -> Channel:
+def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
     title = entry.column or ""
     matches = [column for column in columns if column.is_called(title)]
     if not matches:
         raise MappingError(
             f"there is no column {quoted(title)}, to which the mapping assigns {entry.channel}; "
             f"the file has {listed(column.title for column in columns)}",
-            file=file,
             value=title,
         )
     if len(matches) > 1:
-        raise _duplicate(matches, file)
+        raise _duplicate(matches)
     column = matches[0]
-    return Channel(
-        entry.channel, column, _mapped_unit(entry, column, file), entry.scale, entry.offset
-    )
+    return Channel(entry.channel, column, _mapped_unit(entry, column), entry.scale, entry.offset)
 
 
-def _mapped_unit(entry: ChannelMapping, column: Column, file: str) -> Unit:
+def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
     """Unit from the mapping, else from the header if the cell is not scaled, else SI."""
     si = canonical_unit(entry.channel)
     if entry.unit is not None:
         return entry.unit
     if not entry.scaled:
-        return _unit(entry.channel, column, file) if column.unit_texts else si
+        return _unit(entry.channel, column) if column.unit_texts else si
     header = column.unit
     if header is not None and header.quantity == si.quantity and header != si:
         raise AmbiguousUnit(
             f"the mapping scales {entry.channel}, and the header gives {header.name}; "
             f'add "unit": "{header.name}" or "unit": "{si.name}" for the unit of the scaled cell',
-            file=file,
             column=column.label,
         )
     return si
 
 
-def _candidates(name: str, columns: list[Column], file: str) -> list[Column]:
+def _candidates(name: str, columns: Sequence[Column]) -> list[Column]:
     """Columns whose name matches the channel; an exact canonical name excludes all others."""
     exact = [column for column in columns if column.canonical == name]
     if len(exact) > 1:
-        raise _duplicate(exact, file)
+        raise _duplicate(exact)
     if exact:
         return exact
     quantity = CHANNEL_QUANTITIES[name]
@@ -156,20 +154,19 @@ def _candidates(name: str, columns: list[Column], file: str) -> list[Column]:
     return sure or named
 
 
-def _only(name: str, candidates: list[Column], file: str) -> Channel:
+def _only(name: str, candidates: list[Column]) -> Channel:
     if len(candidates) > 1:
         if len({column.title for column in candidates}) == 1:
-            raise _duplicate(candidates, file)
+            raise _duplicate(candidates)
         raise AmbiguousColumn(
             f"{listed(column.title for column in candidates)} are all possible for {name}; "
             f"choose one with a mapping such as {_example(name, candidates[0])}",
-            file=file,
             column=candidates[0].label,
         )
-    return Channel(name, candidates[0], _unit(name, candidates[0], file))
+    return Channel(name, candidates[0], _unit(name, candidates[0]))
 
 
-def _unit(name: str, column: Column, file: str) -> Unit:
+def _unit(name: str, column: Column) -> Unit:
     """Unit from the header of a column, checked against the quantity of the channel."""
     quantity = CHANNEL_QUANTITIES[name]
     accepted = accepted_spellings(quantity)
@@ -177,33 +174,30 @@ def _unit(name: str, column: Column, file: str) -> Unit:
         raise AmbiguousUnit(
             f"the header gives two units, {listed(column.unit_texts)}; "
             f"choose one with a mapping such as {_example(name, column)}",
-            file=file,
             column=column.label,
         )
     if not column.unit_texts:
         raise AmbiguousUnit(
             f"the column may be {name}, but has no unit; expected one of {accepted} in the header, "
             f"or a mapping such as {_example(name, column)}",
-            file=file,
             column=column.label,
         )
     unit = column.unit
     if unit is None:
-        raise _unknown_unit(name, column, accepted, file)
+        raise _unknown_unit(name, column, accepted)
     if unit.quantity != quantity:
         raise WrongUnit(
             f"{unit.name} is a unit of {unit.quantity}, and {name} needs a unit of {quantity} "
             f"({accepted}); if the column is a sensor output, add a mapping with the sensor gain "
             f"in {canonical_unit(name).name} per {unit.name}: "
             f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}',
-            file=file,
             column=column.label,
             value=column.unit_texts[0],
         )
     return unit
 
 
-def _unknown_unit(name: str, column: Column, accepted: str, file: str) -> RunFileError:
+def _unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
     text = column.unit_texts[0]
     other_case = unit_in_another_case(text)
     hint = f" (case-sensitive; did you mean {other_case.name}?)" if other_case else ""
@@ -214,15 +208,12 @@ def _unknown_unit(name: str, column: Column, accepted: str, file: str) -> RunFil
         f"the unit {quoted(text)} is unknown{hint}; expected one of {accepted} for {name}, "
         f"or a mapping with a scale to {canonical_unit(name).name} such as "
         f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}{leave_out}',
-        file=file,
         column=column.label,
         value=text,
     )
 
 
-def _missing(
-    names: list[str], free: list[Column], columns: list[Column], file: str
-) -> RunFileError:
+def _missing(names: list[str], free: list[Column], columns: Sequence[Column]) -> RunFileError:
     """One error for all channels without a column, each with its similar columns."""
     similar = {name: similar_columns(name, free) for name in names}
     found = "; ".join(
@@ -235,16 +226,14 @@ def _missing(
         f"no column for {', '.join(names)}; similar columns: {found}; the file has "
         f"{listed(column.title for column in columns)}; log the missing "
         f"channel, or assign a column with a mapping such as {example}",
-        file=file,
         column=names[0],
     )
 
 
-def _duplicate(columns: list[Column], file: str) -> RunFileError:
+def _duplicate(columns: Sequence[Column]) -> RunFileError:
     places = ", ".join(str(column.index + 1) for column in columns)
     return DuplicateColumn(
         f"the columns {places} have the same name; rename all except the one to use",
-        file=file,
         column=columns[0].label,
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identification.ingest.display import plain
 from identification.ingest.names import is_units_row, read_header, unbracketed
 from identification.ingest.units import Unit, find_unit
 
-__all__ = ["Column", "read_columns"]
+__all__ = ["Column", "describe_column", "read_columns"]
 
 # Entries of a units row that mean no unit.
 _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
@@ -73,16 +74,29 @@ def read_columns(header: tuple[tuple[str, ...], ...]) -> list[Column]:
     """
     names = [row for at, row in enumerate(header) if at == 0 or not is_units_row(row)]
     units = [row for at, row in enumerate(header) if at > 0 and is_units_row(row)]
-    return [_column(index, names, units) for index in range(len(header[0]))]
+    return [
+        describe_column(index, [row[index] for row in names], [row[index] for row in units])
+        for index in range(len(header[0]))
+    ]
 
 
-def _column(index: int, names: list[tuple[str, ...]], units: list[tuple[str, ...]]) -> Column:
-    texts = tuple(dict.fromkeys(row[index].strip() for row in names if row[index].strip()))
+def describe_column(index: int, names: Sequence[str], units: Sequence[str] = ()) -> Column:
+    """Describe one column.
+
+    Args:
+        index: Position in the table, counted from 0.
+        names: Its names, such as a long and a short one; a name may contain a unit.
+        units: Its units, where the file gives them apart from the names.
+
+    Returns:
+        The column; its unit decides between the quantities that the names may stand for.
+    """
+    texts = tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
     said = [read_header(text) for text in texts]
     named = [header for header in said if header.quantities]
     quantities = frozenset.intersection(*(h.quantities for h in named)) if named else frozenset()
     written = [header.unit_text for header in said if header.unit_text]
-    below = [unbracketed(row[index].strip()) for row in units]
+    below = [unbracketed(unit.strip()) for unit in units]
     unit_texts = dict.fromkeys([*written, *(u for u in below if u.casefold() not in _NO_UNIT)])
     column = Column(
         index=index,

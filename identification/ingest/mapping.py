@@ -25,6 +25,7 @@ from pathlib import Path
 
 from identification.errors import MappingError, UnknownUnit, WrongUnit
 from identification.ingest.display import listed, plain, quoted
+from identification.ingest.file import naming
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
     Unit,
@@ -86,120 +87,98 @@ def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[st
     """
     if mapping is None:
         return {}
-    file = None
-    if isinstance(mapping, (str, os.PathLike)):
-        file = Path(mapping).name
-        content = _from_file(Path(mapping), file)
-    else:
-        content = mapping
+    path = Path(mapping) if isinstance(mapping, (str, os.PathLike)) else None
+    with naming(path.name if path else None):
+        return _validated(_from_file(path) if path else mapping, run)
+
+
+def _validated(content: object, run: str | None) -> dict[str, ChannelMapping]:
     if not isinstance(content, Mapping):
         raise MappingError(
             "the mapping is not a JSON object; expected for example "
-            '{"speed_rad_s": {"column": "n", "unit": "rpm"}}',
-            file=file,
+            '{"speed_rad_s": {"column": "n", "unit": "rpm"}}'
         )
-    shared = _channels({k: v for k, v in content.items() if k != FILES}, file)
+    shared = _channels({k: v for k, v in content.items() if k != FILES})
     files = content.get(FILES, {})
     if not isinstance(files, Mapping) or not all(isinstance(v, Mapping) for v in files.values()):
         raise MappingError(
             f"files is {_shown(files)}; expected a mapping for each file name, such as "
-            '{"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}',
-            file=file,
+            '{"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}'
         )
-    single = {str(name): _channels(said, file) for name, said in files.items()}
+    single = {str(name): _channels(said) for name, said in files.items()}
     for said in single.values():
-        _refuse_shared_columns(shared | said, file)
-    _refuse_shared_columns(shared, file)
+        _refuse_shared_columns(shared | said)
+    _refuse_shared_columns(shared)
     return shared | single.get(run or "", {})
 
 
-def _channels(content: Mapping[object, object], file: str | None) -> dict[str, ChannelMapping]:
-    return {str(channel): _channel(channel, entry, file) for channel, entry in content.items()}
+def _channels(content: Mapping[object, object]) -> dict[str, ChannelMapping]:
+    return {str(channel): _channel(channel, entry) for channel, entry in content.items()}
 
 
-def _from_file(path: Path, name: str) -> object:
+def _from_file(path: Path) -> object:
     try:
         if not path.is_file() and not path.is_dir() and path.exists():
-            raise MappingError("the mapping is not a regular file", file=name)
+            raise MappingError("the mapping is not a regular file")
         with path.open("rb") as file:
             raw = file.read(_LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the path is not valid"
-        raise MappingError(f"the mapping cannot be opened ({reason})", file=name) from error
+        raise MappingError(f"the mapping cannot be opened ({reason})") from error
     if len(raw) > _LARGEST_FILE:
         raise MappingError(
-            f"the mapping has more than {_LARGEST_FILE} bytes; map only the channels of the motor",
-            file=name,
+            f"the mapping has more than {_LARGEST_FILE} bytes; map only the channels of the motor"
         )
     try:
         return json.loads(raw.decode("utf-8-sig"), object_pairs_hook=_object_without_repeats)
     except (ValueError, RecursionError) as error:
         row = getattr(error, "lineno", None)
-        raise MappingError(
-            f"the mapping is not JSON ({plain(str(error), 80)})", file=name, row=row
-        ) from error
-    except _RepeatedKey as error:
-        raise MappingError(
-            f"the mapping has the key {quoted(error.key)} twice; keep one", file=name
-        ) from error
-
-
-class _RepeatedKey(Exception):
-    """Duplicate key in a JSON object, of which json would silently keep the last value."""
-
-    def __init__(self, key: str) -> None:
-        self.key = key
-        super().__init__(key)
+        raise MappingError(f"the mapping is not JSON ({plain(str(error), 80)})", row=row) from error
 
 
 def _object_without_repeats(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Make a JSON object, of whose repeated keys json would silently keep the last value."""
     found: dict[str, object] = {}
     for key, value in pairs:
         if key in found:
-            raise _RepeatedKey(key)
+            raise MappingError(f"the mapping has the key {quoted(key)} twice; keep one")
         found[key] = value
     return found
 
 
-def _channel(channel: object, entry: object, file: str | None) -> ChannelMapping:
+def _channel(channel: object, entry: object) -> ChannelMapping:
     if channel not in CHANNEL_QUANTITIES:
         raise MappingError(
             f"{quoted(str(channel))} is no channel; expected {', '.join(CHANNEL_QUANTITIES)}",
-            file=file,
             value=channel,
         )
     name = str(channel)
     if entry is None:
         if name not in OPTIONAL_CHANNELS:
-            raise MappingError(f"{name} is required and cannot be omitted", file=file)
+            raise MappingError(f"{name} is required and cannot be omitted")
         return ChannelMapping(name, None)
     if not isinstance(entry, Mapping):
         raise MappingError(
             f'{name} is mapped to {_shown(entry)}; expected {{"column": "header text"}}',
-            file=file,
             value=entry,
         )
     unknown = [str(key) for key in entry if key not in _KEYS]
     if unknown:
-        raise MappingError(
-            f"{name} has the key {listed(unknown)}; expected {', '.join(_KEYS)}", file=file
-        )
+        raise MappingError(f"{name} has the key {listed(unknown)}; expected {', '.join(_KEYS)}")
     column = entry.get("column")
     if not isinstance(column, str) or not column.strip():
-        raise MappingError(
-            f'{name} has no column; add "column" with the header text', file=file, value=column
-        )
+        raise MappingError(f'{name} has no column; add "column" with the header text', value=column)
     return ChannelMapping(
         channel=name,
         column=column.strip(),
-        unit=_unit(name, entry.get("unit"), file),
-        scale=_number(name, "scale", entry.get("scale", 1.0), file),
-        offset=_number(name, "offset", entry.get("offset", 0.0), file),
+        unit=_unit(name, entry.get("unit")),
+        scale=_number(name, "scale", entry.get("scale", 1.0)),
+        offset=_number(name, "offset", entry.get("offset", 0.0)),
         scaled="scale" in entry or "offset" in entry,
     )
 
 
-def _unit(channel: str, text: object, file: str | None) -> Unit | None:
+def _unit(channel: str, text: object) -> Unit | None:
     if text is None:
         return None
     quantity = CHANNEL_QUANTITIES[channel]
@@ -208,7 +187,6 @@ def _unit(channel: str, text: object, file: str | None) -> Unit | None:
         raise UnknownUnit(
             f"the mapping gives {channel} the unit {quoted(str(text))}; "
             f"expected one of {accepted_spellings(quantity)}",
-            file=file,
             value=text,
         )
     if unit.quantity != quantity:
@@ -216,13 +194,12 @@ def _unit(channel: str, text: object, file: str | None) -> Unit | None:
             f"the mapping gives {channel} the unit {unit.name} of {unit.quantity}; "
             f"expected one of {accepted_spellings(quantity)}, or no unit and a scale "
             f"to {canonical_unit(channel).name}",
-            file=file,
             value=text,
         )
     return unit
 
 
-def _number(channel: str, key: str, value: object, file: str | None) -> float:
+def _number(channel: str, key: str, value: object) -> float:
     number = math.nan
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _HUGE:
         number = float(value)
@@ -233,7 +210,6 @@ def _number(channel: str, key: str, value: object, file: str | None) -> float:
         wanted += ", of at least 2.2e-308 in magnitude" if is_denormal else ""
         raise MappingError(
             f"{channel} has the {key} {_shown(value)}; expected {wanted}",
-            file=file,
             value=value,
         )
     return number
@@ -245,7 +221,7 @@ def _shown(value: object) -> str:
     return "(a huge integer)" if huge else quoted(repr(value))
 
 
-def _refuse_shared_columns(mapping: dict[str, ChannelMapping], file: str | None) -> None:
+def _refuse_shared_columns(mapping: dict[str, ChannelMapping]) -> None:
     """Reject a mapping of one column to two channels."""
     used: dict[str, str] = {}
     for channel, entry in mapping.items():
@@ -255,7 +231,6 @@ def _refuse_shared_columns(mapping: dict[str, ChannelMapping], file: str | None)
             raise MappingError(
                 f"{used[entry.column]} and {channel} both map to the column "
                 f"{quoted(entry.column)}; map each channel to a column of its own",
-                file=file,
                 column=plain(entry.column),
             )
         used[entry.column] = channel

@@ -1,45 +1,46 @@
 """Run file reader: convert one file into a checked `Run`.
 
-    bytes -> lines -> layout -> columns -> channels -> numbers -> SI units -> checks
-             source   dialect   columns    channels    table      here        timing, clipping,
-                                                                              plausibility
+    file -> table -> channels -> cells -> SI units -> checks
+            reader   channels    reader   here        timing, clipping, plausibility
 
-Each step either raises an error with file, row and column or returns data that later steps need not
-check again.
+The reader of the format is the first that recognises the file; all other steps are common to all
+formats.  Each step either raises an error with row and column or returns data that later steps need
+not check again.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import AbsurdValue, NoRows, RunFileError, TooFewRows
+from identification.errors import AbsurdValue, FileTooLarge, RaggedRow, TooFewRows
 from identification.ingest.channels import Channel, assign_channels, similar_columns
 from identification.ingest.clipping import find_clipped
-from identification.ingest.columns import Column, read_columns
-from identification.ingest.dialect import Layout, sniff
+from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
+from identification.ingest.file import Limits, RunFile, naming, open_run_file
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.place import Places
 from identification.ingest.plausibility import check_values
+from identification.ingest.reader import Reader, Samples, blank_cell, not_finite
 from identification.ingest.run import Run, RunWarning, Source
-from identification.ingest.source import Limits, read_blocks
-from identification.ingest.table import Table, TableReader
+from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
-__all__ = ["FEWEST_ROWS", "read_run"]
+__all__ = ["FEWEST_ROWS", "READERS", "read_run"]
 
 Array = NDArray[np.float64]
 
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
 
-_SLOW_CHANNELS = ("temperature_degC",)
+READERS: tuple[Reader, ...] = (TextReader(),)
+"""Readers of all formats in the order in which they are asked; the last one accepts any file."""
 
 
 def read_run(
@@ -48,15 +49,17 @@ def read_run(
     name: str | None = None,
     mapping: MappingLike | None = None,
     limits: Limits | None = None,
+    readers: Sequence[Reader] = (),
 ) -> Run:
     """Read and check one run file.
 
     Args:
-        path: Text table in a format of docs/run-files.md.
+        path: File in a format of docs/run-files.md, or of one of `readers`.
         name: Name of the run in messages and in the result; default: the file name.
         mapping: Columns of the channels, ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``, or
             the path of a JSON file with such a mapping; default: taken from the header.
         limits: Size limits of the file.
+        readers: Readers of further formats, which are asked before those of `READERS`.
 
     Returns:
         The run in SI units, with its segments, clipped samples and warnings.
@@ -64,67 +67,51 @@ def read_run(
     Raises:
         RunFileError: The file cannot be read as a run; the class and its `code` give the reason.
     """
-    file = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
-    try:
-        return _read(Path(path), file, mapping, limits or Limits())
-    except RunFileError as error:
-        if error.file is not None:
-            raise
-        # The error comes from the mapping, or from a check that does not know the file name.
-        raise type(error)(
-            error.message, file=file, row=error.row, column=error.column, value=error.value
-        ) from error
+    shown = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
+    with naming(shown):
+        channel_mapping = read_mapping(mapping, shown)
+        with open_run_file(Path(path), shown, limits or Limits()) as file:
+            candidates = (*readers, *READERS)
+            reader = next(r for r in candidates if r.recognises(file.name, file.head))
+            table = reader.open(file)
+            channels = assign_channels(table.columns, channel_mapping)
+            samples = table.read(tuple(channels.values()))
+            _check_size(samples, file.limits)
+            return _run(file, table.columns, channels, samples)
 
 
-def _read(path: Path, file: str, mapping: MappingLike | None, limits: Limits) -> Run:
-    said = read_mapping(mapping, file)
-    digest = hashlib.sha256()
-    blocks = read_blocks(path, file, limits, digest)
-    block = next(blocks)
-    layout = sniff(block, file, limits)
-    columns = read_columns(layout.header)
-    channels = assign_channels(columns, said, file)
-    reader = TableReader(layout, channels, _SLOW_CHANNELS, file)
-    reader.add(block.from_line(layout.first_line))
-    for block in blocks:
-        reader.add(block)
-    table = reader.table()
-    _refuse_short(table, layout, file)
-    places = Places(file, {n: c.column.label for n, c in channels.items()}, table.lines.line)
-    run = _checked(table, channels, places, digest.hexdigest())
-    notes = _header_warnings(columns, channels, run, places) + _end_warnings(table, places)
-    sources = {
-        name: Source(channel.column.title, channel.unit.name, channel.scale, channel.offset)
-        for name, channel in channels.items()
-    }
-    return dataclasses.replace(run, warnings=(*notes, *run.warnings), sources=sources)
-
-
-def _refuse_short(table: Table, layout: Layout, file: str) -> None:
-    rows = table.lines.total
-    if rows == 0:
-        raise NoRows(
-            "no sample below the header; expected one line for each sample",
-            file=file,
-            row=layout.header_line,
+def _check_size(samples: Samples, limits: Limits) -> None:
+    shapes = {cells.shape for cells in samples.cells.values()}
+    rows = samples.cells["time_s"].size
+    if shapes != {(rows,)}:
+        raise RaggedRow(
+            f"the columns have the shapes {sorted(shapes)}; expected one cell for each sample"
+        )
+    if rows > limits.rows:
+        raise FileTooLarge(
+            f"{rows} samples are more than the limit of {limits.rows}; "
+            "split the file or record at a lower rate",
+            value=rows,
         )
     if rows < FEWEST_ROWS:
         raise TooFewRows(
             f"{rows} samples are too few for an identification; expected at least {FEWEST_ROWS}",
-            file=file,
-            row=table.lines.line(rows - 1),
+            row=samples.row(rows - 1) if rows else None,
             value=rows,
         )
 
 
-def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256: str) -> Run:
-    """Convert to SI units and check; the run lacks only the warnings about header and file end."""
+def _run(
+    file: RunFile, columns: Sequence[Column], channels: dict[str, Channel], samples: Samples
+) -> Run:
+    """Convert to SI units and check."""
+    labels = {name: channel.column.label for name, channel in channels.items()}
+    places = Places(file.name, labels, samples.row)
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
-    clock = table.cells["time_s"]
+    clock = samples.cells["time_s"]
     for name, channel in channels.items():
-        cells = table.cells.pop(name)
-        filled, notes = _filled(name, cells, clock, places)
+        filled, notes = _filled(channel, samples.cells.pop(name), clock, places)
         warnings += notes
         if filled is not None:
             values[name] = _in_si(filled, channel, places)
@@ -135,9 +122,9 @@ def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256:
     warnings += check_values(values, time, places)
     measured = {name: values[name] for name in ("voltage_V", "current_A", "speed_rad_s")}
     clipped, notes = find_clipped(measured, places)
-    return Run(
-        name=places.file,
-        sha256=sha256,
+    run = Run(
+        name=file.name,
+        sha256=file.sha256(),
         time=time,
         voltage=values["voltage_V"],
         current=values["current_A"],
@@ -146,22 +133,36 @@ def _checked(table: Table, channels: dict[str, Channel], places: Places, sha256:
         position=values.get("position_rad"),
         segments=segments,
         clipped=clipped,
-        warnings=(*warnings, *notes),
+        sources={
+            name: Source(channel.column.title, channel.unit.name, channel.scale, channel.offset)
+            for name, channel in channels.items()
+        },
     )
+    about_file = (*_header_warnings(columns, channels, run, places), *samples.warnings)
+    return dataclasses.replace(run, warnings=(*about_file, *warnings, *notes))
 
 
 def _filled(
-    name: str, cells: Array, clock: Array, places: Places
+    channel: Channel, cells: Array, clock: Array, places: Places
 ) -> tuple[Array | None, list[RunWarning]]:
     """Fill the blanks of a channel logged at a lower rate by linear interpolation over time.
 
     A motor's temperature changes over minutes, so linear interpolation is closer to it than a
-    sample-and-hold.  Before the first and after the last value the nearest value is held.
+    sample-and-hold.  Before the first and after the last value the nearest value is held.  In all
+    other channels a blank is an error, and so is an infinity in any channel.
     """
-    blank = np.isnan(cells)
-    if not np.any(blank):
+    finite = np.isfinite(cells)
+    if np.all(finite):
         return cells, []
-    known = np.flatnonzero(~blank)
+    blank = np.isnan(cells)
+    faulty = np.flatnonzero(~finite & ~blank if channel.may_be_blank else ~finite)
+    if faulty.size:
+        sample = int(faulty[0])
+        row = places.line(sample)
+        if blank[sample]:
+            raise blank_cell(channel, row)
+        raise not_finite(str(cells[sample]), channel, row)
+    known = np.flatnonzero(finite)
     if not known.size:
         return None, []
     return np.interp(clock, clock[known], cells[known]), [
@@ -169,7 +170,7 @@ def _filled(
             "interpolated_temperature",
             f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is interpolated "
             f"linearly between the {known.size} logged values",
-            name,
+            channel.name,
             int(np.argmax(blank)),
         )
     ]
@@ -203,7 +204,7 @@ def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
 
 
 def _header_warnings(
-    columns: list[Column], channels: dict[str, Channel], run: Run, places: Places
+    columns: Sequence[Column], channels: dict[str, Channel], run: Run, places: Places
 ) -> list[RunWarning]:
     used = {channel.column.index for channel in channels.values()}
     spare = [column for column in columns if column.index not in used and column.texts]
@@ -254,18 +255,5 @@ def _gain_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarn
             "a current sensor is not identifiable, so an error of this gain scales Ra25, L, J, b "
             "and the torques",
             "current_A",
-        )
-    ]
-
-
-def _end_warnings(table: Table, places: Places) -> list[RunWarning]:
-    if table.cut_line is None:
-        return []
-    return [
-        RunWarning(
-            code="truncated_last_row",
-            message="the last line is truncated, probably by a loss of power; it is omitted",
-            file=places.file,
-            row=table.cut_line,
         )
     ]

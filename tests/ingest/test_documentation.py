@@ -55,7 +55,7 @@ def test_page_lists_every_error_with_its_code() -> None:
 def test_page_lists_every_warning() -> None:
     """The codes are the words that the sources give to warnings."""
     given = re.compile(r'\.warning\(\s*"(\w+)"|code="(\w+)"')
-    sources = (ROOT / "identification" / "ingest").glob("*.py")
+    sources = (ROOT / "identification" / "ingest").rglob("*.py")
     codes = {a or b for path in sources for a, b in given.findall(path.read_text("utf-8"))}
 
     listed = {re.findall(r"`(\w+)`", row)[0] for row in rows("Warnings")}

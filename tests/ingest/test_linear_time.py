@@ -17,8 +17,8 @@ import pytest
 from app.commands.arguments import mapping_of
 from identification.errors import InputError
 from identification.ingest import read_mapping, read_run
-from identification.ingest.cells import expected_instead, is_clock, is_number, split_cells
 from identification.ingest.names import is_units_row, read_header, similar_to
+from identification.ingest.text.cells import expected_instead, is_clock, is_number, split_cells
 from identification.ingest.units import find_unit, unit_in_another_case
 from tests.ingest.samples import record, write
 

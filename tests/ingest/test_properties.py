@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from identification.errors import RunFileError
-from identification.ingest import Run, read_run, table, write_run
-from identification.ingest.fast import read_clean
+from identification.ingest import Run, read_run, write_run
 from identification.ingest.names import NAMES
+from identification.ingest.text import table
+from identification.ingest.text.fast import read_clean
 from identification.ingest.units import CHANNEL_QUANTITIES, UNITS, Unit
 from tests.ingest.samples import Dialect, channels, record, write
 

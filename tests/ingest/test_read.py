@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from identification.errors import AmbiguousUnit, MissingColumn, NotANumber, NotFinite, WrongUnit
-from identification.ingest import read_run, source, table
-from identification.ingest.scan import CellReader
+from identification.ingest import file, read_run
+from identification.ingest.text import table
+from identification.ingest.text.scan import CellReader
 from tests.ingest.samples import CANONICAL, Dialect, channels, record, renamed, with_cell, write
 
 Array = NDArray[np.float64]
@@ -212,7 +213,7 @@ def test_blocks_of_any_size_give_the_same_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
     """Block edges fall anywhere, within characters and line ends; the record is expected."""
-    monkeypatch.setattr(source, "_CHUNK_BYTES", size)
+    monkeypatch.setattr(file, "_CHUNK_BYTES", size)
     path = tmp_path / "run.csv"
     for title, content in LAYOUTS.items():
         path.write_bytes(content)
@@ -227,7 +228,7 @@ def test_bad_cell_far_down_is_named_with_its_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Sample k of a canonical file is on line k + 2, in whichever block."""
-    monkeypatch.setattr(source, "_CHUNK_BYTES", 20_000)
+    monkeypatch.setattr(file, "_CHUNK_BYTES", 20_000)
     path = tmp_path / "run.csv"
     path.write_bytes(with_cell("current_A", 4995, "n/a", 5000))
 

@@ -1,23 +1,27 @@
-"""Sample table reader: fast path for clean blocks, cell by cell for all others."""
+"""Text table reader: fast path for clean blocks, cell by cell for all others."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import MissingValue, NotANumber, RaggedRow, UnclosedQuote
-from identification.ingest.cells import number_text
+from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
-from identification.ingest.dialect import Layout
-from identification.ingest.fast import read_clean
-from identification.ingest.lines import SampleLines
-from identification.ingest.scan import CellReader
-from identification.ingest.source import Block
+from identification.ingest.columns import read_columns
+from identification.ingest.file import RunFile
+from identification.ingest.reader import Samples
+from identification.ingest.run import RunWarning
+from identification.ingest.text.blocks import Block, read_blocks
+from identification.ingest.text.cells import number_text
+from identification.ingest.text.dialect import Layout, sniff
+from identification.ingest.text.fast import read_clean
+from identification.ingest.text.scan import CellReader, SampleLines
 
-__all__ = ["Table", "TableReader"]
+__all__ = ["TextReader", "TextTable"]
+
 
 Array = NDArray[np.float64]
 
@@ -27,42 +31,80 @@ _BYTES_BEFORE = 20_000
 _PIECE_BYTES = 100_000
 
 
-@dataclass(frozen=True)
-class Table:
-    """Cells of the sample lines.
+class TextReader:
+    """Reader of text tables and of all files that no other reader recognises.
+
+    Its errors say which other format a file has.
+    """
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True: this reader is the last to be asked."""
+        return True
+
+    def open(self, file: RunFile) -> TextTable:
+        """Detect the layout of the table."""
+        blocks = read_blocks(file)
+        first = next(blocks)
+        layout = sniff(first, file.limits)
+        first = first.from_line(layout.first_line)
+        return TextTable(layout, itertools.chain([first], blocks), file.name)
+
+
+class TextTable:
+    """Text table, read block by block.
 
     Args:
-        cells: Channel name to (n_sample,), as written; NaN only at a blank cell of a channel logged
-            at a lower rate.
+        layout: Layout of the table.
+        blocks: Lines from the first sample on.
+        file: Name of the file in messages.
+    """
+
+    def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
+        self.columns = read_columns(layout.header)
+        self._layout = layout
+        self._blocks = blocks
+        self._file = file
+
+    def read(self, channels: Sequence[Channel]) -> Samples:
+        """Read all blocks.
+
+        Raises:
+            NoRows: There is no sample.
+            RunFileError: A line or a cell is faulty.
+        """
+        reader = _BlockReader(self._layout, channels)
+        for block in self._blocks:
+            reader.add(block)
+        if not reader.lines.total:
+            raise NoRows(
+                "no sample below the header; expected one line for each sample",
+                row=self._layout.header_line,
+            )
+        cut = RunWarning(
+            code="truncated_last_row",
+            message="the last line is truncated, probably by a loss of power; it is omitted",
+            file=self._file,
+            row=reader.cut_line,
+        )
+        warnings = () if cut.row is None else (cut,)
+        return Samples(reader.cells(), reader.lines.line, warnings)
+
+
+class _BlockReader:
+    """Reader of the blocks of one table, in order.
+
+    Attributes:
         lines: Line number of each sample.
         cut_line: Line number of a truncated last line that was dropped, or None.
     """
 
-    cells: dict[str, Array]
-    lines: SampleLines
-    cut_line: int | None
-
-
-class TableReader:
-    """Reader of the blocks of one table, in order.
-
-    Args:
-        layout: Layout of the table.
-        channels: Channels to read, by canonical name.
-        slow: Channels logged at a lower rate, whose cells may be blank.
-        file: Name of the file in messages.
-    """
-
-    def __init__(
-        self, layout: Layout, channels: dict[str, Channel], slow: Iterable[str], file: str
-    ) -> None:
+    def __init__(self, layout: Layout, channels: Sequence[Channel]) -> None:
+        self.lines = SampleLines()
+        self.cut_line: int | None = None
         self._layout = layout
-        self._channels = tuple(channels.values())
-        self._slow = frozenset(slow)
-        self._cells = CellReader(layout, self._channels, self._slow, file)
-        self._lines = SampleLines()
-        self._parts: list[list[Array]] = [[] for _ in self._channels]
-        self._cut_line: int | None = None
+        self._channels = channels
+        self._cells = CellReader(layout, channels)
+        self._parts: list[list[Array]] = [[] for _ in channels]
 
     def add(self, block: Block) -> None:
         """Read the next block of whole lines."""
@@ -76,13 +118,13 @@ class TableReader:
         line = block.first_line + block.text.count(b"\n")
         self._read_unterminated(block.text[cut:], line, before)
 
-    def table(self) -> Table:
+    def cells(self) -> dict[str, Array]:
         """All samples read so far; the reader gives up its copy."""
         cells = {}
         for channel, parts in zip(self._channels, self._parts, strict=True):
-            cells[channel.name] = np.concatenate(parts) if parts else np.empty(0)
+            cells[channel.name] = np.concatenate(parts)
             parts.clear()
-        return Table(cells, self._lines, self._cut_line)
+        return cells
 
     def _read(self, text: bytes, first_line: int) -> None:
         columns = self._clean(text)
@@ -97,10 +139,10 @@ class TableReader:
     def _take(self, columns: list[Array] | None, text: bytes, first_line: int) -> None:
         """Append parsed columns, or read the lines cell by cell if the fast path declined them."""
         if columns is None:
-            columns = self._cells.read(text, first_line, self._lines)
+            columns = self._cells.read(text, first_line, self.lines)
         else:
             self._cells.refuse_blank_above()
-            self._lines.extend(first_line, columns[0].size)
+            self.lines.extend(first_line, columns[0].size)
         for parts, column in zip(self._parts, columns, strict=True):
             parts.append(column)
 
@@ -108,7 +150,7 @@ class TableReader:
         """Columns of a clean block; the first decimal sign found applies to the whole file."""
         known = self._cells.decimal
         for decimal in (known,) if known else (".", ","):
-            columns = read_clean(text, self._layout, self._channels, self._slow, decimal)
+            columns = read_clean(text, self._layout, self._channels, decimal)
             if columns is not None:
                 if decimal.encode() in text:
                     self._cells.decimal = decimal
@@ -124,7 +166,7 @@ class TableReader:
         """
         usual = min((len(self._last_cell(other)) for other in before), default=0)
         if len(self._last_cell(text)) < usual:
-            self._cut_line = line
+            self.cut_line = line
             return
         try:
             self._read(text, line)
@@ -132,7 +174,7 @@ class TableReader:
             # A complete line with an error must not pass as truncated.
             if self._cells.blank_line is not None or self._is_whole(text):
                 raise
-            self._cut_line = line
+            self.cut_line = line
 
     def _last_cell(self, text: bytes) -> str:
         return self._cells.split(text.decode("utf-8", "replace"))[-1]

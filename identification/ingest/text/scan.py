@@ -6,24 +6,53 @@ line number.  Much slower than the fast path: about 20 us per line.
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from array import array
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import MissingValue, NotANumber, NotFinite, RaggedRow, UnclosedQuote
-from identification.ingest.cells import expected_instead, is_number_word, number_text, split_cells
+from identification.errors import MissingValue, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
-from identification.ingest.dialect import COMMENT_MARKS, Layout
-from identification.ingest.display import quoted
-from identification.ingest.lines import SampleLines
+from identification.ingest.reader import blank_cell, not_finite
+from identification.ingest.text.cells import (
+    expected_instead,
+    is_number_word,
+    number_text,
+    split_cells,
+)
+from identification.ingest.text.dialect import COMMENT_MARKS, Layout
 
-__all__ = ["CellReader"]
+__all__ = ["CellReader", "SampleLines"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass
+class SampleLines:
+    """Line number of each sample, stored as ranges of consecutive lines."""
+
+    first_samples: list[int] = field(default_factory=list)
+    first_lines: list[int] = field(default_factory=list)
+    total: int = 0
+
+    def extend(self, first_line: int, count: int) -> None:
+        """Append `count` samples on consecutive lines, beginning at `first_line`."""
+        if not count:
+            return
+        if not self.total or self.line(self.total - 1) + 1 != first_line:
+            self.first_samples.append(self.total)
+            self.first_lines.append(first_line)
+        self.total += count
+
+    def line(self, sample: int) -> int:
+        """Line number, counted from 1, of a sample."""
+        at = bisect.bisect_right(self.first_samples, sample) - 1
+        return self.first_lines[at] + sample - self.first_samples[at]
 
 
 class CellReader:
@@ -32,23 +61,17 @@ class CellReader:
     Args:
         layout: Layout of the table.
         channels: Channels to read.
-        slow: Channels logged at a lower rate, whose cells may be blank.
-        file: Name of the file in messages.
 
     Attributes:
         decimal: Decimal sign of the file, or None until a number has shown it.
         blank_line: Line number of the first row whose cells are all blank, or None.
     """
 
-    def __init__(
-        self, layout: Layout, channels: tuple[Channel, ...], slow: Iterable[str], file: str
-    ) -> None:
+    def __init__(self, layout: Layout, channels: Sequence[Channel]) -> None:
         self.decimal: str | None = "." if layout.delimiter == "," else None
         self.blank_line: int | None = None
         self._layout = layout
         self._channels = channels
-        self._slow = frozenset(slow)
-        self._file = file
 
     def read(self, text: bytes, first_line: int, lines: SampleLines) -> list[Array]:
         """Read whole lines; the first invalid cell raises.
@@ -59,7 +82,7 @@ class CellReader:
             lines: Receives the line number of every sample.
 
         Returns:
-            (n_sample,) for each channel, NaN at a blank cell of a slow channel.
+            (n_sample,) for each channel, NaN at a blank cell.
 
         Raises:
             RunFileError: A line has the wrong number of fields or an unclosed quotation mark, or a
@@ -92,14 +115,12 @@ class CellReader:
         if line.count('"') % 2:
             raise UnclosedQuote(
                 "a quotation mark is not closed on its line; remove it",
-                file=self._file,
                 row=number,
             )
         if len(cells) != self._layout.fields:
             raise RaggedRow(
                 f"the line has {len(cells)} fields, expected {self._layout.fields} as in the first "
                 "sample; write one line for each sample with a cell for each column",
-                file=self._file,
                 row=number,
                 value=len(cells),
             )
@@ -109,53 +130,29 @@ class CellReader:
         if self.blank_line is not None:
             raise MissingValue(
                 "all cells are blank; expected a sample; remove the line or fill it",
-                file=self._file,
                 row=self.blank_line,
             )
 
     def _number(self, cell: str, channel: Channel, line: int) -> float:
         if not cell:
-            return self._blank(channel, line)
+            if channel.may_be_blank:
+                return math.nan
+            raise blank_cell(channel, line)
         text = number_text(cell, self.decimal or ".")
         if text is None and self.decimal is None:
             text = number_text(cell, ",")
         if text is None:
-            raise self._no_number(cell, channel, line)
+            if is_number_word(cell):
+                raise not_finite(cell, channel, line)
+            raise NotANumber(
+                expected_instead(cell, channel.unit.name),
+                row=line,
+                column=channel.column.label,
+                value=cell,
+            )
         if self.decimal is None and ("," in cell or "." in cell):
             self.decimal = "," if "," in cell else "."
         value = float(text)
         if not math.isfinite(value):
-            raise self._not_finite(cell, channel, line)
+            raise not_finite(cell, channel, line)
         return value
-
-    def _blank(self, channel: Channel, line: int) -> float:
-        if channel.name in self._slow:
-            return math.nan
-        raise MissingValue(
-            f"the cell is blank; expected a number in {channel.unit.name} (only a temperature "
-            "that is logged at a lower rate may have blank cells)",
-            file=self._file,
-            row=line,
-            column=channel.column.label,
-        )
-
-    def _no_number(self, cell: str, channel: Channel, line: int) -> NotANumber | NotFinite:
-        if is_number_word(cell):
-            return self._not_finite(cell, channel, line)
-        return NotANumber(
-            expected_instead(cell, channel.unit.name),
-            file=self._file,
-            row=line,
-            column=channel.column.label,
-            value=cell,
-        )
-
-    def _not_finite(self, cell: str, channel: Channel, line: int) -> NotFinite:
-        return NotFinite(
-            f"{quoted(cell)} is not a finite number; expected a number in {channel.unit.name}; "
-            "cut the run before or after the invalid samples",
-            file=self._file,
-            row=line,
-            column=channel.column.label,
-            value=cell,
-        )

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification.errors import HeaderTooLong, NoHeader, NotANumber, RaggedRow, RunFileError
-from identification.ingest.cells import is_number, split_cells
 from identification.ingest.display import plain, quoted
 from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
+from identification.ingest.text.cells import is_number, split_cells
 
 __all__ = ["HeaderRows", "Line"]
 
@@ -34,14 +34,12 @@ class HeaderRows:
         delimiter: Delimiter of the samples.
         fields: Number of cells of each sample.
         sample: The first sample.
-        name: Name of the file in messages.
     """
 
-    def __init__(self, delimiter: str, fields: int, sample: Line, name: str) -> None:
+    def __init__(self, delimiter: str, fields: int, sample: Line) -> None:
         self._delimiter = delimiter
         self._fields = fields
         self._sample = sample
-        self._name = name
         self._sample_cells = split_cells(sample.text, delimiter)
 
     def above(self, lines: list[Line], comments: list[Line]) -> list[tuple[Line, list[str]]]:
@@ -90,7 +88,6 @@ class HeaderRows:
                 raise HeaderTooLong(
                     f"a header of {len(cell)} characters; expected at most {LONGEST_CELL}; "
                     "shorten the column name",
-                    file=self._name,
                     row=line.number,
                     column=str(index + 1),
                     value=len(cell),
@@ -123,7 +120,6 @@ class HeaderRows:
         at = next((k for k, cell in enumerate(cells) if not self._is_number(cell)), 0)
         raise NotANumber(
             f"{quoted(cells[at])} is not a number; expected a sample below the column names",
-            file=self._name,
             row=line.number,
             column=plain(names[at]),
             value=cells[at],
@@ -139,7 +135,6 @@ class HeaderRows:
             return NoHeader(
                 f"the samples have no header that names their {self._fields} columns; "
                 "add a header such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
-                file=self._name,
                 row=self._sample.number,
             )
         hint = "write one name for each column"
@@ -147,7 +142,6 @@ class HeaderRows:
             hint = "decimal commas need another delimiter than the comma, such as a semicolon"
         return RaggedRow(
             f"the samples have {self._fields} fields and the header has {len(last)}; {hint}",
-            file=self._name,
             row=self._sample.number,
             value=self._fields,
         )

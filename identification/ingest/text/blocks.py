@@ -1,54 +1,20 @@
-"""Streaming line reader: a file as blocks of whole text lines, in bounded memory.
+"""Streaming line reader: a text file as blocks of whole lines, in bounded memory.
 
-Memory use is limited to about two chunks of 8 MiB and one partial line.  File size, number of lines
-and line length are checked while reading, so that a file of zeros or a line of a gigabyte is
-rejected early.  Line ends become line feeds and UTF-16 becomes UTF-8; other encodings pass
-unchanged.
-
-    digest = hashlib.sha256()
-    for block in read_blocks(Path("run1.csv"), "run1.csv", Limits(), digest):
-        block.text, block.first_line
+Memory use is limited to about three chunks of 8 MiB and one partial line.  Number and length of the
+lines are checked while reading, so that a file of zeros or a line of a gigabyte is rejected early.
+Line ends become line feeds and UTF-16 becomes UTF-8; other encodings pass unchanged.
 """
 
 from __future__ import annotations
 
 import codecs
-import os
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import BinaryIO, Protocol
 
-from identification.errors import (
-    EmptyFile,
-    FileTooLarge,
-    LineTooLong,
-    NotText,
-    RunFileError,
-    UnreadableFile,
-)
+from identification.errors import EmptyFile, FileTooLarge, LineTooLong, NotText, RunFileError
+from identification.ingest.file import Limits, RunFile
 
-__all__ = ["Block", "Limits", "read_blocks"]
-
-_CHUNK_BYTES = 8 << 20
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Size limits of a run file; a larger file is rejected.
-
-    Args:
-        bytes: Size of the file [bytes].
-        rows: Number of lines of the file.
-        columns: Number of columns of the table.
-        line_bytes: Length of one line [bytes]; a line of twice this length is always rejected.
-    """
-
-    bytes: int = 2_000_000_000
-    rows: int = 50_000_000
-    columns: int = 1_000
-    line_bytes: int = 1_000_000
+__all__ = ["Block", "read_blocks"]
 
 
 @dataclass(frozen=True)
@@ -71,13 +37,6 @@ class Block:
         for _ in range(line - self.first_line):
             at = self.text.find(b"\n", at) + 1
         return Block(self.text[at:], line, self.terminated)
-
-
-class Digest(Protocol):
-    """Interface of a hash object of the standard library."""
-
-    def update(self, data: bytes, /) -> None:
-        """Add bytes to the hash."""
 
 
 # Signatures of binary formats that users submit in place of a text table.
@@ -105,71 +64,28 @@ _CONTROL = bytes(code for code in range(1, 32) if code not in b"\t\n\v\f\r\x1a")
 _EXPORT = "export it as a text table (CSV, UTF-8)"
 
 
-def read_blocks(path: Path, name: str, limits: Limits, digest: Digest) -> Iterator[Block]:
-    """Read a file as blocks of whole lines.
+def read_blocks(file: RunFile) -> Iterator[Block]:
+    """Split a file into blocks of whole lines.
 
     Args:
-        path: File to read; it must be a regular file.
-        name: Name of the file in messages.
-        limits: Size limits.
-        digest: Hash that receives every byte read, in order.
+        file: Open file.
 
-    Yields:
+    Returns:
         Blocks in file order, at least one.
 
     Raises:
-        UnreadableFile: The file is missing, not a regular file, or not readable.
         EmptyFile: The file has no bytes.
         FileTooLarge: The file exceeds the limit of bytes or rows.
         LineTooLong: A line exceeds the limit.
         NotText: The content is binary, in UTF-32, or contains a NUL byte.
     """
-    try:
-        # Check before opening: opening a pipe without a writer blocks.
-        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
-            raise UnreadableFile("is not a regular file; give the path of a file", file=name)
-        with path.open("rb") as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise UnreadableFile("is not a regular file; give the path of a file", file=name)
-            empty = True
-            for block in _Splitter(name, limits).split(_chunks(file, name, limits, digest)):
-                empty = False
-                yield block
-    except (OSError, ValueError) as error:
-        # ValueError: the path itself holds a NUL.
-        reason = getattr(error, "strerror", None) or "the path is not valid"
-        raise UnreadableFile(
-            f"cannot be opened ({reason}); check the path and the permissions", file=name
-        ) from error
-    if empty:
-        raise EmptyFile("the file is empty; expected a header and samples", file=name)
-
-
-def _chunks(file: BinaryIO, name: str, limits: Limits, digest: Digest) -> Iterator[bytes]:
-    """Read and hash chunks; count the bytes, because a file may grow while it is read."""
-    size = os.fstat(file.fileno()).st_size
-    total = 0
-    while True:
-        if max(size, total) > limits.bytes:
-            raise FileTooLarge(
-                f"{max(size, total)} bytes are more than the limit of {limits.bytes}; "
-                "split the file or record at a lower rate",
-                file=name,
-                value=max(size, total),
-            )
-        chunk = file.read(_CHUNK_BYTES)
-        if not chunk:
-            return
-        total += len(chunk)
-        digest.update(chunk)
-        yield chunk
+    return _Splitter(file.limits).split(file.chunks())
 
 
 class _Splitter:
     """Splitter of chunks of any encoding and line end into blocks of whole lines."""
 
-    def __init__(self, name: str, limits: Limits) -> None:
-        self._name = name
+    def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._line = 1
         self._newline = b"\n"
@@ -192,24 +108,25 @@ class _Splitter:
             held = text[:cut] or held
         if self._decoder is not None:
             carry += self._decoder.decode(b"", True).encode()
+        if not held and not carry:
+            raise EmptyFile("the file is empty; expected a header and samples")
         # Keep an unterminated last line with the lines before it, which show how long it should be.
-        if held or carry:
-            yield self._block(held + carry, terminated=not carry)
+        yield self._block(held + carry, terminated=not carry)
 
     def _begin(self, chunk: bytes) -> bytes:
         """Detect the encoding and the line end from the first chunk."""
         for signature, what in _SIGNATURES:
             if chunk.startswith(signature):
-                raise NotText(f"this is {what}, not a text table; {_EXPORT}", file=self._name)
+                raise NotText(f"this is {what}, not a text table; {_EXPORT}")
         if chunk.startswith((b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")):
-            raise NotText(f"the text is in UTF-32; {_EXPORT}", file=self._name)
+            raise NotText(f"the text is in UTF-32; {_EXPORT}")
         if chunk.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             little = chunk.startswith(codecs.BOM_UTF16_LE)
             codec = "utf-16-le" if little else "utf-16-be"
             # Broken characters become replacement characters, so the error names their row.
             self._decoder = codecs.getincrementaldecoder(codec)("replace")
         elif _looks_binary(chunk[:65536]):
-            raise NotText(f"the bytes are not text; {_EXPORT}", file=self._name)
+            raise NotText(f"the bytes are not text; {_EXPORT}")
         text = self._to_utf8(chunk).removeprefix(codecs.BOM_UTF8)
         if b"\n" not in text and b"\r" in text:
             self._newline = b"\r"
@@ -232,7 +149,6 @@ class _Splitter:
             raise FileTooLarge(
                 f"more rows than the limit of {self._limits.rows}; "
                 "split the file or record at a lower rate",
-                file=self._name,
                 row=self._limits.rows + 1,
             )
         return block
@@ -241,7 +157,6 @@ class _Splitter:
         return LineTooLong(
             f"a line of more than {self._limits.line_bytes} bytes; "
             "expected one sample per line with a few numbers",
-            file=self._name,
             row=line,
         )
 
@@ -251,7 +166,6 @@ class _Splitter:
             raise NotText(
                 "contains a NUL byte, probably because the logger lost power; "
                 "cut the file before this line",
-                file=self._name,
                 row=block.first_line + block.text.count(b"\n", 0, at),
             )
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Collection
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from identification.ingest.channels import Channel
-from identification.ingest.dialect import Layout
+from identification.ingest.text.dialect import Layout
 
 __all__ = ["read_clean"]
 
@@ -26,8 +26,7 @@ Array = NDArray[np.float64]
 def read_clean(
     text: bytes,
     layout: Layout,
-    channels: tuple[Channel, ...],
-    slow: Collection[str],
+    channels: Sequence[Channel],
     decimal: str,
 ) -> list[Array] | None:
     """Parse whole lines that contain nothing but numbers.
@@ -36,11 +35,10 @@ def read_clean(
         text: Encoded lines.
         layout: Layout of the table.
         channels: Channels to read.
-        slow: Channels logged at a lower rate, whose cells may be blank.
         decimal: Decimal sign.
 
     Returns:
-        (n_sample,) for each channel, NaN at a blank cell of a slow channel; or None if the block
+        (n_sample,) for each channel, NaN at a blank cell; or None if the block
         fails a check.
     """
     bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
@@ -55,13 +53,13 @@ def read_clean(
     ):
         return None
     columns = _parsed(text, layout, channels, {}, decimal)
-    blanks = {str(c.column.index): [""] for c in channels if c.name in slow}
+    blanks = {str(c.column.index): [""] for c in channels if c.may_be_blank}
     # Blank handling is slow, so it is tried only after parsing without it has failed.
     if columns is None and blanks and _has_equal_rows(text, count, layout):
         columns = _parsed(text, layout, channels, blanks, decimal)
     if columns is None or columns[0].size != count:
         return None
-    return columns if _is_finite(columns, channels, slow) else None
+    return columns if _is_finite(columns, channels) else None
 
 
 def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
@@ -110,7 +108,7 @@ def _has_equal_rows(text: bytes, count: int, layout: Layout) -> bool:
 def _parsed(
     text: bytes,
     layout: Layout,
-    channels: tuple[Channel, ...],
+    channels: Sequence[Channel],
     blanks: dict[str, list[str]],
     decimal: str,
 ) -> list[Array] | None:
@@ -138,9 +136,9 @@ def _parsed(
     return [np.asarray(frame[index], dtype=np.float64) for index in used]
 
 
-def _is_finite(columns: list[Array], channels: tuple[Channel, ...], slow: Collection[str]) -> bool:
-    """Return True if all values are finite, except for blanks of a slow channel."""
+def _is_finite(columns: list[Array], channels: Sequence[Channel]) -> bool:
+    """Return True if all values are finite, except for blanks where a channel may have them."""
     return all(
-        not np.any(np.isinf(column)) and (channel.name in slow or not np.any(np.isnan(column)))
+        not np.any(np.isinf(column)) and (channel.may_be_blank or not np.any(np.isnan(column)))
         for channel, column in zip(channels, columns, strict=True)
     )

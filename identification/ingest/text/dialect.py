@@ -23,11 +23,12 @@ from identification.errors import (
     NotANumber,
     RunFileError,
 )
-from identification.ingest.cells import is_clock, is_number, is_number_word, split_cells
 from identification.ingest.display import listed, quoted
-from identification.ingest.header_rows import HeaderRows, Line
+from identification.ingest.file import Limits
 from identification.ingest.names import is_channel_name
-from identification.ingest.source import Block, Limits
+from identification.ingest.text.blocks import Block
+from identification.ingest.text.cells import is_clock, is_number, is_number_word, split_cells
+from identification.ingest.text.header_rows import HeaderRows, Line
 
 __all__ = ["COMMENT_MARKS", "Layout", "sniff"]
 
@@ -60,12 +61,11 @@ class Layout:
     first_line: int
 
 
-def sniff(block: Block, name: str, limits: Limits) -> Layout:
+def sniff(block: Block, limits: Limits) -> Layout:
     """Detect the layout from the first block of a file.
 
     Args:
         block: First block of the file.
-        name: Name of the file in messages.
         limits: Largest number of columns.
 
     Returns:
@@ -75,21 +75,20 @@ def sniff(block: Block, name: str, limits: Limits) -> Layout:
         FileTooLarge: The table has more columns than the limit.
         RunFileError: The block holds no samples, no header or no unambiguous decimal sign.
     """
-    lines, comments, forced = _preview(block, name)
+    lines, comments, forced = _preview(block)
     found = _best_delimiter(lines, (forced,) if forced else _DELIMITERS)
     if found is None:
-        raise _no_samples(lines, comments, name)
+        raise _no_samples(lines, comments)
     delimiter, fields, at = found
     if fields > limits.columns:
         raise FileTooLarge(
             f"{fields} columns are more than the limit of {limits.columns}; "
             "export only the channels of the motor",
-            file=name,
             row=lines[at].number,
             value=fields,
         )
-    _refuse_unclear_commas(lines[at:], delimiter, fields, name)
-    rows = HeaderRows(delimiter, fields, lines[at], name).above(lines[:at], comments)
+    _refuse_unclear_commas(lines[at:], delimiter, fields)
+    rows = HeaderRows(delimiter, fields, lines[at]).above(lines[:at], comments)
     return Layout(
         delimiter,
         fields,
@@ -99,7 +98,7 @@ def sniff(block: Block, name: str, limits: Limits) -> Layout:
     )
 
 
-def _preview(block: Block, name: str) -> tuple[list[Line], list[Line], str | None]:
+def _preview(block: Block) -> tuple[list[Line], list[Line], str | None]:
     """Non-blank lines, comment lines without their marks, and the delimiter of a ``sep=`` line."""
     raw = block.text.split(b"\n", _PREVIEW_LINES)
     if len(raw) > _PREVIEW_LINES or block.terminated:
@@ -117,7 +116,7 @@ def _preview(block: Block, name: str) -> tuple[list[Line], list[Line], str | Non
         elif stripped:
             lines.append(Line(number, text))
     if not lines and not comments:
-        raise EmptyFile("only blank lines; expected a header and samples", file=name)
+        raise EmptyFile("only blank lines; expected a header and samples")
     return lines, comments, forced
 
 
@@ -176,7 +175,7 @@ def _begins_a_sample(cell: str, delimiter: str) -> bool:
     return is_number(cell, delimiter) or is_number_word(cell) or is_clock(cell)
 
 
-def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name: str) -> None:
+def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int) -> None:
     """Reject ``1,234`` if no number in the preview shows whether it means 1.234 or 1234."""
     if delimiter == ",":
         return
@@ -195,13 +194,12 @@ def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int, name:
         raise NotANumber(
             f"{quoted(cell)} is ambiguous: the comma may be a decimal comma or a thousands "
             "separator, and no other number in the file decides it; use a decimal point",
-            file=name,
             row=line.number,
             value=cell,
         )
 
 
-def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileError:
+def _no_samples(lines: list[Line], comments: list[Line]) -> RunFileError:
     """Error for a text in which no delimiter yields lines of numbers."""
     searched = 0
     for line in (*lines, *comments):
@@ -214,13 +212,11 @@ def _no_samples(lines: list[Line], comments: list[Line], name: str) -> RunFileEr
                 return NoRows(
                     f"no line of numbers below the header ({listed(cells, 6)}); "
                     "expected one line for each sample",
-                    file=name,
                     row=line.number,
                 )
     return NoTable(
         f"no line with numbers in columns among the first {_PREVIEW_LINES} lines; expected a "
         "header and one line for each sample, separated by comma, semicolon, tab or blank",
-        file=name,
         row=lines[0].number if lines else None,
         value=lines[0].text[:80] if lines else None,
     )

@@ -1,0 +1,155 @@
+"""Open run file: limits, first bytes, content in chunks and SHA-256 of every byte."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from identification.errors import FileTooLarge, RunFileError, UnreadableFile
+
+__all__ = ["Limits", "RunFile", "naming", "open_run_file"]
+
+_CHUNK_BYTES = 8 << 20
+_HEAD_BYTES = 1 << 16
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Size limits of a run file; a larger file is rejected.
+
+    Args:
+        bytes: Size of the file [bytes].
+        rows: Number of lines of a text file, else of samples.
+        columns: Number of columns of the table.
+        line_bytes: Length of one line [bytes]; a line of twice this length is always rejected.
+    """
+
+    bytes: int = 2_000_000_000
+    rows: int = 50_000_000
+    columns: int = 1_000
+    line_bytes: int = 1_000_000
+
+
+class RunFile:
+    """Run file that is open for reading.
+
+    Args:
+        stream: Content, at its beginning.
+        name: Name of the file in messages.
+        limits: Size limits.
+
+    Attributes:
+        head: First bytes of the file, at most 64 KiB, by which a reader recognises its format.
+
+    Raises:
+        FileTooLarge: The file exceeds the limit of bytes; also raised while it is read.
+    """
+
+    def __init__(self, stream: BinaryIO, name: str, limits: Limits) -> None:
+        self.name = name
+        self.limits = limits
+        self._stream = stream
+        self._digest = hashlib.sha256()
+        self._total = 0
+        self._pending = self._read()
+        self.head = self._pending[:_HEAD_BYTES]
+
+    def chunks(self) -> Iterator[bytes]:
+        """Iterate over the content that has not been read yet, in bounded memory."""
+        return iter(self._next, b"")
+
+    def content(self) -> bytes:
+        """Read the content that has not been read yet."""
+        return b"".join(self.chunks())
+
+    def sha256(self) -> str:
+        """SHA-256 of the whole file in hexadecimal, whatever part of it a reader has read."""
+        for _ in self.chunks():
+            pass
+        return self._digest.hexdigest()
+
+    def _next(self) -> bytes:
+        chunk, self._pending = self._pending, b""
+        return chunk or self._read()
+
+    def _read(self) -> bytes:
+        """Read, hash and count one chunk; a file may grow while it is read."""
+        size = max(os.fstat(self._stream.fileno()).st_size, self._total)
+        if size > self.limits.bytes:
+            raise FileTooLarge(
+                f"{size} bytes are more than the limit of {self.limits.bytes}; "
+                "split the file or record at a lower rate",
+                value=size,
+            )
+        with _as_unreadable():
+            chunk = self._stream.read(_CHUNK_BYTES)
+        self._total += len(chunk)
+        self._digest.update(chunk)
+        return chunk
+
+
+@contextmanager
+def open_run_file(path: Path, name: str, limits: Limits) -> Iterator[RunFile]:
+    """Open a regular file.
+
+    Args:
+        path: File to read.
+        name: Name of the file in messages.
+        limits: Size limits.
+
+    Yields:
+        The open file.
+
+    Raises:
+        UnreadableFile: The file is missing, not a regular file, or not readable.
+        FileTooLarge: The file exceeds the limit of bytes.
+    """
+    with _as_unreadable():
+        # Check before opening: opening a pipe without a writer blocks.
+        if not path.is_dir():
+            _refuse_special(path.stat())
+        stream = path.open("rb")
+    with stream:
+        _refuse_special(os.fstat(stream.fileno()))
+        yield RunFile(stream, name, limits)
+
+
+@contextmanager
+def naming(file: str | None) -> Iterator[None]:
+    """Add the name of a file to errors that are raised without one.
+
+    Raises:
+        RunFileError: The error raised within, with the name.
+    """
+    try:
+        yield
+    except RunFileError as error:
+        if file is None or error.file is not None:
+            raise
+        raise type(error)(
+            error.message, file=file, row=error.row, column=error.column, value=error.value
+        ) from error
+
+
+@contextmanager
+def _as_unreadable() -> Iterator[None]:
+    """Turn an error of the operating system into an error with its reason."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        # ValueError: the path itself holds a NUL.
+        reason = getattr(error, "strerror", None) or "the path is not valid"
+        raise UnreadableFile(
+            f"cannot be opened ({reason}); check the path and the permissions"
+        ) from error
+
+
+def _refuse_special(status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise UnreadableFile("is not a regular file; give the path of a file")

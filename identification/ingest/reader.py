@@ -1,0 +1,116 @@
+"""Interface of the file readers: recognise a format, describe its columns, read their cells.
+
+`read_run` asks each `Reader` in turn whether it recognises the file, maps the columns of the opened
+`SourceTable` to channels, and reads the cells of these channels.  Units, checks and warnings are
+common to all formats.  docs/write-a-reader.md shows a complete reader.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MissingValue, NotFinite
+from identification.ingest.channels import Channel
+from identification.ingest.columns import Column
+from identification.ingest.display import quoted
+from identification.ingest.file import RunFile
+from identification.ingest.run import RunWarning
+
+__all__ = ["ArrayTable", "Reader", "Samples", "SourceTable", "blank_cell", "not_finite"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Cells of the channels, as written in the file.
+
+    Args:
+        cells: Channel name to (n_sample,), in the units of the file, NaN where a cell is blank.
+        row: Function from sample index to row in the file: its line, or the row of its sheet.
+        warnings: Warnings about the file as a whole.
+    """
+
+    cells: dict[str, Array]
+    row: Callable[[int], int]
+    warnings: tuple[RunWarning, ...] = ()
+
+
+class SourceTable(Protocol):
+    """Table of an open file, whose header is known and whose cells are not yet read."""
+
+    @property
+    def columns(self) -> Sequence[Column]:
+        """Columns from left to right, each with its position, names and units."""
+
+    def read(self, channels: Sequence[Channel]) -> Samples:
+        """Read the cells of the columns assigned to channels; called once.
+
+        Raises:
+            RunFileError: A cell is not a number, with its row and column.
+        """
+
+
+class Reader(Protocol):
+    """Reader of one file format; it keeps no state between files."""
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True if the ending of the name and the first bytes are those of the format.
+
+        Args:
+            name: Name of the file as given by the user.
+            head: First bytes of the file, at most 64 KiB.
+        """
+
+    def open(self, file: RunFile) -> SourceTable:
+        """Read as much of the file as describes its columns.
+
+        Raises:
+            RunFileError: The file has no table; `read_run` adds the file name to the error.
+        """
+
+
+@dataclass(frozen=True)
+class ArrayTable:
+    """Source table in memory.
+
+    Args:
+        columns: Columns from left to right.
+        cells: (n_sample,) for each column, NaN where the file has no value.
+        first_row: Row of the first sample in messages.
+    """
+
+    columns: Sequence[Column]
+    cells: Sequence[Array]
+    first_row: int = 1
+
+    def read(self, channels: Sequence[Channel]) -> Samples:
+        """Select the arrays of the channels."""
+        cells = {channel.name: self.cells[channel.column.index] for channel in channels}
+        return Samples(cells, lambda sample: self.first_row + sample)
+
+
+def blank_cell(channel: Channel, row: int) -> MissingValue:
+    """Error for a blank cell of a channel that must not have any."""
+    return MissingValue(
+        f"the cell is blank; expected a number in {channel.unit.name} (only a temperature "
+        "that is logged at a lower rate may have blank cells)",
+        row=row,
+        column=channel.column.label,
+    )
+
+
+def not_finite(cell: str, channel: Channel, row: int) -> NotFinite:
+    """Error for a cell that is infinite or a word for a missing number."""
+    return NotFinite(
+        f"{quoted(cell)} is not a finite number; expected a number in {channel.unit.name}; "
+        "cut the run before or after the invalid samples",
+        row=row,
+        column=channel.column.label,
+        value=cell,
+    )

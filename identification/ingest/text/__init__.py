@@ -1,0 +1,11 @@
+"""Reader of text tables, with any usual delimiter, decimal sign and encoding.
+
+file -> blocks of lines -> layout  -> columns -> cells
+        blocks             dialect    names      fast, else scan
+"""
+
+from __future__ import annotations
+
+from identification.ingest.text.table import TextReader
+
+__all__ = ["TextReader"]
