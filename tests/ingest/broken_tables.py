@@ -1,4 +1,4 @@
-"""Files that are broken as texts or as tables, and what has to be said about each."""
+"""Files that are invalid as text or as tables, with the expected error of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.ingest.samples import CANONICAL, Dialect, record, renamed, with_cell,
 
 @dataclass(frozen=True)
 class Refusal:
-    """A broken file and what has to be said about it."""
+    """A broken file and the expected error."""
 
     title: str
     content: bytes
@@ -26,18 +26,18 @@ class Refusal:
 
 
 def without(*names: str) -> bytes:
-    """The canonical file without some columns."""
+    """Canonical file without some columns."""
     return write({name: column for name, column in record().items() if name not in names})
 
 
 def beside(**columns: float) -> bytes:
-    """The canonical file with further constant columns."""
+    """Canonical file with additional constant columns."""
     extra = {name: np.full(40, value) for name, value in columns.items()}
     return write({**record(), **extra})
 
 
 def zipped() -> bytes:
-    """A workbook's kind of file: a zip archive."""
+    """Zip archive, the format of a workbook."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.writestr("xl/workbook.xml", "<workbook/>")
@@ -45,7 +45,7 @@ def zipped() -> bytes:
 
 
 def doubled_header(name: str) -> bytes:
-    """The canonical file with one column twice under the same name."""
+    """Canonical file with one column name twice."""
     lines = write(record()).decode().splitlines()
     lines[0] += f",{name}"
     return "\n".join(line + ("" if at == 0 else ",1.0") for at, line in enumerate(lines)).encode()

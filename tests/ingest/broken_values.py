@@ -1,4 +1,4 @@
-"""Files that are sound as tables and broken in a cell, and what has to be said about each."""
+"""Valid tables with an invalid cell, with the expected error of each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.ingest.samples import (
 
 
 def swapped_lines(first: int, second: int) -> bytes:
-    """The canonical file with two lines exchanged."""
+    """Canonical file with two lines exchanged."""
     lines = write(record()).decode().splitlines()
     lines[first - 1], lines[second - 1] = lines[second - 1], lines[first - 1]
     return "\n".join(lines).encode() + b"\n"

@@ -1,4 +1,4 @@
-"""Run files made up in tests: a plausible record, and every way of writing it down."""
+"""Run files for tests: a plausible record, written in every supported dialect."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ CANONICAL = ("time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_deg
 
 
 def record(rows: int = 40, interval: float = 1e-3, seed: int = 1) -> dict[str, Array]:
-    """A record with the look of a driven motor: all channels move, with noise, in both directions.
+    """Record that resembles a driven motor: all channels vary in both directions, with noise.
 
-    Values have six digits behind the point, so that written and read numbers can be compared.
+    Values have six decimals, so that written and read numbers can be compared.
     """
     noise = np.random.default_rng(seed)
     time = np.arange(rows) * interval
@@ -32,7 +32,7 @@ def record(rows: int = 40, interval: float = 1e-3, seed: int = 1) -> dict[str, A
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written."""
+    """Format of a table."""
 
     delimiter: str = ","
     decimal: str = "."
@@ -46,7 +46,7 @@ class Dialect:
 
 
 def cell(value: float, decimal: str = ".") -> str:
-    """Shortest text that reads back as the same number."""
+    """Shortest text that represents the number exactly."""
     return repr(float(value)).replace(".", decimal)
 
 
@@ -72,7 +72,7 @@ def write(
 
 
 def with_cell(channel: str, sample: int, text: str, rows: int = 40) -> bytes:
-    """The canonical file with one cell replaced; sample 0 is on line 2."""
+    """Canonical file with one cell replaced; sample 0 is on line 2."""
     lines = write(record(rows)).decode().split("\n")
     cells = lines[sample + 1].split(",")
     cells[CANONICAL.index(channel)] = text
@@ -81,19 +81,19 @@ def with_cell(channel: str, sample: int, text: str, rows: int = 40) -> bytes:
 
 
 def with_line(line: int, text: str | None, rows: int = 40) -> bytes:
-    """The canonical file with one line, counted from 1, replaced, or removed where None."""
+    """Canonical file with one line, counted from 1, replaced, or removed where None."""
     lines = write(record(rows)).decode().split("\n")
     lines[line - 1 : line] = [] if text is None else [text]
     return "\n".join(lines).encode()
 
 
 def renamed(**headers: str) -> bytes:
-    """The canonical file with other header texts."""
+    """Canonical file with other header texts."""
     return write({headers.get(name, name): values for name, values in record().items()})
 
 
 def changed(rows: int = 40, **values: Array | float) -> bytes:
-    """The canonical file with other values in some channels."""
+    """Canonical file with other values in some channels."""
     columns = record(rows)
     for name, value in values.items():
         columns[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), rows).copy()
@@ -101,7 +101,7 @@ def changed(rows: int = 40, **values: Array | float) -> bytes:
 
 
 def channels(run: Run) -> dict[str, Array]:
-    """Channels of a run by canonical name, those that it has."""
+    """Channels that a run has, by canonical name."""
     every = (run.time, run.voltage, run.current, run.speed, run.temperature, run.position)
     names = (*CANONICAL, "position_rad")
     return {name: values for name, values in zip(names, every, strict=True) if values is not None}

@@ -1,4 +1,4 @@
-"""docs/run-files.md says what the code does: its tables are compared with the code's."""
+"""The tables of docs/run-files.md agree with the code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs" / "run-files.md").read_text(encoding="utf-8")
 
 
 def ticked(texts: Iterable[str]) -> str:
-    """Texts as code, with commas between."""
+    """Texts in backticks, separated by commas."""
     return ", ".join(f"`{text}`" for text in texts)
 
 
@@ -29,7 +29,7 @@ def rows(heading: str) -> list[str]:
 
 
 def test_page_lists_every_unit_with_its_spellings() -> None:
-    """The rows are built from the table of units."""
+    """The expected rows are built from the table of units."""
     expected = [
         f"| {unit.quantity} | `{unit.name}` | {ticked(unit.spellings[1:])} "
         f"| {unit.factor:.9g} | {unit.shift:g} |"
@@ -40,20 +40,20 @@ def test_page_lists_every_unit_with_its_spellings() -> None:
 
 
 def test_page_lists_every_name() -> None:
-    """The rows are built from the table of names."""
+    """The expected rows are built from the table of names."""
     for channel, quantity in CHANNEL_QUANTITIES.items():
         assert f"| `{channel}` | {ticked(NAMES[quantity])} |" in PAGE
 
 
 def test_page_lists_every_error_with_its_code() -> None:
-    """The classes are the leaves of the tree, in its order."""
+    """The expected classes are the leaves of the error tree, in its order."""
     expected = [(leaf.__name__, leaf.code) for leaf in errors.RunFileError.__subclasses__()]
 
     assert [tuple(re.findall(r"`(\w+)`", row)[:2]) for row in rows("Errors")] == expected
 
 
 def test_page_lists_every_warning() -> None:
-    """The codes are the words that the sources give to warnings."""
+    """The expected codes are those in the source files."""
     given = re.compile(r'\.warning\(\s*"(\w+)"|code="(\w+)"')
     sources = (ROOT / "identification" / "ingest").rglob("*.py")
     codes = {a or b for path in sources for a, b in given.findall(path.read_text("utf-8"))}
@@ -65,7 +65,7 @@ def test_page_lists_every_warning() -> None:
 
 
 def test_page_gives_the_bounds_and_limits() -> None:
-    """The numbers are those of the table of bounds and of the defaults of the limits."""
+    """The expected numbers are those of the table of bounds and of the default limits."""
     for channel, bounds in BOUNDS.items():
         low, high = bounds.possible
         assert f"| `{channel}` | {low:g} to {high:g} | " in PAGE

@@ -1,7 +1,7 @@
-"""Time of the text patterns that read what strangers write: at most proportional to its length.
+"""Computing time of text patterns on hostile input: at most proportional to its length.
 
-Each text makes a pattern try many ways of matching the same characters.  Four times the length may
-take eight times the time; with quadratic patterns it took 15 times, with cubic ones 60 times.
+Each text makes a pattern try many matches of the same characters. A text four times as long may
+take eight times as long; quadratic patterns took 15 times and cubic ones 60 times.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ READERS: dict[str, Callable[[str], object]] = {
 
 
 def mapped(setting: str) -> None:
-    """Read a mapping of the command line, whatever it says."""
+    """Read a mapping of the command line and ignore its errors."""
     with contextlib.suppress(InputError):
         mapping_of(None, [setting])
 
 
 def seconds(read: Callable[[str], object], text: str) -> float:
-    """Least processor time of three readings [s]."""
+    """Shortest processor time of three readings [s]."""
     taken = []
     for _ in range(3):
         begun = time.process_time()
@@ -62,7 +62,7 @@ def seconds(read: Callable[[str], object], text: str) -> float:
 
 @pytest.mark.parametrize("name", READERS)
 def test_time_grows_no_faster_than_the_text(name: str) -> None:
-    """A linear pattern takes four times as long; 3 ms are granted for the clock."""
+    """A linear pattern takes four times as long; 3 ms allow for the clock resolution."""
     for text in TEXTS:
         short = seconds(READERS[name], text)
         middle = len(text) // 2
@@ -73,7 +73,7 @@ def test_time_grows_no_faster_than_the_text(name: str) -> None:
 
 @pytest.mark.parametrize("cell", ["a" + " " * 98 + "b", "aA" * 50, "a[" + " " * 97 + "b"])
 def test_table_without_samples_is_refused_in_little_time(tmp_path: Path, cell: str) -> None:
-    """Eight megabytes of cells that might be headers took 12 s and more; 2 s are granted."""
+    """8 MB of possible header cells once took more than 12 s; the limit is 2 s."""
     path = tmp_path / "run.csv"
     path.write_text((",".join([cell] * 300) + "\n") * 260)
     begun = time.process_time()
@@ -85,7 +85,7 @@ def test_table_without_samples_is_refused_in_little_time(tmp_path: Path, cell: s
 
 
 def test_header_of_many_blanks_at_the_limit_is_read(tmp_path: Path) -> None:
-    """A column of 1000 characters is unused, but no reason to refuse the file."""
+    """An unused column name of 1000 characters does not invalidate the file."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(record() | {"a" + " " * 998 + "b": record()["time_s"]}))
 
@@ -93,7 +93,7 @@ def test_header_of_many_blanks_at_the_limit_is_read(tmp_path: Path) -> None:
 
 
 def test_mapping_of_many_keys_is_refused_in_little_time(tmp_path: Path) -> None:
-    """Keys were compared in pairs: 70,000 of them, in one megabyte, took minutes."""
+    """A comparison in pairs of 70,000 keys (1 MB) took minutes."""
     path = tmp_path / "mapping.json"
     path.write_text(json.dumps({f"k{k}": 0 for k in range(70_000)}))
     begun = time.process_time()

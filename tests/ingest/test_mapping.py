@@ -1,4 +1,4 @@
-"""The user's mapping: what it means, and that nothing in it passes unread."""
+"""Mapping of columns by the user: its meaning, and refusal of invalid entries."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ NAMELESS = {f"CH{k}": column for k, column in enumerate(record().values())}
 
 
 def nameless(tmp_path: Path) -> Path:
-    """A file whose headers mean nothing."""
+    """File with meaningless headers."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(NAMELESS))
     return path
 
 
 def mapping(**entries: object) -> dict[str, object]:
-    """A mapping of the nameless file, with some entries changed."""
+    """Mapping of the nameless file, with some entries changed."""
     names = ("time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_degC")
     return {**{name: {"column": f"CH{k}"} for k, name in enumerate(names)}, **entries}
 
 
 def test_mapping_alone_gives_every_channel_in_si(tmp_path: Path) -> None:
-    """A header that says no unit and a mapping that says none are in the channel's own unit."""
+    """Without a unit in header and mapping, the column is in the SI unit of the channel."""
     run = channels(read_run(nameless(tmp_path), mapping=mapping()))
 
     for name, column in record().items():
@@ -46,7 +46,7 @@ def test_mapping_alone_gives_every_channel_in_si(tmp_path: Path) -> None:
 
 
 def test_scale_and_offset_come_before_the_unit(tmp_path: Path) -> None:
-    """The contract of a mapping: value = (cell * scale + offset) in the unit, here mA."""
+    """Contract of a mapping: value = (cell * scale + offset) in the unit, here mA."""
     entry = {"column": "CH2", "scale": 200.0, "offset": -7.0, "unit": "mA"}
 
     run = read_run(nameless(tmp_path), mapping=mapping(current_A=entry))
@@ -56,7 +56,7 @@ def test_scale_and_offset_come_before_the_unit(tmp_path: Path) -> None:
 
 
 def test_mapping_in_a_file_is_the_same_as_the_mapping_itself(tmp_path: Path) -> None:
-    """The same words, once as a dictionary and once as JSON."""
+    """The same entries as a dictionary and as JSON."""
     said = mapping(speed_rad_s={"column": "CH3", "unit": "rpm"})
     (tmp_path / "map.json").write_text(json.dumps(said), encoding="utf-8-sig")
 
@@ -64,7 +64,7 @@ def test_mapping_in_a_file_is_the_same_as_the_mapping_itself(tmp_path: Path) -> 
 
 
 def test_mapping_wins_over_another_column_of_the_right_name(tmp_path: Path) -> None:
-    """Two speeds, the canonical one raw and the other one chosen."""
+    """Of two speed columns, the mapping selects the one without the canonical name."""
     path = tmp_path / "run.csv"
     columns = {**record(), "speed_filtered": record()["speed_rad_s"] * 2.0}
     path.write_bytes(write(columns))
@@ -75,7 +75,7 @@ def test_mapping_wins_over_another_column_of_the_right_name(tmp_path: Path) -> N
 
 
 def test_unit_in_the_header_holds_for_a_mapped_column(tmp_path: Path) -> None:
-    """A mapping that only names the column leaves its header's mA in force."""
+    """A mapping without unit keeps the mA of the header."""
     path = tmp_path / "run.csv"
     path.write_bytes(renamed(current_A="2nd current [mA]"))
 
@@ -85,7 +85,7 @@ def test_unit_in_the_header_holds_for_a_mapped_column(tmp_path: Path) -> None:
 
 
 def test_unit_that_contradicts_the_header_is_followed_with_a_warning(tmp_path: Path) -> None:
-    """The user's word is last, and the result says so."""
+    """The unit of the mapping has priority, and a warning reports the conflict."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(record()))
     said = {"speed_rad_s": {"column": "speed_rad_s", "unit": "rpm"}}
@@ -97,7 +97,7 @@ def test_unit_that_contradicts_the_header_is_followed_with_a_warning(tmp_path: P
 
 
 def test_optional_channel_mapped_to_null_is_left_out(tmp_path: Path) -> None:
-    """A position in ticks is refused by itself; null is what the message says to type."""
+    """A position in ticks would be refused; null omits it, as the message suggests."""
     path = tmp_path / "run.csv"
     path.write_bytes(write({**record(), "position [ticks]": np.arange(40.0)}))
 
@@ -107,7 +107,7 @@ def test_optional_channel_mapped_to_null_is_left_out(tmp_path: Path) -> None:
 
 
 def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
-    """Three header rows, a long name, a unit and a short name for each column."""
+    """Three header rows: long name, unit and short name of each column."""
     path = tmp_path / "run.csv"
     units = ("s", "V", "A", "rad/s", "degC")
     rows = [[f"Channel {k}" for k in range(5)], units, [f"c{k}" for k in range(5)]]
@@ -159,7 +159,7 @@ def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
 def test_mapping_at_fault_is_refused(
     tmp_path: Path, said: Any, error: type[RunFileError], words: str
 ) -> None:
-    """Each fault is the one put in; the file itself is sound."""
+    """The file is valid; each case changes one entry of the mapping."""
     with pytest.raises(RunFileError, match=words) as caught:
         read_run(nameless(tmp_path), mapping=said)
 
@@ -183,7 +183,7 @@ def test_mapping_at_fault_is_refused(
     ],
 )
 def test_mapping_file_at_fault_is_refused(tmp_path: Path, content: bytes, words: str) -> None:
-    """Each fault is the one written into the file."""
+    """Each case is invalid JSON, a duplicate key or a file that is too long."""
     path = tmp_path / "map.json"
     path.write_bytes(content)
 
@@ -194,13 +194,13 @@ def test_mapping_file_at_fault_is_refused(tmp_path: Path, content: bytes, words:
 
 
 def test_mapping_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    """There is no such file."""
+    """The file does not exist."""
     with pytest.raises(MappingError, match="cannot be opened"):
         read_mapping(tmp_path / "map.json")
 
 
 def test_mapped_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
-    """Neither of two columns of one name can be meant by it."""
+    """With two columns of one name, the mapping is ambiguous."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(record()).replace(b"temperature_degC", b"current_A"))
 
@@ -208,8 +208,8 @@ def test_mapped_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
         read_run(path, mapping={"current_A": {"column": "current_A"}})
 
 
-def test_scale_on_a_column_in_milliamperes_asks_what_it_leads_to(tmp_path: Path) -> None:
-    """A scale of 0.001 may be the user's own conversion: applying both would be a guess."""
+def test_scale_on_a_column_in_milliamperes_needs_a_unit(tmp_path: Path) -> None:
+    """A scale of 0.001 may already convert to A; applying the unit as well would be a guess."""
     path = tmp_path / "run.csv"
     path.write_bytes(renamed(current_A="current_mA"))
 
@@ -218,15 +218,15 @@ def test_scale_on_a_column_in_milliamperes_asks_what_it_leads_to(tmp_path: Path)
 
 
 def test_scale_that_overflows_is_refused_at_its_cell(tmp_path: Path) -> None:
-    """1e300 times any voltage is no voltage."""
+    """A scale of 9e299 makes any voltage impossible."""
     with pytest.raises(
         RunFileError, match="is impossible for a brushed motor|too large after scaling"
     ):
         read_run(nameless(tmp_path), mapping=mapping(voltage_V={"column": "CH1", "scale": 9e299}))
 
 
-def test_what_is_said_of_a_file_wins_over_what_is_said_of_all(tmp_path: Path) -> None:
-    """One run has its current sensor the wrong way round; the others keep the shared mapping."""
+def test_entry_of_one_file_has_priority_over_the_shared_mapping(tmp_path: Path) -> None:
+    """One run has a reversed current sensor; the others keep the shared mapping."""
     path = nameless(tmp_path)
     shared = mapping()
     single = {"run.csv": {"current_A": {"column": "CH2", "scale": -1.0}}}
@@ -241,6 +241,6 @@ def test_what_is_said_of_a_file_wins_over_what_is_said_of_all(tmp_path: Path) ->
 
 @pytest.mark.parametrize("files", [3, {"run.csv": 3}, {"run.csv": {"curent_A": {"column": "I"}}}])
 def test_a_mapping_of_files_is_checked_for_every_file(files: object) -> None:
-    """Also where the file is not the one that is read."""
+    """Entries of files other than the present one are checked too."""
     with pytest.raises(MappingError):
         read_mapping({"files": files}, "another.csv")

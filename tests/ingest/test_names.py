@@ -1,4 +1,4 @@
-"""What a header says, and what it does not."""
+"""Recognition of quantity and unit in a header."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from identification.ingest.names import is_units_row, read_header, similar_to
         ("TIME_S", "time", "s"),
     ],
 )
-def test_header_says_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
+def test_header_contains_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
     """The forms that docs/run-files.md lists."""
     said = read_header(text)
 
@@ -40,7 +40,7 @@ def test_header_says_one_quantity_and_its_unit(text: str, quantity: str, unit: s
     "text", ["V", "speed", "t", "theta", "Motor current", "rot. velocity", "A"]
 )
 def test_header_without_unit_has_none(text: str) -> None:
-    """Single letters are names as often as units, and a name alone says no unit."""
+    """Single letters may be names or units, and a name alone gives no unit."""
     assert read_header(text).unit is None
 
 
@@ -48,7 +48,7 @@ def test_header_without_unit_has_none(text: str) -> None:
     "text",
     ["1st motor velocity", "m1vel", "speed_set_rpm", "battery voltage [V]", "CH1", "", "x" * 9999],
 )
-def test_header_that_is_no_exact_name_stands_for_nothing(text: str) -> None:
+def test_header_that_is_no_exact_name_has_no_quantity(text: str) -> None:
     """A number, a set point, another voltage, no name at all."""
     assert read_header(text).quantities == frozenset()
 
@@ -68,12 +68,12 @@ def test_header_that_is_no_exact_name_stands_for_nothing(text: str) -> None:
 def test_similar_header_is_offered_unless_it_is_a_command(
     text: str, quantity: str, similar: bool
 ) -> None:
-    """Offering a set point as a measurement would invite a wrong fit."""
+    """Proposing a set point as a measurement would suggest a wrong fit."""
     assert similar_to(text, quantity) is similar
 
 
-def test_units_row_is_told_from_names() -> None:
-    """At least half of the filled cells are units, in brackets or bare."""
+def test_units_row_is_distinguished_from_names() -> None:
+    """At least half of the non-empty cells are units, with or without brackets."""
     assert is_units_row(["ms", "rad/s", "ticks", "A", ""])
     assert is_units_row(["[s]", "(V)"])
     assert not is_units_row(["time", "speed", "current", "A"])

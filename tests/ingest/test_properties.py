@@ -1,4 +1,4 @@
-"""Laws that hold for every file: what was written is read, and nothing else ever comes out."""
+"""Properties of the reader for all files: written values are read, other outcomes are errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LARGEST = {
 
 @st.composite
 def runs(draw: st.DrawFn) -> dict[str, Array]:
-    """Values of a valid run in SI units, of every size from a billionth to the largest."""
+    """Values of a valid run in SI units, over nine decades up to the largest permitted."""
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     rows = draw(st.integers(10, 40))
     steps = random.uniform(1e-4, 1e-3, rows - 1)
@@ -42,10 +42,10 @@ def runs(draw: st.DrawFn) -> dict[str, Array]:
         values[name] = sizes * random.choice([-0.25, 0.0, 1.0], rows)
         values[name][random.integers(rows)] = draw(st.floats(0.0, 100.0))
     if "temperature_degC" in values:
-        # One sample in a frosty room: a run wholly above 250 would be taken for kelvin.
+        # One sample at 20 degC: a run entirely above 250 would be interpreted as kelvin.
         values["temperature_degC"][0] = 20.0
     if "position_rad" in values:
-        # The position follows no speed here; it stands still so that the two are not compared.
+        # The position does not follow the speed; a constant is not compared with it.
         values["position_rad"][:] = values["position_rad"][0]
     return values
 
@@ -65,7 +65,7 @@ def headers(draw: st.DrawFn, channel: str) -> tuple[str, Unit]:
 
 @st.composite
 def dialects(draw: st.DrawFn) -> Dialect:
-    """Every way of writing a table that is accepted."""
+    """Any accepted format of a table."""
     delimiter = draw(st.sampled_from([",", ";", "\t"]))
     return Dialect(
         delimiter=delimiter,
@@ -88,7 +88,7 @@ def read_bytes(content: bytes) -> Run:
 
 
 def run_or_error(content: bytes) -> Run | RunFileError:
-    """What reading comes to; any other exception passes through."""
+    """Return the run or the reading error; any other exception is raised."""
     try:
         return read_bytes(content)
     except RunFileError as error:
@@ -100,7 +100,7 @@ def run_or_error(content: bytes) -> Run | RunFileError:
 def test_run_written_in_any_dialect_and_units_reads_back_in_si(
     values: dict[str, Array], dialect: Dialect, data: st.DataObject
 ) -> None:
-    """The expected numbers are the ones written, converted with the factor of their unit."""
+    """Reference: the written numbers, converted with the factor of their unit."""
     written = {}
     for channel, column in values.items():
         header, unit = data.draw(headers(channel))
@@ -119,7 +119,7 @@ def test_run_written_in_any_dialect_and_units_reads_back_in_si(
 @settings(deadline=None, max_examples=100)
 @given(values=runs())
 def test_canonical_file_reads_back_bit_for_bit(values: dict[str, Array]) -> None:
-    """The expected numbers are the ones written: canonical files involve no arithmetic."""
+    """Reference: the written numbers; canonical files need no arithmetic."""
     run = Run(
         name="run.csv",
         sha256="",
@@ -150,7 +150,7 @@ TOKENS = [
 
 @st.composite
 def damaged(draw: st.DrawFn) -> bytes:
-    """A valid file with pieces cut out, put in or doubled."""
+    """A valid file with pieces removed, inserted or replaced."""
     content = bytearray(VALID)
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, len(content)))
@@ -170,7 +170,7 @@ def damaged(draw: st.DrawFn) -> bytes:
 @example(content=b"\xff\xfe\x31")
 @example(content=b"\xef\xbb\xbf")
 def test_any_bytes_give_a_run_or_a_named_error(content: bytes) -> None:
-    """Nothing but these two may come out, whatever the bytes; the message is one line."""
+    """Any content gives a valid run or a named error whose message is one line."""
     outcome = run_or_error(content)
 
     if isinstance(outcome, RunFileError):
@@ -185,8 +185,8 @@ def test_any_bytes_give_a_run_or_a_named_error(content: bytes) -> None:
 
 @settings(deadline=None, max_examples=100)
 @given(content=damaged())
-def test_fast_and_slow_way_agree_on_damaged_files(content: bytes) -> None:
-    """The expected outcome of one way is that of the other: the same run or the same error."""
+def test_fast_and_slow_reader_agree_on_damaged_files(content: bytes) -> None:
+    """Both readers give the same run or the same error."""
     outcomes = []
     for fast in (read_clean, lambda *_: None):
         with pytest.MonkeyPatch.context() as patch:
@@ -202,7 +202,7 @@ def test_fast_and_slow_way_agree_on_damaged_files(content: bytes) -> None:
 
 
 def test_file_cut_anywhere_near_its_end_never_gains_a_wrong_sample(tmp_path: Path) -> None:
-    """The expected samples are those of the whole file; a last digit lost is within 1e-5."""
+    """Reference: the samples of the whole file; a lost last digit changes less than 1e-5."""
     whole = channels(read_bytes(VALID))
     path = tmp_path / "cut.csv"
 

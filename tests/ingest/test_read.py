@@ -1,4 +1,4 @@
-"""Files that are accepted, in the many ways in which benches write them."""
+"""Accepted files in the formats of different loggers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ needs_real_data = pytest.mark.skipif(not REAL.is_dir(), reason="the measured run
 
 
 def numbers(delimiter: str = ",", rows: int = 40) -> str:
-    """The samples of the record without a header."""
+    """Samples of the record without a header."""
     text = write(record(rows), Dialect(delimiter=delimiter)).decode()
     return text.split("\n", 1)[1]
 
@@ -89,8 +89,8 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("content", LAYOUTS.values(), ids=[k.replace(" ", "-") for k in LAYOUTS])
-def test_record_reads_the_same_however_it_is_laid_out(tmp_path: Path, content: bytes) -> None:
-    """The expected numbers are those of the record that was written."""
+def test_record_reads_the_same_in_every_layout(tmp_path: Path, content: bytes) -> None:
+    """Reference: the numbers of the record that was written."""
     path = tmp_path / "run.csv"
     path.write_bytes(content)
 
@@ -119,7 +119,7 @@ HEADERS = {
 def test_unit_in_the_header_converts_the_column(
     tmp_path: Path, channel: str, header: str, per_si: float
 ) -> None:
-    """A column multiplied by the units per SI unit reads back as it was."""
+    """A column in another unit gives the original SI values."""
     path = tmp_path / "run.csv"
     columns = {name if name != channel else header: column for name, column in record().items()}
     columns[header] = columns[header] * per_si
@@ -143,7 +143,7 @@ def test_unit_in_the_header_converts_the_column(
 def test_temperature_scales_convert_to_celsius(
     tmp_path: Path, header: str, of_celsius: Callable[[Array], Array]
 ) -> None:
-    """The definitions of the Fahrenheit and Kelvin scales."""
+    """Reference: definitions of the Fahrenheit and Kelvin scales."""
     path = tmp_path / "run.csv"
     columns = record()
     columns[header] = of_celsius(columns.pop("temperature_degC"))
@@ -156,7 +156,7 @@ def test_temperature_scales_convert_to_celsius(
 
 
 def test_hash_is_that_of_the_bytes_on_disk(tmp_path: Path) -> None:
-    """Hashlib over the whole file, here larger than one block and in another encoding."""
+    """Reference: hashlib over a file larger than one block, in another encoding."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(record(100_000), Dialect(newline="\r\n", encoding="utf-16")))
 
@@ -167,7 +167,7 @@ def test_hash_is_that_of_the_bytes_on_disk(tmp_path: Path) -> None:
 
 
 def test_name_is_the_one_given_or_else_the_files(tmp_path: Path) -> None:
-    """A stored upload has a name of its own on disk; messages use the user's."""
+    """A stored upload has another name on disk; messages use the name given by the user."""
     path = tmp_path / "3f2a"
     path.write_bytes(write(record()))
 
@@ -176,14 +176,14 @@ def test_name_is_the_one_given_or_else_the_files(tmp_path: Path) -> None:
     assert read_run(path, name="a\nb\x1b").name.isprintable()
 
 
-def test_clean_file_is_never_read_cell_by_cell(
+def test_clean_file_is_read_by_the_fast_reader(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A million rows in two seconds need the fast way; the slow one is made to fail here."""
+    """A million rows in two seconds need the fast reader, so the slow one is disabled here."""
     path = tmp_path / "run.csv"
 
     def slow(*_: object) -> None:
-        """Refuse to read."""
+        """Fail the test."""
         pytest.fail("the slow way was taken")
 
     monkeypatch.setattr(CellReader, "read", slow)
@@ -193,10 +193,10 @@ def test_clean_file_is_never_read_cell_by_cell(
         assert read_run(path).rows == 40
 
 
-def test_slow_way_reads_the_same_numbers_as_the_fast_one(
+def test_slow_reader_reads_the_same_numbers_as_the_fast_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The fast way is made to decline, and nothing changes."""
+    """With the fast reader disabled, the numbers are the same."""
     path = tmp_path / "run.csv"
     for content in LAYOUTS.values():
         path.write_bytes(content)
@@ -212,7 +212,7 @@ def test_slow_way_reads_the_same_numbers_as_the_fast_one(
 def test_blocks_of_any_size_give_the_same_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
-    """Block edges fall anywhere, within characters and line ends; the record is expected."""
+    """Block boundaries fall within characters and line ends; the record is the reference."""
     monkeypatch.setattr(file, "_CHUNK_BYTES", size)
     path = tmp_path / "run.csv"
     for title, content in LAYOUTS.items():
@@ -227,7 +227,7 @@ def test_blocks_of_any_size_give_the_same_run(
 def test_bad_cell_far_down_is_named_with_its_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Sample k of a canonical file is on line k + 2, in whichever block."""
+    """Sample k of a canonical file is on line k + 2, in any block."""
     monkeypatch.setattr(file, "_CHUNK_BYTES", 20_000)
     path = tmp_path / "run.csv"
     path.write_bytes(with_cell("current_A", 4995, "n/a", 5000))
@@ -236,11 +236,11 @@ def test_bad_cell_far_down_is_named_with_its_line(
         read_run(path)
 
 
-def test_temperature_logged_more_slowly_is_filled_on_straight_lines(tmp_path: Path) -> None:
-    """Every fourth temperature of a ramp over time is written; the ramp itself is expected.
+def test_temperature_logged_more_slowly_is_interpolated_linearly(tmp_path: Path) -> None:
+    """Every fourth temperature of a ramp over time is written; the reference is the ramp.
 
-    The sampling instants jitter by 30 % of an interval, so that interpolation over the sample
-    index would miss the ramp.
+    The sampling instants jitter by 30 % of an interval, so an interpolation over the sample index
+    would deviate from the ramp.
     """
     path = tmp_path / "run.csv"
     columns = record(41)
@@ -262,7 +262,7 @@ def test_temperature_logged_more_slowly_is_filled_on_straight_lines(tmp_path: Pa
 
 
 def test_temperature_column_left_blank_is_a_run_without_temperature(tmp_path: Path) -> None:
-    """No value is known, so none is made up."""
+    """Blank cells give no value to interpolate from."""
     path = tmp_path / "run.csv"
     lines = write(record()).decode().splitlines()
     blank = [lines[0], *(line.rsplit(",", 1)[0] + "," for line in lines[1:])]
@@ -275,7 +275,7 @@ def test_temperature_column_left_blank_is_a_run_without_temperature(tmp_path: Pa
 
 
 def test_line_cut_off_by_a_power_failure_is_left_out_with_a_warning(tmp_path: Path) -> None:
-    """The record ends in the middle of its last line, line 41."""
+    """The file ends in the middle of its last line, line 41."""
     path = tmp_path / "run.csv"
     path.write_bytes(write(record())[:-20])
 
@@ -288,7 +288,7 @@ def test_line_cut_off_by_a_power_failure_is_left_out_with_a_warning(tmp_path: Pa
 @needs_real_data
 @pytest.mark.parametrize(("file", "rows"), [("prbs_long.csv", 50_000), ("prbs_short.csv", 10_000)])
 def test_measured_servo_reads_with_its_current_sensor_scaled(file: str, rows: int) -> None:
-    """The row counts are the files'; the real gain of the current is unknown, and that is said."""
+    """The row counts are those of the files; a warning reports the unknown current gain."""
     path = REAL / "labeca_dc_servo" / file
     with pytest.raises(WrongUnit, match=r'"current_A": \{"column": "current_sensor_V", "scale"'):
         read_run(path)
@@ -303,7 +303,7 @@ def test_measured_servo_reads_with_its_current_sensor_scaled(file: str, rows: in
 
 @needs_real_data
 def test_measured_robot_log_is_refused_with_what_is_missing() -> None:
-    """Its README: no voltage, and three motors side by side."""
+    """According to its README, the file has no voltage and three motors."""
     path = REAL / "robotino_dunkermotor" / "data_for_identification_with_integral.csv"
 
     with pytest.raises(MissingColumn, match="voltage_V has none") as caught:
@@ -315,7 +315,7 @@ def test_measured_robot_log_is_refused_with_what_is_missing() -> None:
 
 
 def test_unused_columns_are_named_in_a_warning(tmp_path: Path) -> None:
-    """A misspelt optional channel must not disappear without a word."""
+    """A misspelt optional channel must not be dropped silently."""
     path = tmp_path / "run.csv"
     path.write_bytes(renamed(temperature_degC="temprature_degC"))
 
@@ -326,7 +326,7 @@ def test_unused_columns_are_named_in_a_warning(tmp_path: Path) -> None:
 
 
 def test_name_without_unit_is_never_taken_for_si(tmp_path: Path) -> None:
-    """Plain names, all of them known: the first one is asked about."""
+    """All names are known, but the first column has no unit."""
     path = tmp_path / "run.csv"
     names = ("t", "u", "i", "n", "temp")
     path.write_bytes(write(dict(zip(names, record().values(), strict=True))))
@@ -336,8 +336,8 @@ def test_name_without_unit_is_never_taken_for_si(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rows", [2_000, 20_000])
-def test_fault_far_down_in_a_long_file_has_its_place(tmp_path: Path, rows: int) -> None:
-    """The last line but one of 0.1 and of 1 MB holds a word; what stands above it is sound."""
+def test_fault_far_down_in_a_long_file_has_its_row(tmp_path: Path, rows: int) -> None:
+    """The last line but one of files of 0.1 and 1 MB contains a word."""
     lines = write(record(rows)).decode().split("\n")
     lines[rows - 1] = lines[rows - 1].rsplit(",", 1)[0] + ",warm"
     path = tmp_path / "run.csv"

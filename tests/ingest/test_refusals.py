@@ -1,4 +1,4 @@
-"""Files that are refused: each by its own error, at its place, on one line."""
+"""Refused files: each with its own error class, row and column, on one line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FILES = (*BROKEN_TABLES, *BROKEN_VALUES)
 
 @pytest.mark.parametrize("refusal", FILES, ids=lambda refusal: refusal.title.replace(" ", "-"))
 def test_broken_file_is_refused_with_its_named_error(tmp_path: Path, refusal: Refusal) -> None:
-    """The error, its words and its place are those of what was broken in the file."""
+    """Class, message and position of the error match the fault in the file."""
     path = tmp_path / "run3.csv"
     path.write_bytes(refusal.content)
 
@@ -34,7 +34,7 @@ def test_broken_file_is_refused_with_its_named_error(tmp_path: Path, refusal: Re
 
 
 def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> None:
-    """Every leaf below RunFileError is caused by a file here, or by one of the tests below."""
+    """Each leaf below RunFileError is caused by a file of the table or by a test below."""
     leaves = {leaf for leaf in errors.RunFileError.__subclasses__()}
 
     missing = leaves - {refusal.error for refusal in FILES}
@@ -46,7 +46,7 @@ def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> Non
 
 @pytest.mark.parametrize("name", ["missing.csv", ".", "nul\0.csv", "x" * 5000])
 def test_path_that_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
-    """There is nothing to read at any of these paths."""
+    """Each path is missing or not a regular file."""
     with pytest.raises(errors.UnreadableFile, match="cannot be opened|is not a regular file"):
         read_run(f"{tmp_path}/{name}")
 

@@ -1,4 +1,4 @@
-"""The table of units: definitions, and nothing but what is in it."""
+"""Table of units: definitions, spellings and unknown units."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from identification.quantities import CHANNEL_UNITS
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name.replace("/", " per "))
 def test_every_spelling_finds_its_own_unit(unit: Unit) -> None:
-    """A spelling stands for one unit of one quantity, so looking it up leads back to it."""
+    """A spelling belongs to exactly one unit, so its lookup returns that unit."""
     for spelling in unit.spellings:
         assert find_unit(spelling) is unit
         assert find_unit(f" {spelling} ") is unit
@@ -57,8 +57,8 @@ def test_unit_converts_as_it_is_defined(spelling: str, value: float, expected: f
 @pytest.mark.parametrize(
     "text", ["", "MA", "MV", "Ms", "Nm", "oz-in", "dB", "1/s", "Hz", "ticks", "degree C rms", "r/s"]
 )
-def test_what_is_not_in_the_table_is_not_known(text: str) -> None:
-    """Mega units, units of other things, and rates that may be turns or radians."""
+def test_unit_that_is_not_in_the_table_is_unknown(text: str) -> None:
+    """Mega units, units of other quantities, and rates that may be turns or radians."""
     assert find_unit(text) is None
 
 
@@ -76,7 +76,7 @@ def test_what_is_not_in_the_table_is_not_known(text: str) -> None:
         ("deg C", "degC"),
     ],
 )
-def test_characters_that_mean_the_same_are_one(written: str, name: str) -> None:
+def test_equivalent_characters_give_the_same_unit(written: str, name: str) -> None:
     """Superscripts, product signs, both letters mu and all degree signs."""
     unit = find_unit(written)
 
@@ -85,7 +85,7 @@ def test_characters_that_mean_the_same_are_one(written: str, name: str) -> None:
 
 
 def test_every_channel_has_its_si_unit_in_the_table() -> None:
-    """The units of the interface, each with factor one and no shift."""
+    """The SI units of the interface have factor one and no offset."""
     for channel, name in CHANNEL_UNITS.items():
         unit = canonical_unit(channel)
 
@@ -95,7 +95,7 @@ def test_every_channel_has_its_si_unit_in_the_table() -> None:
 
 
 def test_unit_in_capitals_is_known_for_the_hint_only() -> None:
-    """MA may be meant as mA, which is for the user to say."""
+    """MA may mean mA, which the user must confirm."""
     unit = unit_in_another_case("MA")
 
     assert unit is not None

@@ -1,4 +1,4 @@
-"""What is noticed in a run that is read: each remark, its place, and silence where all is well."""
+"""Warnings of the reader: type, position, and no warning for valid runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ ROWS = 4000
 
 
 def motor(rows: int = ROWS, interval: float = 1e-3, seed: int = 7) -> dict[str, Array]:
-    """A small motor under random reversing steps, integrated by Euler's rule, with sensor noise.
+    """Small motor under random reversing steps, integrated by Euler's method, with noise.
 
-    0.6 ohm, 0.07 V s/rad, 2e-4 kg m^2; electrical lag left out.
+    0.6 ohm, 0.07 V s/rad, 2e-4 kg m^2, without electrical time constant.
     """
     random = np.random.default_rng(seed)
     time = np.arange(rows, dtype=np.float64) * interval
@@ -51,12 +51,12 @@ def codes(run: Run) -> list[str]:
 
 
 def quantised(values: Array, step: float) -> Array:
-    """Values as a converter of that resolution gives them."""
+    """Round values to the resolution of a converter."""
     return np.round(values / step) * step
 
 
-def test_clean_run_is_read_without_a_word(tmp_path: Path) -> None:
-    """Nothing is wrong with the simulated motor, noisy or quantised or both."""
+def test_clean_run_gives_no_warning(tmp_path: Path) -> None:
+    """The simulated motor is valid with noise and with quantised channels."""
     columns = motor()
     coarse = {
         **columns,
@@ -69,8 +69,8 @@ def test_clean_run_is_read_without_a_word(tmp_path: Path) -> None:
     assert read(tmp_path, columns).segments == ((0, ROWS),)
 
 
-def test_run_without_noise_is_read_without_a_word(tmp_path: Path) -> None:
-    """Simulated step responses stand still on every level and settle softly: no sensor's limit."""
+def test_run_without_noise_gives_no_warning(tmp_path: Path) -> None:
+    """Simulated steps settle smoothly to constant levels, which are not sensor limits."""
     time = np.arange(3000) * 1e-3
     settling = 1.0 - np.exp(-time / 0.05)
     columns = {
@@ -84,8 +84,8 @@ def test_run_without_noise_is_read_without_a_word(tmp_path: Path) -> None:
     assert codes(read(tmp_path, columns)) == []
 
 
-def test_missing_temperature_is_said_and_none(tmp_path: Path) -> None:
-    """The contract: a file without temperature is a run at one unknown temperature."""
+def test_missing_temperature_gives_a_warning(tmp_path: Path) -> None:
+    """Contract: a file without temperature is a run at one unknown temperature."""
     columns = record()
     del columns["temperature_degC"]
 
@@ -95,8 +95,8 @@ def test_missing_temperature_is_said_and_none(tmp_path: Path) -> None:
     assert codes(run) == ["no_temperature"]
 
 
-def test_gaps_cut_the_run_into_segments(tmp_path: Path) -> None:
-    """Samples 1000 to 1099 and 3000 to 3009 are taken out; lines count from 1 with the header."""
+def test_gaps_split_the_run_into_segments(tmp_path: Path) -> None:
+    """Samples 1000-1099 and 3000-3009 are missing; lines count from 1 with the header."""
     columns = motor()
     keep = np.r_[0:1000, 1100:3000, 3010:ROWS]
 
@@ -108,7 +108,7 @@ def test_gaps_cut_the_run_into_segments(tmp_path: Path) -> None:
 
 
 def test_single_lost_sample_is_irregular_and_no_gap(tmp_path: Path) -> None:
-    """One interval of twice the median, at sample 500, on line 502."""
+    """One interval of twice the median at sample 500, on line 502."""
     columns = motor()
 
     run = read(tmp_path, {name: np.delete(column, 500) for name, column in columns.items()})
@@ -118,7 +118,7 @@ def test_single_lost_sample_is_irregular_and_no_gap(tmp_path: Path) -> None:
 
 
 def test_jitter_is_reported_with_its_size(tmp_path: Path) -> None:
-    """Every second sample is 10 % of the interval late: intervals deviate by 10 % rms."""
+    """Every second sample is late, so short and long intervals alternate."""
     columns = motor()
     columns["time_s"] = columns["time_s"] + 1e-4 * (np.arange(ROWS) % 2) / 2.0
 
@@ -129,7 +129,7 @@ def test_jitter_is_reported_with_its_size(tmp_path: Path) -> None:
 
 
 def test_worst_interval_behind_a_gap_is_found_at_its_line(tmp_path: Path) -> None:
-    """A gap before sample 100, then an interval three times too long before sample 200."""
+    """A gap before sample 100, then an interval of three times the median before sample 200."""
     columns = motor(400)
     steps = np.full(399, 1e-3)
     steps[99], steps[199] = 1.0, 3e-3
@@ -141,7 +141,7 @@ def test_worst_interval_behind_a_gap_is_found_at_its_line(tmp_path: Path) -> Non
 
 
 def test_two_sampling_rates_are_irregular_and_no_thousand_gaps(tmp_path: Path) -> None:
-    """Half of the intervals are ten times the others: a logger's design, not lost data."""
+    """Half of the intervals are ten times the others: two sampling rates, no lost data."""
     columns = motor()
     steps = np.where(np.arange(ROWS - 1) < 2500, 1e-3, 1e-2)
     columns["time_s"] = np.concatenate(([0.0], np.cumsum(steps)))
@@ -153,8 +153,8 @@ def test_two_sampling_rates_are_irregular_and_no_thousand_gaps(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("channel", ["voltage_V", "current_A", "speed_rad_s"])
-def test_channel_that_never_moves_is_reported(tmp_path: Path, channel: str) -> None:
-    """One channel is held at one value."""
+def test_constant_channel_is_reported(tmp_path: Path, channel: str) -> None:
+    """One channel is constant."""
     run = read(tmp_path, {**motor(), channel: np.full(ROWS, 1.25)})
 
     assert [(w.code, w.column) for w in run.warnings] == [("constant_channel", channel)]
@@ -166,7 +166,7 @@ def test_channel_that_never_moves_is_reported(tmp_path: Path, channel: str) -> N
 def test_clipped_channel_is_marked_at_exactly_the_clipped_samples(
     tmp_path: Path, channel: str, step: float | None, sides: str
 ) -> None:
-    """The channel is cut at 60 % of its range; the mask has to be what was cut."""
+    """The channel is clipped at 60 % of its range; the mask must equal the clipped samples."""
     columns = motor()
     values = columns[channel] if step is None else quantised(columns[channel], step)
     low = 0.6 * values.min() if sides != "top" else -np.inf
@@ -183,8 +183,8 @@ def test_clipped_channel_is_marked_at_exactly_the_clipped_samples(
     assert run.warnings[0].row == first + 2
 
 
-def test_clipped_channel_without_noise_is_told_by_its_jolt(tmp_path: Path) -> None:
-    """A sine cut at 60 % arrives at the limit with its full slope; the sine itself does not."""
+def test_clipped_channel_without_noise_is_detected_by_its_slope(tmp_path: Path) -> None:
+    """A clipped sine reaches the limit with full slope; the maximum of a sine has slope zero."""
     columns = motor()
     sine = 10.0 * np.sin(np.arange(ROWS) / 100.0) + 1.0
 
@@ -196,7 +196,7 @@ def test_clipped_channel_without_noise_is_told_by_its_jolt(tmp_path: Path) -> No
 
 
 def test_noisy_voltage_at_its_limit_is_clipped(tmp_path: Path) -> None:
-    """Noise of 0.02 V everywhere but at the cut of 9 V."""
+    """Noise of 0.02 V except at the limit of 9 V."""
     columns = motor()
     columns["voltage_V"] = np.minimum(columns["voltage_V"], 9.0)
 
@@ -206,7 +206,7 @@ def test_noisy_voltage_at_its_limit_is_clipped(tmp_path: Path) -> None:
 
 
 def test_commanded_trapezoid_and_motor_at_rest_are_not_clipped(tmp_path: Path) -> None:
-    """A drawn voltage stands still on its plateau, and an encoder reads zero before the start."""
+    """A commanded voltage is constant on its plateau, and an encoder reads zero at rest."""
     columns = motor()
     ramp = np.clip(np.abs(np.arange(ROWS) - 2000) / 100.0, 2.0, 12.0) - 2.0
     columns["voltage_V"] = ramp
@@ -220,8 +220,8 @@ def test_commanded_trapezoid_and_motor_at_rest_are_not_clipped(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("channel", ["current_A", "speed_rad_s"])
-def test_channel_that_holds_magnitudes_is_reported(tmp_path: Path, channel: str) -> None:
-    """The motor reverses and one channel is made unsigned."""
+def test_channel_of_magnitudes_is_reported(tmp_path: Path, channel: str) -> None:
+    """The motor reverses, and one channel is its absolute value."""
     columns = motor()
     columns[channel] = np.abs(columns[channel])
 
@@ -230,8 +230,8 @@ def test_channel_that_holds_magnitudes_is_reported(tmp_path: Path, channel: str)
     assert [(w.code, w.column) for w in run.warnings] == [("unsigned_channel", channel)]
 
 
-def test_two_channels_that_hold_magnitudes_are_both_reported(tmp_path: Path) -> None:
-    """Current and speed are made unsigned."""
+def test_two_channels_of_magnitudes_are_both_reported(tmp_path: Path) -> None:
+    """Current and speed are absolute values."""
     columns = motor()
     for channel in ("current_A", "speed_rad_s"):
         columns[channel] = np.abs(columns[channel])
@@ -240,7 +240,7 @@ def test_two_channels_that_hold_magnitudes_are_both_reported(tmp_path: Path) -> 
 
 
 def test_braking_by_reversed_voltage_is_no_unsigned_speed(tmp_path: Path) -> None:
-    """After 300 samples of running up come 100 of braking, too few to turn the inertia round."""
+    """300 samples of acceleration, then 100 of braking, too few to reverse the motion."""
     columns = motor(400)
     voltage = np.where(np.arange(400) < 300, 12.0, -3.0)
     speed = np.zeros(400)
@@ -255,7 +255,7 @@ def test_braking_by_reversed_voltage_is_no_unsigned_speed(tmp_path: Path) -> Non
 
 
 def test_current_of_a_hoist_keeps_its_sign_and_is_no_magnitude(tmp_path: Path) -> None:
-    """A load of 1.4 N m up and down: 20 A hold it, and the voltage follows the speed."""
+    """A load of 1.4 N m needs 20 A in both directions, while the voltage follows the speed."""
     columns = motor()
     speed = 300.0 * np.sin(np.arange(ROWS) / 200.0)
     current = 20.0 + 2e-4 * 1500.0 * np.cos(np.arange(ROWS) / 200.0) / 0.07
@@ -270,7 +270,7 @@ def test_current_of_a_hoist_keeps_its_sign_and_is_no_magnitude(tmp_path: Path) -
 
 @pytest.mark.parametrize("channel", ["current_A", "speed_rad_s"])
 def test_reversed_sensor_is_reported(tmp_path: Path, channel: str) -> None:
-    """One channel has its sign turned."""
+    """One channel has the opposite sign."""
     columns = motor()
     columns[channel] = -columns[channel]
 
@@ -289,10 +289,10 @@ def test_reversed_sensor_is_reported(tmp_path: Path, channel: str) -> None:
         ("time_s", 1e3, "check the unit of the time"),
     ],
 )
-def test_unusual_values_are_remarked_upon_and_not_refused(
+def test_unusual_values_give_a_warning_and_are_not_refused(
     tmp_path: Path, channel: str, factor: float, words: str
 ) -> None:
-    """One channel is scaled to the edge of what motors do."""
+    """One channel is scaled to the limit of plausible motors."""
     columns = motor()
     columns[channel] = columns[channel] * factor
 
@@ -311,7 +311,7 @@ def test_same_numbers_in_two_channels_are_reported(tmp_path: Path) -> None:
 
 
 def test_position_of_a_geared_sensor_is_reported(tmp_path: Path) -> None:
-    """The position turns a quarter as far as the speed's integral; a wrapped angle is no matter."""
+    """The position is a quarter of the integrated speed; a wrapped angle causes no warning."""
     columns = motor()
     angle = np.concatenate(([0.0], np.cumsum(columns["speed_rad_s"][:-1] * 1e-3)))
 
@@ -324,7 +324,7 @@ def test_position_of_a_geared_sensor_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_warning_in_words_names_file_and_column(tmp_path: Path) -> None:
-    """One speed sensor the wrong way round, in a column that the bench calls n [rad/s]."""
+    """The speed sensor is reversed; its column is n [rad/s]."""
     columns = motor()
     columns["n [rad/s]"] = -columns.pop("speed_rad_s")
     path = tmp_path / "run.csv"
@@ -346,7 +346,7 @@ def test_a_warning_about_a_whole_file_names_no_column(tmp_path: Path) -> None:
 
 
 def test_warnings_are_one_printable_line(tmp_path: Path) -> None:
-    """A header with control characters reaches a warning, and not the terminal."""
+    """A header with control characters is escaped in the warning."""
     path = tmp_path / "run.csv"
     path.write_bytes(changed().replace(b"temperature_degC", b"\x1b[31mx"))
 
