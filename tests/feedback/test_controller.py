@@ -1,4 +1,4 @@
-"""Controllers as text."""
+"""Controllers given as text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from identification.feedback import Controller, parse_controller, parse_controll
     ],
 )
 def test_controller_is_read_with_its_gains(text: str, expected: Controller) -> None:
-    """The gains as they stand in the text; kp before ki before kd."""
+    """The gains are in the order kp, ki, kd."""
     assert parse_controller(text) == expected
 
 
@@ -46,8 +46,8 @@ def test_controller_is_read_with_its_gains(text: str, expected: Controller) -> N
         ("P\n:1;rm", r"'P\\n:1;rm' has the gain"),
     ],
 )
-def test_controller_that_is_none_is_refused_with_what_is_accepted(text: str, message: str) -> None:
-    """Each way to be wrong, named in one line that ends with the accepted forms."""
+def test_invalid_controller_is_refused_with_the_accepted_forms(text: str, message: str) -> None:
+    """Each message is one line and ends with the accepted forms."""
     with pytest.raises(OptionError, match=message) as caught:
         parse_controller(text)
 
@@ -57,6 +57,6 @@ def test_controller_that_is_none_is_refused_with_what_is_accepted(text: str, mes
 
 
 def test_no_controller_at_all_is_refused() -> None:
-    """An empty list has nothing to report on."""
+    """An empty list of controllers gives no result."""
     with pytest.raises(OptionError, match="no controller given"):
         parse_controllers([])

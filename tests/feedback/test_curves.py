@@ -20,7 +20,7 @@ MOTOR: dict[str, NDArray[np.float64] | float] = {
 
 
 def test_curve_starts_at_rest_and_ends_at_the_steady_state() -> None:
-    """Speed 0 at time 0; at the end each draw is within 2 % of the metric's final value."""
+    """Speed 0 at time 0; at the end each draw is within 2 % of its final value."""
     for controller in ("P:1", "PI:1,2"):
         for curve, entry in zip(
             step_curves(MOTOR, [25.0, 125.0], [controller]),
@@ -43,7 +43,7 @@ def test_band_encloses_the_median() -> None:
 
 
 def test_temperatures_of_a_controller_share_their_instants() -> None:
-    """Curves lie over each other in a picture; the length asked for is the length given."""
+    """Curves of one plot have a common time axis of the requested length."""
     cold, hot = step_curves(MOTOR, [25.0, 125.0], ["P:1"], n_time=50)
 
     np.testing.assert_array_equal(cold.time, hot.time)
@@ -51,7 +51,7 @@ def test_temperatures_of_a_controller_share_their_instants() -> None:
 
 
 def test_unstable_loop_is_drawn_while_it_grows() -> None:
-    """All numbers are finite and the swing at the end is larger than at first."""
+    """All numbers are finite, and the amplitude at the end exceeds that at the start."""
     (curve,) = step_curves(MOTOR, [25.0], ["PI:1,1e5"])
 
     assert np.isfinite([curve.time, curve.median, curve.q05, curve.q95]).all()
@@ -59,7 +59,7 @@ def test_unstable_loop_is_drawn_while_it_grows() -> None:
 
 
 def test_many_draws_are_thinned_evenly() -> None:
-    """A thousand equal draws and the one they repeat give the same curve."""
+    """A thousand equal draws give the same curve as a single one."""
     many = {name: np.resize(np.atleast_1d(value)[:1], 1000) for name, value in MOTOR.items()}
     single = {name: np.atleast_1d(value)[:1] for name, value in MOTOR.items()}
 

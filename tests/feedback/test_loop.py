@@ -1,4 +1,4 @@
-"""The loop's polynomials against the circuit they stand for."""
+"""Polynomials of the loop, compared with the circuit equations."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAPER = {
 def test_plant_solves_the_two_balances_at_a_frequency(
     temperature: float, ra: float, kt: float
 ) -> None:
-    """The two complex equations of the circuit at 3 rad/s, solved as a linear system."""
+    """Reference: complex balances of the circuit at 3 rad/s, solved as a linear system."""
     s = 3j
     balances = np.array([[0.5 * s + ra, kt], [-kt, 0.01 * s + 0.1]])
     expected = np.linalg.solve(balances, [1, 0])[1]
@@ -38,7 +38,7 @@ def test_plant_solves_the_two_balances_at_a_frequency(
 @pytest.mark.parametrize("temperature", [25.0, 125.0])
 @pytest.mark.parametrize("text", ["P:3", "PI:3,2", "PID:3,2,0.1", "PID:3,0,0.1"])
 def test_closed_loop_is_the_open_one_over_one_plus_it(text: str, temperature: float) -> None:
-    """T = C G / (1 + C G), each factor evaluated on its own at 2 + 3j."""
+    """T = C G / (1 + C G), with each factor evaluated separately at 2 + 3j."""
     s, controller = 2 + 3j, parse_controller(text)
     motors = motor_draws(PAPER, [temperature])
     gain, denominator = plant(motors, temperature)
@@ -52,7 +52,7 @@ def test_closed_loop_is_the_open_one_over_one_plus_it(text: str, temperature: fl
 
 
 def test_loops_stand_in_the_order_of_the_temperatures() -> None:
-    """Draws vary fastest: the loops of one temperature alone are a block of those of both."""
+    """The draws vary fastest: the loops of one temperature form a block."""
     motors = motor_draws(PAPER | {"J": np.array([0.01, 0.02, 0.03])}, [25.0, 125.0])
     controller = parse_controller("P:1")
 
@@ -64,7 +64,7 @@ def test_loops_stand_in_the_order_of_the_temperatures() -> None:
 
 
 def test_integral_of_zero_adds_no_pole() -> None:
-    """PID with ki = kd = 0 is P: its integrator would cancel."""
+    """A PID with ki = kd = 0 is a P controller, because its integrator would cancel."""
     motors = motor_draws(PAPER, [25.0])
 
     pid, p = (close(motors, [25.0], parse_controller(text)) for text in ("PID:2,0,0", "P:2"))
@@ -73,7 +73,7 @@ def test_integral_of_zero_adds_no_pole() -> None:
 
 
 def test_motor_without_inductance_is_the_limit_of_a_small_one() -> None:
-    """With L = 0 and P the loop has one pole (R b + Kt^2 + Kt) / (R J): closed form."""
+    """With L = 0 and P = 1, the pole is (R b + Kt^2 + Kt) / (R J) in closed form."""
     pole = (0.59 * 0.1 + 0.071**2 + 0.071) / (0.59 * 0.01)
 
     poles = StepResponse(
@@ -85,7 +85,7 @@ def test_motor_without_inductance_is_the_limit_of_a_small_one() -> None:
 
 
 def test_coefficients_may_be_missing_at_25_degrees_only() -> None:
-    """At 25 degC the coefficients multiply zero; anywhere else their value would be a guess."""
+    """At 25 degC the coefficients are multiplied by zero; elsewhere they are required."""
     cold = {name: value for name, value in PAPER.items() if not name.startswith("alpha")}
 
     assert motor_draws(cold, [25.0])["alpha_Ra"] == 0.0
@@ -107,6 +107,6 @@ def test_coefficients_may_be_missing_at_25_degrees_only() -> None:
     ],
 )
 def test_values_that_no_motor_has_are_refused(change: dict[str, object], message: str) -> None:
-    """Sign, size or shape of each is one that the physics or the batch does not allow."""
+    """Sign, size or shape of each value is physically impossible or inconsistent."""
     with pytest.raises(OptionError, match=message):
         motor_draws(PAPER | change, [25.0])  # type: ignore[arg-type]

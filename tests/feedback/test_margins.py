@@ -1,4 +1,4 @@
-"""Margins and bandwidth against their definitions and closed forms."""
+"""Stability margins and bandwidth, compared with definitions and closed forms."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ GAINS = st.floats(-2, 3).map(lambda exponent: 10.0**exponent)
 
 
 def loop_of(numerator: list[float], open_denominator: list[float]) -> Loop:
-    """One loop from N and D."""
+    """Loop with numerator N and denominator D."""
     return Loop(np.array([numerator], dtype=float), np.array([open_denominator], dtype=float))
 
 
 def open_gain(loop: Loop, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """L(j omega) by numpy's own evaluation of polynomials."""
+    """L(j omega), evaluated by numpy's polynomials."""
     s = 1j * frequency
     return np.asarray(np.polyval(loop.numerator[0], s) / np.polyval(loop.open_denominator[0], s))
 
 
-def test_gain_margin_is_the_distance_to_the_routh_border() -> None:
-    """K / (s (s + 1)(s + 2)) is on the border at K = 6: with K = 2 the margin is a factor 3."""
+def test_gain_margin_is_the_distance_to_the_stability_limit() -> None:
+    """Routh: K / (s (s + 1)(s + 2)) has the limit K = 6, so K = 2 has a margin of a factor of 3."""
     margins = stability_margins(loop_of([0, 0, 2], [1, 3, 2, 0]))
 
     assert margins.gain_db[0] == pytest.approx(20 * np.log10(3), rel=1e-12)
 
 
-def test_margins_of_a_loop_past_the_border_are_negative() -> None:
-    """The same loop with K = 12: the gain has to fall by a factor 2."""
+def test_margins_of_an_unstable_loop_are_negative() -> None:
+    """The same loop with K = 12 reaches the stability limit when the gain is halved."""
     margins = stability_margins(loop_of([0, 0, 12], [1, 3, 2, 0]))
 
     assert margins.gain_db[0] == pytest.approx(-20 * np.log10(2), rel=1e-12)
@@ -52,14 +52,14 @@ def test_phase_margin_of_the_textbook_servo(damping: float) -> None:
     assert margins.gain_db[0] == np.inf
 
 
-def test_loop_gain_below_one_everywhere_has_no_phase_margin_to_use_up() -> None:
-    """0.5 / ((s + 1)(s + 1)): |L| starts at 0.5 and falls."""
+def test_loop_gain_below_one_everywhere_has_an_infinite_phase_margin() -> None:
+    """For 0.5 / ((s + 1)(s + 1)), |L| starts at 0.5 and falls."""
     margins = stability_margins(loop_of([0, 0.5], [1, 2, 1]))
 
     assert margins.phase_deg[0] == np.inf
 
 
-def test_negative_gain_at_rest_is_a_border_too() -> None:
+def test_negative_static_gain_has_a_finite_gain_margin() -> None:
     """-0.5 / ((s + 1)(s + 1)) becomes unstable, without oscillation, when the gain doubles."""
     margins = stability_margins(loop_of([0, -0.5], [1, 2, 1]))
 
@@ -68,7 +68,7 @@ def test_negative_gain_at_rest_is_a_border_too() -> None:
 
 @st.composite
 def open_loops(draw: st.DrawFn) -> Loop:
-    """Motors of any two poles under any P, PD, PI or PID of positive gains."""
+    """Motors with any two poles under a P, PD, PI or PID controller with positive gains."""
     poles = [-draw(GAINS), -draw(GAINS)]
     kp, ki, kd = (draw(GAINS) for _ in range(3))
     kd *= draw(st.sampled_from([0, 0.01]))
@@ -80,7 +80,7 @@ def open_loops(draw: st.DrawFn) -> Loop:
 
 
 def closed_poles(loop: Loop, factor: complex) -> NDArray[np.complex128]:
-    """Poles under unity feedback with the loop gain times `factor`, by numpy's roots."""
+    """Closed-loop poles with the loop gain times `factor`, by numpy's roots."""
     polynomial = loop.open_denominator[0].astype(complex)
     polynomial[1:] += factor * loop.numerator[0]
     return np.asarray(np.roots(polynomial), dtype=complex)
@@ -88,8 +88,8 @@ def closed_poles(loop: Loop, factor: complex) -> NDArray[np.complex128]:
 
 @settings(deadline=None, max_examples=100)
 @given(open_loops())
-def test_a_finite_margin_used_up_puts_a_pole_on_the_border(loop: Loop) -> None:
-    """The definition of both: with that gain or lag the loop has a pole on the imaginary axis."""
+def test_a_finite_margin_puts_a_pole_on_the_imaginary_axis(loop: Loop) -> None:
+    """Definition of both margins: with that gain or lag, a pole is on the imaginary axis."""
     margins = stability_margins(loop)
     gain = 10 ** (margins.gain_db / 20)
     lag = np.radians(margins.phase_deg[np.isfinite(margins.phase_deg)])
@@ -102,10 +102,10 @@ def test_a_finite_margin_used_up_puts_a_pole_on_the_border(loop: Loop) -> None:
 @settings(deadline=None, max_examples=100)
 @given(open_loops())
 def test_no_crossing_is_missed(loop: Loop) -> None:
-    """A grid of 20,001 frequencies may miss a crossing, but may find none that the roots do not."""
+    """Crossings on a grid of 20,001 frequencies never give a smaller margin than the roots."""
     margins = stability_margins(loop)
     gain = open_gain(loop, np.geomspace(1e-5, 1e7, 20_001))
-    # A gain that is one at rest and falls from there touches one, which rounding makes a crossing.
+    # A static gain of one touches the limit at frequency zero; rounding makes it a crossing.
     gain = gain[np.abs(np.abs(gain) - 1) > 1e-9]
 
     crosses_one = np.flatnonzero(np.diff(np.sign(np.abs(gain) - 1)))
@@ -122,8 +122,8 @@ def test_no_crossing_is_missed(loop: Loop) -> None:
 
 @settings(deadline=None, max_examples=100)
 @given(open_loops())
-def test_signs_of_the_margins_say_whether_the_loop_is_stable(loop: Loop) -> None:
-    """With a stable motor and positive gains a phase margin below 0 is an unstable loop."""
+def test_signs_of_the_margins_agree_with_stability(loop: Loop) -> None:
+    """For a stable motor and positive gains, a negative phase margin means an unstable loop."""
     margins = stability_margins(loop)
     closed = monic_roots(loop.closed_denominator)
 
@@ -134,7 +134,7 @@ def test_signs_of_the_margins_say_whether_the_loop_is_stable(loop: Loop) -> None
 @settings(deadline=None, max_examples=100)
 @given(open_loops())
 def test_closed_loop_is_three_decibels_down_at_the_bandwidth_and_not_before(loop: Loop) -> None:
-    """|T| evaluated at the frequency found and on a grid below it."""
+    """Reference: |T| evaluated at the bandwidth and on a grid below it."""
     frequency = bandwidth(loop)[0]
     s = 1j * np.append(np.geomspace(1e-6, 1 - 1e-9, 2001), 1.0) * frequency
 
@@ -147,7 +147,7 @@ def test_closed_loop_is_three_decibels_down_at_the_bandwidth_and_not_before(loop
 
 @pytest.mark.parametrize("damping", [0.1, 0.5, 1.0, 3.0])
 def test_bandwidth_of_the_textbook_loop(damping: float) -> None:
-    """Closed form w sqrt(1 - 2 z^2 + sqrt((1 - 2 z^2)^2 - 1 + k)); 3 dB in power are k = 10^0.3."""
+    """Closed form: w sqrt(1 - 2 z^2 + sqrt((1 - 2 z^2)^2 - 1 + k)), with k = 10^0.3 for 3 dB."""
     part = 1 - 2 * damping**2
     expected = 3 * np.sqrt(part + np.sqrt(part**2 - 1 + 10**0.3))
 
@@ -156,6 +156,6 @@ def test_bandwidth_of_the_textbook_loop(damping: float) -> None:
     assert found[0] == pytest.approx(expected, rel=1e-10)
 
 
-def test_loop_without_gain_at_rest_has_no_bandwidth() -> None:
-    """Derivative action alone leads to speed 0: there is nothing to be 3 dB below."""
+def test_loop_without_static_gain_has_no_bandwidth() -> None:
+    """With derivative action only, the final speed is 0, and the 3 dB level is undefined."""
     assert np.isnan(bandwidth(loop_of([1.0, 0.0], [1, 2, 1]))[0])

@@ -1,4 +1,4 @@
-"""Newton's form of a modal sum against the matrix exponential and closed forms."""
+"""Modal sums in Newton's form, compared with the matrix exponential and closed forms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RATES = st.floats(0.2, 8.0)
 
 
 def check_against_realisation(poles: list[complex], numerator: NDArray[np.float64]) -> None:
-    """A modal sum and the output of its companion realisation agree at all times of the table."""
+    """Compare a modal sum with the output of its companion realisation at several times."""
     order = len(poles)
     companion = np.eye(order, k=-1)
     companion[0] = -np.real(np.poly(poles))[1:]
@@ -35,7 +35,7 @@ def check_against_realisation(poles: list[complex], numerator: NDArray[np.float6
 def test_three_poles_that_nearly_meet_sum_like_the_matrix_exponential(
     rate: float, near: float, nearer: float, order: list[int]
 ) -> None:
-    """Gaps down to zero, where partial fractions would lose all digits, in any order."""
+    """For gaps down to zero, in any order, where partial fractions would lose all digits."""
     poles = np.array([-rate, -rate - near, -rate - near - nearer])[order]
 
     check_against_realisation(list(poles), np.array([0.3, -1.0, 2.0]))
@@ -46,7 +46,7 @@ def test_three_poles_that_nearly_meet_sum_like_the_matrix_exponential(
 def test_complex_pair_and_real_pole_sum_like_the_matrix_exponential(
     real: float, decay: float, swing: float
 ) -> None:
-    """From a double real pole (no swing) to a fast oscillation."""
+    """From a double real pole (no oscillation) to a fast oscillation."""
     poles = [-real, -decay + 1j * swing, -decay - 1j * swing]
 
     check_against_realisation(poles, np.array([1.0, 0.5, -3.0]))
@@ -55,7 +55,7 @@ def test_complex_pair_and_real_pole_sum_like_the_matrix_exponential(
 @settings(deadline=None, max_examples=60)
 @given(RATES, RATES)
 def test_two_poles_sum_like_the_matrix_exponential(first: float, second: float) -> None:
-    """Equal ones included."""
+    """Two real poles, also equal ones."""
     check_against_realisation([-first, -second], np.array([-0.7, 2.0]))
 
 
@@ -82,7 +82,7 @@ def test_residues_are_the_partial_fractions() -> None:
 def test_no_later_instant_leaves_the_level(
     real: float, decay: float, swing: float, middle: float, level: float
 ) -> None:
-    """Two thousand instants after the time named, and the bound at each of them."""
+    """Response and bound are checked at two thousand instants after the returned time."""
     poles = np.array([[-real, -decay + 1j * swing, -decay - 1j * swing]])
     modes = Modes.of(np.array([[1.0, middle, 0.4]]), poles)
     zeros = np.zeros(2000, dtype=int)
@@ -96,7 +96,7 @@ def test_no_later_instant_leaves_the_level(
 
 
 def test_time_below_a_level_is_not_far_too_late() -> None:
-    """For exp(-t) alone the time is log(1 / level); for a double pole the root of t exp(-t)."""
+    """For exp(-t), the time is log(1 / level); for a double pole, it solves t exp(-t) = level."""
     single = Modes.of(np.array([[1.0, 5.0]]), np.array([[-1 + 0j, -5 + 0j]]))
     double = Modes.of(np.array([[0.0, 1.0]]), np.array([[-1 + 0j, -1 + 0j]]))
 

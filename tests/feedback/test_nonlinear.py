@@ -1,4 +1,4 @@
-"""The simulated loop: exact metrics where the motor is linear, known answers where it is not."""
+"""Simulated closed loop: exact metrics for linear motors, known answers for effects."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def response(
     horizon: float,
     samples: int = 2000,
 ) -> LoopRun:
-    """The source's motor with effects at 25 degC."""
+    """Step response of the source's motor with effects at 25 degC."""
     loop = ClosedLoop(terms, controller=parse_controller(controller))
     values = np.array([*PAPER, *own])[:, None]
     states = np.zeros(len(loop.motor.state_names) - 2)
@@ -58,7 +58,7 @@ def response(
 @pytest.mark.parametrize("text", ["P:1", "P:50", "PI:1,2", "PI:20,40", "PID:3,5,0.2"])
 @pytest.mark.parametrize("temperature", [25.0, 125.0])
 def test_a_linear_motor_has_the_exact_metrics(text: str, temperature: float) -> None:
-    """The modal sums of `step_response`, which the source's table confirms."""
+    """Reference: modal sums of `step_response`, which agree with the table of the source."""
     (exact,) = feedback_metrics(dict(zip(NAMES, PAPER, strict=True)), [temperature], [text])
     time = np.linspace(0.0, 6 * exact["settling_time_s"]["median"], 2001)
     loop = ClosedLoop((), controller=parse_controller(text))
@@ -78,8 +78,8 @@ def test_a_linear_motor_has_the_exact_metrics(text: str, temperature: float) -> 
     assert found.overshoot[0] == pytest.approx(exact["overshoot_percent"]["median"], abs=1e-3)
 
 
-def test_dry_friction_takes_its_share_of_the_final_value() -> None:
-    """Balance at rest: kp (r - w) = Ra i + Kt w and Kt i = b w + T_c, solved for w."""
+def test_dry_friction_lowers_the_final_value() -> None:
+    """Steady state: kp (r - w) = Ra i + Kt w and Kt i = b w + T_c, solved for w."""
     gain, step, torque = 20.0, 30.0, 0.5
     term = CoulombFriction(1.0, 1e-3)
 
@@ -90,8 +90,8 @@ def test_dry_friction_takes_its_share_of_the_final_value() -> None:
     assert run.speed[-1, 0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_constant_load_moves_the_response_by_its_own() -> None:
-    """A load enters a linear loop additively: the loss is the same for every step."""
+def test_a_constant_load_adds_a_response_independent_of_the_step() -> None:
+    """In a linear loop, the response to the load adds to that of any step."""
     term = LoadTorque(1.0)
 
     loss = [
@@ -105,7 +105,7 @@ def test_a_constant_load_moves_the_response_by_its_own() -> None:
 
 
 def test_loop_with_friction_drop_and_cogging_is_that_of_an_independent_integration() -> None:
-    """LSODA of scipy on the equations written out by hand, to a relative tolerance of 1e-10."""
+    """Reference: scipy's LSODA with tolerance 1e-10 on equations written out by hand."""
     gain, integral, step = 4.0, 6.0, 20.0
     drop, knee, dry, order, size = 0.8, 0.5, 0.3, 3.0, 0.4
     terms = (BrushDrop(1.0, 1.0), CoulombFriction(1.0, 0.3), CoggingTorque(1.0))
@@ -137,8 +137,8 @@ def test_loop_with_friction_drop_and_cogging_is_that_of_an_independent_integrati
     np.testing.assert_allclose(run.current[::100, 0], solved.y[0], atol=2e-3)
 
 
-def test_a_derivative_kicks_the_flux_and_not_the_current() -> None:
-    """Without leakage flux kd r = integral of L / (1 + c (i / i_0)^2) di is an arc tangent."""
+def test_a_derivative_makes_the_flux_jump() -> None:
+    """Flux balance: kd r = integral of L / (1 + c (i / i_0)^2) di, which is an arc tangent."""
     reference, fall, derivative, step = 10.0, 2.0, 0.3, 5.0
     term = InductanceSaturation(reference)
 
@@ -149,8 +149,8 @@ def test_a_derivative_kicks_the_flux_and_not_the_current() -> None:
     assert run.current[0, 0] == pytest.approx(expected, rel=1e-3)
 
 
-def test_only_what_acts_on_the_motor_at_a_temperature_is_in_the_loop() -> None:
-    """Sensors concern the log, self-heating the way to a temperature, steps and runs their time."""
+def test_only_effects_on_the_motor_at_a_fixed_temperature_are_in_the_loop() -> None:
+    """Sensor errors, self-heating, and effects of one run or time span are omitted."""
     outside: tuple[AbstractTerm, ...] = (
         CurrentOffset(1.0), VoltageOffset(1.0), SelfHeating(1.0, 1.0, 10.0), InertiaChange(0),
         LoadStep(0, 1.0, 1e-3, 1.0),
@@ -166,7 +166,7 @@ def test_only_what_acts_on_the_motor_at_a_temperature_is_in_the_loop() -> None:
 
 @pytest.fixture(scope="module")
 def fits() -> tuple[Fit, Fit]:
-    """A linear servo, and the same with a brush drop of no size."""
+    """Fit of a linear servo, and the same with a negligible brush drop."""
     runs = campaign(motor_named("servo 100 W"), seed=4)
     declared = fit_declared(records_of(runs), "zoh")
     drop = BrushDrop(24.0, 10.0)
@@ -176,7 +176,7 @@ def fits() -> tuple[Fit, Fit]:
 
 
 def spread(fit: Fit, count: int = 200) -> dict[str, Array]:
-    """Draws within a thousandth of a fit."""
+    """Draws within 0.1 % of a fit."""
     rng = np.random.default_rng(1)
     return {
         name: value * (1 + 1e-3 * rng.standard_normal(count))
@@ -185,12 +185,12 @@ def spread(fit: Fit, count: int = 200) -> dict[str, Array]:
 
 
 def test_without_effects_nothing_is_simulated(fits: tuple[Fit, Fit]) -> None:
-    """The exact metrics say all there is."""
+    """The exact metrics of the linear loop suffice."""
     assert simulated_loops(fits[0], spread(fits[0]), [25.0], ["P:1"]) == []
 
 
 def test_entries_have_the_shape_of_the_exact_ones_and_their_values(fits: tuple[Fit, Fit]) -> None:
-    """A drop of no size changes nothing; margins and bandwidth belong to linear loops."""
+    """A negligible drop changes nothing; margins and bandwidth exist for linear loops only."""
     draws = spread(fits[1])
 
     exact = feedback_metrics(draws, [25.0, 125.0], ["P:1", "PI:0.2,2"])
@@ -207,8 +207,8 @@ def test_entries_have_the_shape_of_the_exact_ones_and_their_values(fits: tuple[F
         assert entry["phase_margin_deg"]["median"] is None
 
 
-def test_step_stays_within_what_the_runs_have_shown(fits: tuple[Fit, Fit]) -> None:
-    """P control asks for its largest voltage, kp r, at once: it is in the range of the runs."""
+def test_step_stays_within_the_range_of_the_runs(fits: tuple[Fit, Fit]) -> None:
+    """The largest voltage of a P controller, kp r at the start, is within the range of the runs."""
     records = fits[1].simulator.records
     voltage = max(float(np.abs(r.column("voltage")).max()) for r in records)
     speed = max(float(np.abs(r.measured[:, 1]).max()) for r in records)
@@ -220,7 +220,7 @@ def test_step_stays_within_what_the_runs_have_shown(fits: tuple[Fit, Fit]) -> No
 
 
 def test_motor_at_rest_has_no_step_to_simulate(fits: tuple[Fit, Fit]) -> None:
-    """No step of the reference keeps to speeds and currents that are all zero."""
+    """If the speeds of all runs are zero, no step is within their range."""
     simulator = fits[1].simulator
     still = tuple(
         replace(record, measured=np.zeros_like(record.measured)) for record in simulator.records
@@ -231,7 +231,7 @@ def test_motor_at_rest_has_no_step_to_simulate(fits: tuple[Fit, Fit]) -> None:
 
 
 def test_default_loops_take_under_three_seconds(fits: tuple[Fit, Fit]) -> None:
-    """Two temperatures, one controller, compilation included."""
+    """Two temperatures, one controller, including compilation."""
     draws = spread(fits[1], 2000)
     began = clock.perf_counter()
 
@@ -244,7 +244,7 @@ def test_default_loops_take_under_three_seconds(fits: tuple[Fit, Fit]) -> None:
 def test_every_kind_of_the_catalogue_is_in_the_loop_or_left_out(
     name: str, fits: tuple[Fit, Fit]
 ) -> None:
-    """Each prototype on the fitted servo gives finite speeds, or is not in the loop at all."""
+    """Each prototype on the fitted servo gives finite speeds, or is omitted from the loop."""
     candidates: list[Any] = CATALOGUE[name].candidates(scales_of(fits[0]))
     if not candidates:
         pytest.skip("the runs of the example cannot show it")

@@ -15,9 +15,9 @@ SIZES = st.floats(-6, 6).map(lambda exponent: 10.0**exponent)
 @settings(deadline=None, max_examples=100)
 @given(st.lists(SIZES, min_size=2, max_size=3))
 def test_real_roots_twelve_decades_apart_are_found(sizes: list[float]) -> None:
-    """The roots that the polynomial was made of, as exactly as their distance lets them be known.
+    """Reference: the roots that form the polynomial, to the accuracy that their distance permits.
 
-    A coefficient is rounded to 1 part in 1e16, and a root of a cluster of k moves by the k-th root.
+    A relative rounding error e of a coefficient shifts the roots of a cluster of k by e^(1/k).
     """
     wanted = -np.sort(sizes)
     gaps = np.abs(np.subtract.outer(wanted, wanted)) / np.maximum.outer(-wanted, -wanted)
@@ -30,8 +30,8 @@ def test_real_roots_twelve_decades_apart_are_found(sizes: list[float]) -> None:
 
 @settings(deadline=None, max_examples=100)
 @given(SIZES, SIZES, st.floats(-2, 4))
-def test_complex_pair_beside_a_real_root_is_found(real: float, decay: float, ratio: float) -> None:
-    """The coefficients made of the roots found are those given, each relative to its own terms."""
+def test_complex_pair_and_real_root_are_found(real: float, decay: float, ratio: float) -> None:
+    """The coefficients recomputed from the roots equal the given ones, relative to their terms."""
     pair = decay * np.array([-1 + 1j * 10**ratio, -1 - 1j * 10**ratio])
     coefficients = np.real(np.poly([-real, *pair]))
 
@@ -56,10 +56,10 @@ def test_complex_pair_beside_a_real_root_is_found(real: float, decay: float, rat
         ([1, 0, -1, 0], [1, 0, -1]),
     ],
 )
-def test_roots_at_zero_and_double_roots_come_out_whole(
+def test_roots_at_zero_and_double_roots_are_exact(
     coefficients: list[float], expected: list[complex]
 ) -> None:
-    """Polynomials with small whole roots, in the documented order of a pair."""
+    """Polynomials with small integer roots, in the documented order of a pair."""
     found = monic_roots(np.array([coefficients], dtype=float))[0]
 
     assert found[-2:] == pytest.approx(np.array(expected[-2:]), abs=1e-9) or len(expected) == 3

@@ -1,4 +1,4 @@
-"""Events of a sampled response: textbook values, order of convergence, what has no value."""
+"""Characteristics of sampled responses: textbook values, convergence order, undefined values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FREQUENCY = 3.0
 
 
 def textbook(samples: int, horizon: float = 12.0) -> SampledEvents:
-    """Events of 1 - exp(-z w t) (cos(w_d t) + z w / w_d sin(w_d t)), sampled."""
+    """Characteristics of 1 - exp(-z w t) (cos(w_d t) + z w / w_d sin(w_d t)), sampled."""
     time = np.linspace(0.0, horizon, samples)
     swing = FREQUENCY * np.sqrt(1 - DAMPING**2)
     decay = np.exp(-DAMPING * FREQUENCY * time)
@@ -36,7 +36,7 @@ def test_underdamped_peak_is_the_textbook_one() -> None:
 
 
 def test_crossings_converge_with_the_fourth_power_of_the_interval() -> None:
-    """The theorem of cubic Hermite interpolation; twice the samples, a sixteenth of the error."""
+    """Theory of cubic Hermite interpolation: twice the samples divide the error by 16."""
     counts = np.array([101, 201, 401, 801])
     exact = textbook(100_001, 20.0).rise_time[0]
 
@@ -47,7 +47,7 @@ def test_crossings_converge_with_the_fourth_power_of_the_interval() -> None:
 
 
 def test_settling_is_the_last_time_outside_the_band() -> None:
-    """A grid of a million instants looked through from the end."""
+    """Reference: search on a grid of a million instants, from the end."""
     time = np.linspace(0.0, 12.0, 1_000_001)
     swing = FREQUENCY * np.sqrt(1 - DAMPING**2)
     ratio = DAMPING * FREQUENCY / swing
@@ -61,7 +61,7 @@ def test_settling_is_the_last_time_outside_the_band() -> None:
 
 
 def test_a_response_without_overshoot_has_no_peak_time() -> None:
-    """1 - exp(-t) rises for ln 9 between 10 and 90 % and settles after ln 50."""
+    """1 - exp(-t) rises from 10 to 90 % in ln 9 and settles after ln 50."""
     time = np.linspace(0.0, 25.0, 2001)
     speed = 1 - np.exp(-time)
 
@@ -73,8 +73,8 @@ def test_a_response_without_overshoot_has_no_peak_time() -> None:
     assert events.settling_time[0] == pytest.approx(np.log(50.0), rel=1e-6)
 
 
-def test_a_response_that_swings_for_ever_does_not_settle() -> None:
-    """A swing of 10 % around the final value leaves the band of 2 % again and again."""
+def test_an_undamped_response_does_not_settle() -> None:
+    """An oscillation of 10 % around the final value leaves the 2 % band again and again."""
     time = np.linspace(0.0, 40.0, 4001)
     speed = (1 - np.exp(-time)) + 0.1 * np.sin(5 * np.pi * time)
     slope = np.exp(-time) + 0.5 * np.pi * np.cos(5 * np.pi * time)
@@ -86,8 +86,8 @@ def test_a_response_that_swings_for_ever_does_not_settle() -> None:
     assert is_at_rest(speed[:, None])[0]
 
 
-def test_a_response_that_stands_still_or_is_not_finite_has_no_events() -> None:
-    """A motor that sticks, and one that ran away to infinity."""
+def test_a_response_that_is_constant_or_not_finite_is_undefined() -> None:
+    """A motor that sticks, and a response that diverges to infinity."""
     time = np.linspace(0.0, 1.0, 101)
     speed = np.column_stack([np.full(101, 1e-4), np.full(101, np.inf)])
 

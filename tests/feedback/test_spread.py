@@ -1,4 +1,4 @@
-"""The feedback list: spread over draws, undefined and infinite values, refusals."""
+"""Feedback metrics over posterior draws: spread, undefined and infinite values, errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAPER = {
 
 
 def draws(count: int, spread: float = 0.05) -> dict[str, NDArray[np.float64]]:
-    """Motors around the source's, each parameter log-normal."""
+    """Motors around that of the source, with log-normal parameters."""
     rng = np.random.default_rng(7)
     return {
         name: value * np.exp(spread * rng.standard_normal(count)) for name, value in PAPER.items()
@@ -33,7 +33,7 @@ def draws(count: int, spread: float = 0.05) -> dict[str, NDArray[np.float64]]:
 
 
 def test_one_draw_gives_the_table_of_the_source() -> None:
-    """Table 1 of the source; the standard deviation of one draw is zero."""
+    """Reference: table 1 of the source; the standard deviation of one draw is zero."""
     cold, hot = feedback_metrics(PAPER, [25.0, 125.0], ["P:1"])
 
     assert [cold["temperature_degC"], hot["temperature_degC"]] == [25.0, 125.0]
@@ -49,7 +49,7 @@ def test_one_draw_gives_the_table_of_the_source() -> None:
 
 
 def test_entry_holds_every_metric_of_the_contract_with_its_unit() -> None:
-    """The nine names and the fields of a quantity, as the interface fixes them."""
+    """Reference: the nine names and the fields of a quantity in the contract."""
     (entry,) = feedback_metrics(PAPER, [25.0], ["P:1"])
 
     assert set(METRIC_UNITS) == {
@@ -62,7 +62,7 @@ def test_entry_holds_every_metric_of_the_contract_with_its_unit() -> None:
 
 
 def test_controllers_vary_slower_than_temperatures() -> None:
-    """Cold and hot of one controller stand beside each other."""
+    """The temperatures of one controller are adjacent."""
     entries = feedback_metrics(PAPER, [25.0, 125.0], ["P:1", "PI:1,2"])
 
     order = [(entry["controller"], entry["temperature_degC"]) for entry in entries]
@@ -70,7 +70,7 @@ def test_controllers_vary_slower_than_temperatures() -> None:
 
 
 def test_spread_is_that_of_the_metric_over_the_draws() -> None:
-    """Mean, deviation and quantiles by numpy of 40 draws taken through the loop one by one."""
+    """Reference: numpy's statistics of 40 draws evaluated one by one."""
     motors = draws(40)
     alone = [
         feedback_metrics({n: v[k] for n, v in motors.items()}, [80.0], ["PI:1,2"])[0]
@@ -88,8 +88,8 @@ def test_spread_is_that_of_the_metric_over_the_draws() -> None:
             assert found[field] == pytest.approx(np.quantile(values, share))
 
 
-def test_unstable_loop_says_so_and_has_no_times() -> None:
-    """An integral gain of 1e5 is far past the border; JSON holds null, never NaN."""
+def test_unstable_loop_is_reported_and_has_no_times() -> None:
+    """An integral gain of 1e5 makes the loop unstable; undefined values are null in JSON."""
     (entry,) = feedback_metrics(draws(50), [25.0], ["PI:1,1e5"])
 
     assert entry["stable_probability"] == 0
@@ -101,8 +101,8 @@ def test_unstable_loop_says_so_and_has_no_times() -> None:
     json.dumps(entry, allow_nan=False)
 
 
-def test_loop_near_the_border_is_stable_with_a_probability() -> None:
-    """Half the draws have b at which s^3 + a1 s^2 + a0 s + c passes Routh's test, half have not."""
+def test_loop_near_the_stability_limit_has_a_stable_probability() -> None:
+    """Three of four draws satisfy Routh's criterion for s^3 + a1 s^2 + a0 s + c."""
     motors = {name: np.full(4, value) for name, value in PAPER.items()}
     motors["b"] = np.array([0.1, 0.1, 0.1, 0.001])
 
@@ -115,7 +115,7 @@ def test_loop_near_the_border_is_stable_with_a_probability() -> None:
 
 
 def test_values_without_a_definition_are_left_out_and_counted() -> None:
-    """A hand-made column: NaN in 2 of 5, then in 3 of 5, where the rest is the minority."""
+    """Two of five values are undefined, then three of five, the majority."""
     most = quantity(np.array([1.0, 2.0, 3.0, np.nan, np.nan]), "s")
     few = quantity(np.array([1.0, 2.0, np.nan, np.nan, np.nan]), "s")
 
@@ -124,7 +124,7 @@ def test_values_without_a_definition_are_left_out_and_counted() -> None:
 
 
 def test_infinite_values_are_the_largest_and_shown_as_null() -> None:
-    """Of 1 to 9 and one infinity the median is 5.5; the 95 % quantile lies in the infinite part."""
+    """For 1 to 9 and one infinity, the median is 5.5, and the 95 % quantile is infinite."""
     found = quantity(np.array([np.inf, *np.arange(1.0, 10.0)]), "dB")
 
     assert found["median"] == 5.5
@@ -134,8 +134,8 @@ def test_infinite_values_are_the_largest_and_shown_as_null() -> None:
     assert found["defined_fraction"] == 1
 
 
-def test_margins_that_nothing_uses_up_are_null_and_said_to_be_infinite() -> None:
-    """Two poles never reach 180 degrees; hot, the loop gain 0.66 is below 1 at all frequencies."""
+def test_infinite_margins_are_null_with_their_fraction() -> None:
+    """Two poles never reach 180 degrees; at 125 degC the loop gain of 0.66 is below 1."""
     (hot,) = feedback_metrics(PAPER, [125.0], ["P:1"])
 
     for name in ("gain_margin_db", "phase_margin_deg"):
@@ -156,13 +156,13 @@ def test_margins_that_nothing_uses_up_are_null_and_said_to_be_infinite() -> None
 def test_options_that_make_no_loop_are_refused(
     temperatures: list[float], controllers: list[str], message: str
 ) -> None:
-    """Each with the value and what is expected instead."""
+    """Each message contains the value and the expected range or form."""
     with pytest.raises(OptionError, match=message):
         feedback_metrics(PAPER, temperatures, controllers)
 
 
-def test_thousand_draws_at_two_temperatures_take_no_coffee_break() -> None:
-    """Measured 0.3 s for three controllers; ten times that is a loss of vectorisation."""
+def test_thousand_draws_at_two_temperatures_take_seconds() -> None:
+    """Three controllers take 0.3 s; ten times that would mean a loss of vectorisation."""
     motors = draws(1000)
     feedback_metrics(PAPER, [25.0], ["P:1"])
 

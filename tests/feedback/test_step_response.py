@@ -1,4 +1,4 @@
-"""Step responses: the source's table, textbook closed forms, simulation, and laws."""
+"""Step responses: table of the source, textbook closed forms, simulation, and properties."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PAPER = {
 
 
 def loop_with(numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]) -> Loop:
-    """One loop with the given closed-loop numerator and monic denominator."""
+    """Loop with the given closed-loop numerator and monic denominator."""
     denominator = np.array([closed], dtype=float)
     denominator[:, 1:] -= numerator
     return Loop(np.array([numerator], dtype=float), denominator)
@@ -44,12 +44,12 @@ def loop_with(numerator: list[float], closed: Sequence[float] | NDArray[np.float
 def characteristics(
     numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]
 ) -> StepCharacteristics:
-    """What is read off the step response of one loop."""
+    """Characteristics of the step response of one loop."""
     return step_characteristics(StepResponse(loop_with(numerator, closed)))
 
 
 def second_order(damping: float, frequency: float = 1.0) -> StepCharacteristics:
-    """The textbook's w^2 / (s^2 + 2 zeta w s + w^2)."""
+    """Characteristics of the textbook system w^2 / (s^2 + 2 zeta w s + w^2)."""
     return characteristics([0, frequency**2], [1, 2 * damping * frequency, frequency**2])
 
 
@@ -57,10 +57,11 @@ def second_order(damping: float, frequency: float = 1.0) -> StepCharacteristics:
 def test_a_rise_that_takes_hundreds_of_oscillations_is_undefined(
     frequency: float, rise: float
 ) -> None:
-    """A real mode of 1 s rises in log 9; beside it a pair rings on, damped at a hundredth of it.
+    """A real mode of 1 s rises in log 9; a pair with a hundredth of its damping is superimposed.
 
-    The ripple of 1/frequency moves the crossing of 90 %, where the slope is 0.1, by 10/frequency.
-    At 1,000 rad/s the rise has 350 oscillations; at 1e6 rad/s it took minutes.
+    The ripple of amplitude 1/frequency shifts the 90 % crossing, where the slope is 0.1, by
+    10/frequency. At 1,000 rad/s the rise contains 350 oscillations; at 1e6 rad/s the search took
+    minutes.
     """
     closed = np.convolve([1, 1], [1, 0.02, frequency**2])
 
@@ -69,8 +70,8 @@ def test_a_rise_that_takes_hundreds_of_oscillations_is_undefined(
     assert found == pytest.approx(rise, abs=10.0 / frequency, nan_ok=True)
 
 
-def test_a_loop_that_all_but_never_settles_has_no_settling_time() -> None:
-    """Damped by 1e-17 it swings 1e17 times, whose phase no number holds; looking took for ever."""
+def test_a_loop_with_almost_no_damping_has_no_settling_time() -> None:
+    """With damping 1e-17 the search would pass 1e17 oscillations, beyond floating-point phase."""
     found = characteristics([0, 1.7e126], [1, 7.4e45, 1.7e126])
 
     assert np.isnan(found.settling_time[0])
@@ -78,7 +79,7 @@ def test_a_loop_that_all_but_never_settles_has_no_settling_time() -> None:
 
 
 def test_table_of_the_source_is_reproduced_to_four_digits() -> None:
-    """Table 1 of the source at 25 and 125 degC, with its digits carried further."""
+    """Reference: table 1 of the source at 25 and 125 degC, computed to more digits."""
     motors = motor_draws(PAPER, [25.0, 125.0])
 
     step = step_characteristics(StepResponse(close(motors, [25.0, 125.0], parse_controller("P:1"))))
@@ -105,9 +106,10 @@ def test_underdamped_peak_is_the_textbook_one(damping: float) -> None:
 
 @pytest.mark.parametrize("damping", [0.001, 0.05, 0.3, 0.8])
 def test_underdamped_settling_is_the_last_time_outside_the_band(damping: float) -> None:
-    """The half wave in which settling lies, from the decay of the extrema.
+    """The decay of the extrema gives the half wave in which the response settles.
 
-    Extremum k has the size exp(-k pi zeta / root); the last one over 2 % is the last whole k.
+    Extremum k has the magnitude exp(-k pi zeta / root); the last one above 2 % has the largest such
+    integer k.
     """
     root = np.sqrt(1 - damping**2)
     last = np.floor(np.log(50) * root / (np.pi * damping))
@@ -118,10 +120,10 @@ def test_underdamped_settling_is_the_last_time_outside_the_band(damping: float) 
 
 
 def test_critically_damped_loop_solves_its_own_equation() -> None:
-    """1 - (1 + t) exp(-t): the rise and settling times are roots of that, here by bisection."""
+    """Reference: bisection of 1 - (1 + t) exp(-t) for the rise and settling times."""
 
     def instant(share: float) -> float:
-        """When the closed form reaches a share of its final value."""
+        """Time at which the closed form reaches a fraction of its final value."""
         low, high = 0.0, 50.0
         for _ in range(200):
             middle = (low + high) / 2
@@ -137,7 +139,7 @@ def test_critically_damped_loop_solves_its_own_equation() -> None:
 
 
 def test_triple_pole_solves_its_own_equation() -> None:
-    """1 / (s + 1)^3 answers with 1 - (1 + t + t^2 / 2) exp(-t); its value at the times found."""
+    """The step response of 1 / (s + 1)^3 is 1 - (1 + t + t^2 / 2) exp(-t)."""
     step = characteristics([0, 0, 1], [1, 3, 3, 1])
 
     t = step.settling_time[0]
@@ -146,7 +148,7 @@ def test_triple_pole_solves_its_own_equation() -> None:
 
 
 def test_fast_second_pole_leaves_the_first_order_times() -> None:
-    """exp(-t): rise log 9, settling log 50; the other pole is nine decades away."""
+    """For exp(-t), rise log 9 and settling log 50; the other pole is nine decades away."""
     step = characteristics([0, 1e9], [1, 1e9 + 1, 1e9])
 
     assert step.rise_time[0] == pytest.approx(np.log(9), rel=1e-8)
@@ -154,7 +156,7 @@ def test_fast_second_pole_leaves_the_first_order_times() -> None:
 
 
 def test_overshoot_within_the_band_is_found_after_settling() -> None:
-    """Damping of 0.9 overshoots by 0.15 %, and so after it has settled for good."""
+    """A damping of 0.9 gives an overshoot of 0.15 %, which occurs after the settling time."""
     step = second_order(0.9)
 
     assert step.peak_time[0] > step.settling_time[0]
@@ -162,9 +164,9 @@ def test_overshoot_within_the_band_is_found_after_settling() -> None:
 
 
 def test_late_overshoot_of_three_real_poles_is_found() -> None:
-    """A slow zero in front of a slower pole: y = 1 + 0.01 exp(-t/1000) - ..., computed by hand.
+    """Slow zero and slower pole: y = 1 + 0.01 exp(-t/1000) - ..., computed by hand.
 
-    T = (s/900 + 1) / ((1000 s + 1)... ) has residues such that the slow mode decays from above.
+    The residues of T = (s/900 + 1) / ((1000 s + 1)... ) let the slow mode decay from above.
     """
     slow, fast, faster = 1e-3, 1.0, 7.0
     zero = 0.99e-3
@@ -173,31 +175,31 @@ def test_late_overshoot_of_three_real_poles_is_found() -> None:
 
     step = characteristics([0, gain, gain * zero], closed)
 
-    # At its peak the fast modes are gone but for a trace: 1 + c exp(-t slow), c = (slow-zero)/zero.
+    # At the peak the fast modes have decayed: 1 + c exp(-t slow) with c = (slow - zero) / zero.
     expected = 100 * (slow - zero) / zero * 7 / 6.993 * 1 / 0.999
     assert step.overshoot[0] == pytest.approx(expected, rel=0.02)
     assert step.rise_time[0] < 5
 
 
 @pytest.mark.parametrize("ratio", [1e3, 1e7])
-def test_slow_creep_after_a_fast_oscillation_costs_no_walk_over_its_waves(ratio: float) -> None:
-    """PI with little integral action: creep at rate 1, waves at `ratio` that die in a few turns.
+def test_slow_creep_after_a_fast_oscillation_is_found_without_a_search(ratio: float) -> None:
+    """PI with weak integral action: creep at rate 1, oscillation at `ratio` that decays quickly.
 
-    The creep alone is left by then, so settling is log(share / 0.02) of its share.
+    Only the creep remains at the settling time, which is therefore log(share / 0.02) for its share.
     """
     closed = np.real(np.poly([-1.0, ratio * (-0.2 + 1j), ratio * (-0.2 - 1j)]))
     start = 0.4
 
     step = characteristics([0, start * closed[2], closed[3]], closed)
 
-    residue = 1 - start  # of the creep, up to 1 / ratio
+    residue = 1 - start  # amplitude of the creep, accurate to 1 / ratio
     assert step.settling_time[0] == pytest.approx(np.log(residue / 0.02), rel=5 / ratio)
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1e-2, 1e3])
 @pytest.mark.parametrize("text", ["P:1", "PI:1,2", "PID:1,2,0.1"])
 def test_times_scale_with_the_time_constants(text: str, scale: float) -> None:
-    """J, L and b / Kt / Ra chosen so that s becomes scale * s: every time grows by that factor."""
+    """With J, L and gains scaled so that s becomes scale * s, every time grows by `scale`."""
     controller = parse_controller(text)
     slow = motor_draws(PAPER | {"J": 0.01 * scale, "L": 0.5 * scale}, [25.0])
     gains = (
@@ -219,7 +221,7 @@ def test_times_scale_with_the_time_constants(text: str, scale: float) -> None:
 def test_response_and_its_events_agree_with_a_fine_simulation(
     text: str, temperature: float
 ) -> None:
-    """State-space step of scipy on 100,001 instants; events to a step of that grid."""
+    """Reference: scipy's state-space step at 100,001 instants, to a step of that grid."""
     loop = close(motor_draws(PAPER, [temperature]), [temperature], parse_controller(text))
     step = step_characteristics(StepResponse(loop))
     time = np.linspace(0, 1.5 * np.fmax(step.settling_time, step.peak_time)[0], 100_001)
@@ -243,7 +245,7 @@ RATES = st.floats(-2, 2).map(lambda exponent: 10.0**exponent)
 
 @st.composite
 def stable_loops(draw: st.DrawFn) -> Loop:
-    """Loops with any two or three stable poles, repeated ones included, and up to two zeros."""
+    """Loops with two or three stable poles, possibly repeated, and up to two zeros."""
     poles: list[complex] = [-draw(RATES)]
     decay = draw(RATES)
     swing = decay * draw(st.sampled_from([0.0, 1e-9, 1e-4, 0.3, 1.0, 7.0]))
@@ -262,12 +264,12 @@ def stable_loops(draw: st.DrawFn) -> Loop:
 @settings(deadline=None, max_examples=40)
 @given(stable_loops())
 def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
-    """The response evaluated at the times found, and between them; no other source is needed."""
+    """The response is evaluated at and between the returned times; no reference is needed."""
     response = StepResponse(loop)
     step = step_characteristics(response)
 
     def relative(time: float | Array) -> Array:
-        """Speed over its final value."""
+        """Speed divided by its final value."""
         return np.asarray(response.at(np.atleast_1d(time))[0] / step.steady_state[0])
 
     settling, rise = step.settling_time[0], step.rise_time[0]
@@ -305,7 +307,7 @@ def _first_crossing(relative: Callable[[Array], Array], grid: Array, share: floa
     )
 )
 def test_batch_is_the_loops_one_by_one(loops: list[Loop]) -> None:
-    """Each loop alone; no loop of a batch may feel the others."""
+    """Reference: each loop alone."""
     batch = Loop(
         np.concatenate([loop.numerator for loop in loops]),
         np.concatenate([loop.open_denominator for loop in loops]),
@@ -321,7 +323,7 @@ def test_batch_is_the_loops_one_by_one(loops: list[Loop]) -> None:
 
 
 def test_unstable_loop_has_no_times() -> None:
-    """PI with an integral gain past the Routh border of s^3 + 2 s^2 + 3 s + c, c = 6."""
+    """By Routh, s^3 + 2 s^2 + 3 s + c is unstable for c > 6."""
     border = [characteristics([0, 0, c], [1, 2, 3, c]) for c in (5.99, 6.01)]
 
     assert [bool(step.is_stable[0]) for step in border] == [True, False]
@@ -331,7 +333,7 @@ def test_unstable_loop_has_no_times() -> None:
 
 
 def test_negative_final_value_is_approached_like_a_positive_one() -> None:
-    """Times are those of the mirrored response; the peak lies on the side of the final value."""
+    """Times equal those of the mirrored response; the peak has the sign of the final value."""
     mirrored = characteristics([0, -4.0], [1, 0.4, 4])
 
     step = characteristics([0, 4.0], [1, 0.4, 4])
@@ -342,7 +344,7 @@ def test_negative_final_value_is_approached_like_a_positive_one() -> None:
 
 
 def test_cancelled_pole_makes_no_overshoot_out_of_rounding() -> None:
-    """The zero cancels a pole: what is left is 1 / (s + 1)^2, monotone, whatever the last digit."""
+    """A zero cancels a pole, which leaves 1 / (s + 1)^2 with a monotonic step response."""
     step = characteristics([0, 1, 0.3], np.poly([-0.3, -1, -1]))
 
     assert step.overshoot[0] == 0
