@@ -1,4 +1,4 @@
-"""A campaign is what a bench would have logged, and the same each time."""
+"""Campaigns: reproducible, and as a real bench would log them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.sensors import NoiseKind, decimals_for, draw_noise, round_step
 
 
 def test_table_spans_one_watt_to_ten_kilowatt_and_seven_decades_of_inertia() -> None:
-    """Expected: the range that the identification promises, with all motors self-consistent."""
+    """The table covers the supported range, and all motors are consistent."""
     powers = [m.rated_torque * m.rated_speed for m in MOTORS.values()]
     inertias = [m.J for m in MOTORS.values()]
 
@@ -29,7 +29,7 @@ def test_table_spans_one_watt_to_ten_kilowatt_and_seven_decades_of_inertia() -> 
 
 @pytest.mark.parametrize("name", [name for name in MOTORS if name != "paper_motor"])
 def test_rated_point_of_a_motor_obeys_its_own_parameters(name: str) -> None:
-    """Expected: rated voltage is Ra times rated current plus the back-EMF at rated speed."""
+    """The rated voltage is Ra times the rated current plus the back-EMF at rated speed."""
     m = MOTORS[name]
 
     assert m.rated_voltage == pytest.approx(
@@ -38,7 +38,7 @@ def test_rated_point_of_a_motor_obeys_its_own_parameters(name: str) -> None:
 
 
 def test_random_motors_cover_the_range_and_repeat_by_seed() -> None:
-    """Expected: six decades of inertia in 300 draws, and L/R from below to far above a sample."""
+    """300 draws span six decades of inertia and L/R from below to far above one sample."""
     motors = [random_motor(seed) for seed in range(300)]
 
     inertias = np.array([m.J for m in motors])
@@ -50,7 +50,7 @@ def test_random_motors_cover_the_range_and_repeat_by_seed() -> None:
 
 
 def test_equal_arguments_give_equal_campaigns_and_another_seed_another() -> None:
-    """Expected: bit by bit the same text, as everything is drawn from the seed."""
+    """Equal seeds give equal text, byte by byte."""
     first, second, other = (
         make_campaign("wiper_60w", ["brush_drop"], seed=seed, rows=200) for seed in (1, 1, 2)
     )
@@ -60,8 +60,8 @@ def test_equal_arguments_give_equal_campaigns_and_another_seed_another() -> None
     assert first.csv(first.runs[0]) != other.csv(other.runs[0])
 
 
-def test_campaign_is_what_its_files_say(tmp_path: Path) -> None:
-    """Expected: reading the files gives the frames in memory, number by number."""
+def test_campaign_equals_its_files(tmp_path: Path) -> None:
+    """Reading the files gives the frames in memory, number by number."""
     campaign = make_campaign("servo_150w", seed=4, rows=200, position="absolute")
 
     paths = campaign.write(tmp_path)
@@ -76,7 +76,7 @@ def test_campaign_is_what_its_files_say(tmp_path: Path) -> None:
 
 
 def test_columns_are_the_canonical_ones() -> None:
-    """Expected: the names of the interface; temperature and angle where they are logged."""
+    """The names are those of the contract; temperature and angle appear only if logged."""
     columns = ["time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_degC"]
 
     plain = make_campaign("servo_150w", rows=50).runs[0].frame
@@ -90,8 +90,8 @@ def test_columns_are_the_canonical_ones() -> None:
 
 
 @pytest.mark.parametrize("kind", ["white", "coloured", "spiky"])
-def test_noise_has_the_level_that_the_truth_tells(kind: NoiseKind) -> None:
-    """Expected: logged minus true of 35,000 samples; coloured noise has fewer independent ones."""
+def test_noise_has_the_level_of_the_truth(kind: NoiseKind) -> None:
+    """Logged minus true over 35,000 samples; coloured noise has fewer independent ones."""
     campaign = make_campaign("wiper_60w", seed=6, rows=5000, noise=Noise(kind=kind))
 
     for column, state in (("current_A", "current"), ("speed_rad_s", "speed")):
@@ -101,8 +101,8 @@ def test_noise_has_the_level_that_the_truth_tells(kind: NoiseKind) -> None:
         assert gap.std() == pytest.approx(campaign.truth["noise"][column], rel=0.06)
 
 
-def test_kinds_of_noise_differ_in_character_and_not_in_level() -> None:
-    """Expected: autocorrelation 0.9 of coloured noise, kurtosis far above 3 of spiky noise."""
+def test_types_of_noise_differ_in_character_and_not_in_level() -> None:
+    """Coloured noise has an autocorrelation of 0.9, spiky noise a kurtosis far above 3."""
     white, coloured, spiky = (
         draw_noise(100_000, 2.0, kind, np.random.default_rng(1))
         for kind in ("white", "coloured", "spiky")
@@ -114,14 +114,14 @@ def test_kinds_of_noise_differ_in_character_and_not_in_level() -> None:
     assert np.mean(spiky**4) / np.var(spiky) ** 2 > 20.0
 
 
-def test_unknown_kind_of_noise_is_refused() -> None:
-    """Expected: the message names the kinds there are."""
+def test_unknown_type_of_noise_is_refused() -> None:
+    """The message lists the known types."""
     with pytest.raises(ValueError, match="'pink'; expected white, coloured or spiky"):
         draw_noise(10, 1.0, "pink", np.random.default_rng(0))
 
 
 def test_bench_without_noise_logs_the_hidden_states() -> None:
-    """Expected: the states themselves, to the twelve decimals kept."""
+    """The logged values equal the states to the twelve decimals of the file."""
     run = make_campaign("servo_150w", rows=100, noise=NOISELESS).runs[2]
 
     assert run.frame["current_A"].to_numpy() == pytest.approx(
@@ -132,7 +132,7 @@ def test_bench_without_noise_logs_the_hidden_states() -> None:
 
 
 def test_temperatures_cover_the_span_and_the_hottest_run_is_not_the_last() -> None:
-    """Expected: training near 25 to 120 degC, and something colder after the hottest."""
+    """The training runs cover 25 to 120 degC, and a colder run follows the hottest."""
     for seed in range(8):
         runs = make_campaign("servo_150w", seed=seed, rows=60).training
         means = [run.temperature.mean() for run in runs]
@@ -142,14 +142,14 @@ def test_temperatures_cover_the_span_and_the_hottest_run_is_not_the_last() -> No
 
 
 def test_one_direction_keeps_the_motor_turning_forwards() -> None:
-    """Expected: voltage above zero throughout, so a motor without load never reverses."""
+    """With a positive voltage, a motor without load never reverses."""
     campaign = make_campaign("wiper_60w", rows=1000, direction="forward")
 
     assert all(run.hidden.state("speed").min() > 0.0 for run in campaign.runs)
 
 
-def test_runs_begin_in_motion_unless_rest_is_asked_for() -> None:
-    """Expected: first true speeds above zero, or all zero."""
+def test_runs_begin_in_motion_unless_standstill_is_requested() -> None:
+    """The first true speeds are positive, or all zero."""
     moving = make_campaign("servo_150w", rows=50)
     resting = make_campaign("servo_150w", rows=50, moving_start=False)
 
@@ -160,7 +160,7 @@ def test_runs_begin_in_motion_unless_rest_is_asked_for() -> None:
 @pytest.mark.parametrize("rows", [40, 999, 6000])
 @pytest.mark.parametrize("name", list(EXCITATIONS))
 def test_excitation_fills_the_run_and_stays_within_one(name: str, rows: int) -> None:
-    """Expected: as many values as rows, all in -1 to 1, and none that stands still throughout."""
+    """Each row has a value between -1 and 1, and the values vary."""
     for pace in (Pace(0.05, 15.0), Pace(80.0, 80.0), Pace(2.0, 6.0)):
         shape = EXCITATIONS[name](rows, pace, np.random.default_rng(3))
 
@@ -171,7 +171,7 @@ def test_excitation_fills_the_run_and_stays_within_one(name: str, rows: int) -> 
 
 
 def test_default_excitations_differ_between_runs_and_can_be_chosen() -> None:
-    """Expected: five shapes over five training runs, or the ones named in turn."""
+    """Five training runs have five excitations, or the named ones in turn."""
     mixed = BenchOptions()
     chosen = BenchOptions(excitation=("chirp", "steps"))
 
@@ -181,7 +181,7 @@ def test_default_excitations_differ_between_runs_and_can_be_chosen() -> None:
 
 @pytest.mark.parametrize("step", [0.00021, 0.0052, 0.05, 0.3, 1.0, 7.0])
 def test_resolution_is_written_exactly_by_its_decimals(step: float) -> None:
-    """Expected: 1, 2 or 5 times a power of ten, not above what was asked, unchanged by rounding."""
+    """The resolution is 1, 2 or 5 times a power of ten and unchanged by rounding."""
     rounded = round_step(step)
 
     assert step / 2.6 < rounded <= step
@@ -189,7 +189,7 @@ def test_resolution_is_written_exactly_by_its_decimals(step: float) -> None:
 
 
 def test_linear_hold_ramps_between_samples() -> None:
-    """Expected: with a voltage that rises by a fixed amount a sample, foh is the exact ramp."""
+    """FOH differs from ZOH, and the effect `input_hold` with ZOH declared gives the FOH run."""
     held = make_campaign("servo_150w", rows=400, noise=NOISELESS, excitation=("ramps",))
     linear = make_campaign(
         "servo_150w", rows=400, noise=NOISELESS, excitation=("ramps",), hold="foh"
@@ -204,7 +204,7 @@ def test_linear_hold_ramps_between_samples() -> None:
 
 
 def test_jitter_scatters_the_instants_and_logs_them_truly() -> None:
-    """Expected: intervals scatter by sqrt(2) of the jitter, and the fit stays at the noise."""
+    """Intervals scatter by sqrt(2) times the jitter, and the fit reaches the noise."""
     campaign = make_campaign("servo_150w", seed=3, rows=2000, jitter=0.1)
 
     intervals = np.diff(campaign.runs[0].frame["time_s"].to_numpy()) / 1e-3
@@ -214,7 +214,7 @@ def test_jitter_scatters_the_instants_and_logs_them_truly() -> None:
 
 
 def test_sensors_clip_at_their_range() -> None:
-    """Expected: no logged current above half the rated one, though the true one is far above."""
+    """No logged current exceeds half the rated current, although the true one does."""
     campaign = make_campaign("servo_150w", rows=400, sensor_range=0.5)
 
     assert max(run.frame["current_A"].abs().max() for run in campaign.runs) <= 0.5 * 4.2 + 0.005
@@ -222,7 +222,7 @@ def test_sensors_clip_at_their_range() -> None:
 
 
 def test_lost_rows_leave_a_gap_in_time() -> None:
-    """Expected: one step of eleven intervals where ten rows are missing."""
+    """Ten missing rows leave one step of eleven intervals."""
     frame = make_campaign("servo_150w", rows=100, lost_rows=10).runs[0].frame
 
     steps = np.diff(frame["time_s"].to_numpy())
@@ -233,7 +233,7 @@ def test_lost_rows_leave_a_gap_in_time() -> None:
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "speed_offset"])
 def test_effect_of_the_validation_runs_leaves_the_training_runs_alone(effect: str) -> None:
-    """Expected: training runs as of the clean motor, validation runs not."""
+    """The training runs equal those of the clean motor; the validation runs differ."""
     request = EffectRequest(effect, 0.05, role="validation")
 
     clean = make_campaign("servo_150w", seed=2, rows=200)
@@ -246,13 +246,13 @@ def test_effect_of_the_validation_runs_leaves_the_training_runs_alone(effect: st
 
 
 def test_effect_that_all_runs_share_cannot_be_given_to_some() -> None:
-    """Expected: a delay belongs to the logger and not to a run."""
+    """A delay is a property of the logger and not of a run."""
     with pytest.raises(ValueError, match="in all runs or in none"):
         make_campaign("servo_150w", [EffectRequest("channel_delay", 0.1, role="validation")])
 
 
-def test_bench_without_voltage_logs_a_motor_that_runs_down() -> None:
-    """Expected: true voltage zero and a speed that has died out by the end."""
+def test_bench_without_voltage_logs_a_motor_that_coasts() -> None:
+    """The true voltage is zero, and the speed has decayed at the end."""
     run = make_campaign("servo_150w", rows=500, amplitude=0.0).runs[0]
 
     assert not run.hidden.voltage.any()

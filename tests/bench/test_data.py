@@ -1,4 +1,4 @@
-"""The published campaigns are what the program makes, and small."""
+"""The published campaigns are small and reproducible."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 def test_program_makes_the_published_files_again() -> None:
-    """Expected: every byte of every file, from the seeds in the recipes."""
+    """Every byte of every file follows from the seeds in the recipes."""
     assert check(DATA) == []
 
 
 def test_check_names_the_files_that_differ(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Negative control: a folder with nothing in it differs in every file."""
+    """Negative control: an empty folder differs in every file."""
     assert main(["--check", "--data", str(tmp_path)]) == 1
     assert "paper_motor/training_1.csv: differs" in capsys.readouterr().out
 
 
 def test_sums_are_those_of_the_files() -> None:
-    """Expected: hashlib's own sums of the files as they lie there, each named in the README."""
+    """Reference: hashlib; the README contains every checksum."""
     lines = (DATA / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
     readme = (DATA / "README.md").read_text(encoding="utf-8")
 
@@ -41,7 +41,7 @@ def test_sums_are_those_of_the_files() -> None:
 
 @pytest.mark.parametrize("name", list(RECIPES))
 def test_campaign_is_small_enough_for_git(name: str) -> None:
-    """Expected: at most 1.5 MB, five training and two validation runs."""
+    """A campaign has at most 1.5 MB, five training runs and two validation runs."""
     files = list((DATA / name).iterdir())
 
     assert sum(path.stat().st_size for path in files) <= 1_500_000
@@ -49,8 +49,8 @@ def test_campaign_is_small_enough_for_git(name: str) -> None:
     assert len([path for path in files if path.name.startswith("validation_")]) == 2
 
 
-def test_one_campaign_has_an_effect_that_shows_and_the_others_have_none() -> None:
-    """Expected: the declared model explains the clean ones to their noise and not the other."""
+def test_one_campaign_has_a_detectable_effect_and_the_others_none() -> None:
+    """The nominal model explains the clean campaigns down to their noise, and not the other."""
     ratios = {name: fit_declared(recipe.make()).held_out for name, recipe in RECIPES.items()}
 
     for name, ratio in ratios.items():

@@ -1,4 +1,4 @@
-"""The bench's own fit of the declared model says how visible an effect is."""
+"""The nominal-model fit of the bench determines the detectability of an effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.visibility import held_out_rise, size_for_rise
 
 @pytest.mark.parametrize("motor", ["coreless_10w", "paper_motor", "traction_10kw", 5])
 def test_clean_campaign_is_explained_to_its_noise(motor: str | int) -> None:
-    """Expected: errors at the noise, whose ratio scatters by 1 / sqrt(2 n), and small shifts."""
+    """The noise ratio is 1 with a scatter of 1 / sqrt(2 n), and the parameter errors are small."""
     fit = fit_declared(make_campaign(motor, seed=3, rows=3000))
 
     for role in ("training", "validation"):
@@ -22,7 +22,7 @@ def test_clean_campaign_is_explained_to_its_noise(motor: str | int) -> None:
 
 
 def test_linear_hold_is_explained_when_it_is_declared() -> None:
-    """Expected: errors at the noise with foh declared, and far above with zoh."""
+    """The error equals the noise with FOH declared and is far above with ZOH."""
     right = fit_declared(make_campaign("servo_150w", seed=3, rows=2000, hold="foh"))
     wrong = fit_declared(make_campaign("servo_150w", ["input_hold"], seed=3, rows=2000))
 
@@ -30,16 +30,16 @@ def test_linear_hold_is_explained_when_it_is_declared() -> None:
     assert wrong.held_out > 2.0
 
 
-def test_brush_drop_is_soaked_up_by_the_resistance() -> None:
-    """Expected: a voltage of the current's sign looks like more resistance, and leaves a rest."""
+def test_brush_drop_is_partly_absorbed_by_the_resistance() -> None:
+    """A voltage with the sign of the current raises the fitted Ra and leaves a residual."""
     fit = fit_declared(make_campaign("servo_150w", [("brush_drop", 0.03)], seed=3, rows=3000))
 
     assert fit.shift["Ra25"] > 0.02
     assert fit.held_out > 2.0
 
 
-def test_rise_without_noise_tells_the_rise_with_noise() -> None:
-    """Expected: the remainder of a noiseless fit adds to the noise in squares."""
+def test_rise_without_noise_predicts_the_rise_with_noise() -> None:
+    """The residual of a noise-free fit and the noise add in squares."""
     effects = [("coulomb_friction", 0.012)]
 
     foretold = held_out_rise("servo_150w", effects, seed=3, rows=3000)
@@ -50,8 +50,8 @@ def test_rise_without_noise_tells_the_rise_with_noise() -> None:
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "flux_saturation", "channel_delay"])
-def test_size_is_found_for_a_wanted_rise(name: str) -> None:
-    """Expected: putting the size back in gives the rise that was wanted."""
+def test_size_is_found_for_a_target_rise(name: str) -> None:
+    """The rise of the returned size is the target rise."""
     size = size_for_rise("wiper_60w", name, 0.15, seed=3, rows=2000)
 
     assert size is not None
@@ -59,6 +59,6 @@ def test_size_is_found_for_a_wanted_rise(name: str) -> None:
     assert rise == pytest.approx(0.15, rel=0.2)
 
 
-def test_size_is_refused_where_no_size_shows() -> None:
-    """Expected: saturation of an inductance that a slow sampling never sees cannot be sized."""
+def test_undetectable_effect_has_no_size() -> None:
+    """Slow sampling does not detect a saturation of the inductance of any size."""
     assert size_for_rise("coreless_10w", "inductance_saturation", 0.3, seed=3, rows=600) is None

@@ -1,4 +1,4 @@
-"""Each effect enters where its name says and depends on what it says."""
+"""Each effect acts in its equation and depends on its drivers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LISTED = {
     "magnet_lag", "resistance_curvature", "demagnetization", "current_offset", "voltage_offset",
     "speed_offset", "channel_delay", "speed_filter", "current_filter", "input_hold",
 }  # fmt: skip
-# Effects that are a plain term of one equation, so that the term can be looked at by itself.
+# Effects that add one term to one equation, which can be tested alone.
 TERMS = [
     (name, law)
     for name, law in ALL
@@ -38,7 +38,7 @@ HEAT = [
     for law in EFFECTS[name].laws
 ]  # fmt: skip
 STEPS = [(name, law) for name, law in ALL if name in {"load_step", "inertia_change"}]
-# Signals that come in besides the drivers: a direction, or a factor that the equation has anyway.
+# Additional signals of the term: its direction, or a factor of the nominal equation.
 BESIDES = {
     "flux_saturation": {"speed", "temperature"},
     "load_dependent_friction": {"temperature"},
@@ -56,7 +56,7 @@ AT = {
 
 
 def changed_setup(name: str, law: str, size: float = 0.1) -> Setup:
-    """The hidden servo with one effect in it."""
+    """Setup of the servo with one hidden effect."""
     entry = motor("servo_150w")
     runs = [RunPlan("training", 6.0, np.full(100, 40.0 + 20.0 * k)) for k in range(3)]
     setup = Setup(entry, clean_plant(entry), runs, np.random.default_rng(3))
@@ -65,7 +65,7 @@ def changed_setup(name: str, law: str, size: float = 0.1) -> Setup:
 
 
 def term(plant: Plant, at: dict[str, float]) -> Array:
-    """What the plant's rates of current and speed differ from a clean one's, in V and N m."""
+    """Difference of the plant's balances to those of the clean plant [V, N m]."""
     entry = motor("servo_150w")
     drive = new_drive()
     drive["voltage"], drive["temperature"] = at["voltage"] * 48.0, at["temperature"]
@@ -80,7 +80,7 @@ def term(plant: Plant, at: dict[str, float]) -> Array:
 
 
 def test_bench_has_every_listed_effect_and_at_least_eight_others() -> None:
-    """Expected: the table of effects in the interface, and eight more that nobody lists."""
+    """The listed effects are those of the contract; at least eight others are unlisted."""
     listed = {name for name, effect in EFFECTS.items() if effect.is_listed}
 
     assert listed == LISTED
@@ -88,13 +88,13 @@ def test_bench_has_every_listed_effect_and_at_least_eight_others() -> None:
 
 
 def test_every_effect_has_more_than_one_law() -> None:
-    """Expected: a name is a kind and not a formula; only the voltage's hold is one thing."""
+    """An effect name is a type and not a formula; only the hold of the voltage has one law."""
     assert [name for name, effect in EFFECTS.items() if len(effect.laws) < 2] == ["input_hold"]
 
 
 @pytest.mark.parametrize(("name", "law"), TERMS)
 def test_term_stands_in_its_equation_and_depends_on_its_drivers(name: str, law: str) -> None:
-    """Expected: moving a driver moves the missing term, moving any other signal does not."""
+    """A change of a driver changes the term; a change of any other signal does not."""
     effect, plant = EFFECTS[name], changed_setup(name, law).plant
     row = 0 if effect.equation == "electrical" else 1
     here = term(plant, AT)
@@ -121,8 +121,8 @@ def test_term_stands_in_its_equation_and_depends_on_its_drivers(name: str, law: 
         if law == EFFECTS[name].textbook and EFFECTS[name].size_means.startswith("rated")
     ],
 )
-def test_size_is_the_share_of_rated_torque_or_voltage_where_it_says_so(name: str, law: str) -> None:
-    """Expected: a hundredth of the size makes a hundredth of the term, for terms of that kind."""
+def test_size_scales_terms_relative_to_rated_torque_or_voltage(name: str, law: str) -> None:
+    """One per cent of the size gives one per cent of the term."""
     row = 0 if EFFECTS[name].equation == "electrical" else 1
 
     at = {**AT, "speed": 0.05 if name == "stribeck_friction" else AT["speed"]}
@@ -139,7 +139,7 @@ def test_size_is_the_share_of_rated_torque_or_voltage_where_it_says_so(name: str
 def test_every_law_makes_runs_that_a_bench_could_have_logged(
     name: str, law: str, size: str
 ) -> None:
-    """Expected: finite channels within twice the rated speed and the drive's limit."""
+    """All channels are finite, within twice the rated speed and the current limit."""
     amount = EFFECTS[name].typical[size == "large"]
 
     campaign = make_campaign("wiper_60w", [EffectRequest(name, amount, law)], seed=2, rows=400)
@@ -154,11 +154,11 @@ def test_every_law_makes_runs_that_a_bench_could_have_logged(
 
 @pytest.mark.parametrize(
     ("name", "law"),
-    # A lag or a knee of no width is infinitely stiff and not a plant without it.
+    # A lag or knee of zero width is infinitely stiff and not equal to the clean plant.
     [pair for pair in [*TERMS, *HEAT, *STEPS] if pair != ("dead_zone", "soft")],
 )
-def test_effect_of_no_size_changes_nothing(name: str, law: str) -> None:
-    """Expected: the campaign of the clean motor with the same seed."""
+def test_effect_of_negligible_size_changes_nothing(name: str, law: str) -> None:
+    """Reference: the campaign of the clean motor with the same seed."""
     options: dict[str, Any] = {
         "rows": 300,
         "training": 2,
@@ -177,7 +177,7 @@ def test_effect_of_no_size_changes_nothing(name: str, law: str) -> None:
 
 @pytest.mark.parametrize("channel", ["current", "voltage", "speed"])
 def test_offset_adds_to_its_channel_and_to_no_other(channel: str) -> None:
-    """Expected: the same run but for a constant on one column."""
+    """The run differs from the clean one by a constant in one column."""
     options: dict[str, Any] = {"rows": 300, "noise": NOISELESS}
     column = {"current": "current_A", "voltage": "voltage_V", "speed": "speed_rad_s"}[channel]
 
@@ -191,7 +191,7 @@ def test_offset_adds_to_its_channel_and_to_no_other(channel: str) -> None:
 
 
 def test_delay_of_whole_samples_shifts_the_column() -> None:
-    """Expected: the true speed of two samples ago, from the run's own hidden states."""
+    """Reference: the true speed two samples earlier, from the hidden states."""
     campaign = make_campaign(
         "servo_150w", [EffectRequest("channel_delay", 0.2, "speed")], noise=NOISELESS, rows=300
     )
@@ -204,7 +204,7 @@ def test_delay_of_whole_samples_shifts_the_column() -> None:
 
 @pytest.mark.parametrize(("name", "field"), [("load_step", "step_torque"), ("inertia_change", "J")])
 def test_effect_of_one_run_is_in_one_training_run(name: str, field: str) -> None:
-    """Expected: a run that is not the first of training, and no other."""
+    """Exactly one run has the effect, and it is not the first one."""
     setup = changed_setup(name, EFFECTS[name].textbook)
 
     touched = [number for number, run in enumerate(setup.runs) if field in run.overrides]
@@ -214,7 +214,7 @@ def test_effect_of_one_run_is_in_one_training_run(name: str, field: str) -> None
 
 
 def test_effects_act_together() -> None:
-    """Expected: the sum of two torques, each known from its own size."""
+    """The term is the sum of two torques of known size."""
     entry = motor("servo_150w")
     setup = changed_setup("quadratic_drag", "square", 0.1)
     EFFECTS["load_torque"].laws["constant"](setup, 0.05)
@@ -225,23 +225,23 @@ def test_effects_act_together() -> None:
     assert missing == pytest.approx(-0.15 * entry.rated_torque, rel=1e-9)
 
 
-def test_run_in_goes_on_from_run_to_run() -> None:
-    """Expected: each run starts with the running time of all before it."""
+def test_run_in_continues_from_run_to_run() -> None:
+    """Each run starts with the running time of all previous runs."""
     setup = changed_setup("run_in", "dry")
 
     assert [run.overrides["elapsed_before"] for run in setup.runs] == [0.0, 6.0, 12.0]
 
 
-def test_unknown_effect_and_unknown_law_are_refused_with_what_there_is() -> None:
-    """Expected: the message lists the names, so that a typing error is seen at once."""
+def test_unknown_effect_and_unknown_law_are_refused_with_the_known_ones() -> None:
+    """The message lists the names, which reveals a typing error."""
     with pytest.raises(KeyError, match="no effect 'friction'; there are coulomb_friction"):
         make_campaign("servo_150w", ["friction"])
     with pytest.raises(KeyError, match="brush_drop has no law 'sign'; it has knee"):
         make_campaign("servo_150w", [EffectRequest("brush_drop", 0.1, "sign")])
 
 
-def test_hidden_truth_carries_what_an_evaluation_needs() -> None:
-    """Expected: kind, equation, drivers main one first, law, size and numbers for each effect."""
+def test_hidden_truth_has_the_fields_of_an_evaluation() -> None:
+    """Type, equation, drivers with the main one first, law, size and values of each effect."""
     effect = make_campaign("servo_150w", ["load_dependent_friction"], rows=100).truth["effects"][0]
 
     assert effect["equation"] == "mechanical"

@@ -1,4 +1,4 @@
-"""The hidden plant against closed forms and against a stiff solver that knows nothing of it."""
+"""The hidden plant, compared with closed forms and with an independent stiff solver."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ Array = NDArray[np.float64]
 
 
 def clock(rows: int, interval: float) -> Array:
-    """(rows,) instants from zero on."""
+    """(rows,) sampling instants from zero."""
     return np.arange(rows, dtype=np.float64) * interval
 
 
 def constant(value: float, rows: int) -> Array:
-    """(rows,) the same value."""
+    """(rows,) constant values."""
     return np.full(rows, value)
 
 
 def coasting(plant: Plant, time: Array, speed: float, temperature: float = 25.0) -> Simulation:
-    """A motor without any torque constant, left to itself at a speed."""
+    """Simulate a motor without torque constant that coasts from a speed."""
     plant["Kt25"] = 0.0
     stimulus = Stimulus(time, np.zeros(time.size), constant(temperature, time.size))
     return simulate(plant, stimulus, initial_state(temperature, speed=speed), tolerance=1e-10)
 
 
 def steps_of(entry: Motor, rows: int, seed: int = 4) -> Stimulus:
-    """Random levels for twenty samples each, at a slowly rising temperature."""
+    """Random levels of twenty samples each, at a slowly rising temperature."""
     levels = np.random.default_rng(seed).uniform(-0.8, 0.8, rows // 20)
     time = clock(rows, entry.sample_interval)
     return Stimulus(
@@ -46,7 +46,7 @@ def steps_of(entry: Motor, rows: int, seed: int = 4) -> Stimulus:
 @pytest.mark.parametrize("hold", ["held", "linear"])
 @pytest.mark.parametrize("name", list(MOTORS))
 def test_clean_motor_agrees_with_matrix_exponentials(name: str, hold: str) -> None:
-    """Expected: the exponential of each sample's 2 x 2 system, exact between samples."""
+    """Reference: exponential of the 2x2 system of each sample, exact between samples."""
     entry = motor(name)
     stimulus = steps_of(entry, 400)
     stimulus = Stimulus(stimulus.time, stimulus.command, constant(70.0, 400), hold == "linear")
@@ -62,7 +62,7 @@ def test_clean_motor_agrees_with_matrix_exponentials(name: str, hold: str) -> No
 
 @pytest.mark.parametrize("name", ["instrument_1w", "paper_motor", "machine_tool_3kw"])
 def test_clean_motor_agrees_with_radau_while_its_temperature_moves(name: str) -> None:
-    """Expected: scipy's implicit Radau at 1e-10 on the two equations of the declared model."""
+    """Reference: scipy's implicit Radau at 1e-10 on the two equations of the nominal model."""
     entry = motor(name)
     stimulus = steps_of(entry, 60)
 
@@ -86,8 +86,8 @@ def test_clean_motor_agrees_with_radau_while_its_temperature_moves(name: str) ->
         assert run.states[n + 1, :2] == pytest.approx(state, rel=1e-6, abs=1e-7 * scale.min())
 
 
-def test_error_falls_with_the_tolerance_asked_for() -> None:
-    """Expected: a tolerance a thousand times tighter is at least a hundred times more exact."""
+def test_error_falls_with_the_tolerance() -> None:
+    """A tolerance a thousand times smaller reduces the error at least a hundred times."""
     entry = motor("servo_150w")
     stimulus = steps_of(entry, 400)
     runs = [
@@ -101,7 +101,7 @@ def test_error_falls_with_the_tolerance_asked_for() -> None:
 
 
 def test_steady_state_is_that_of_the_two_balances() -> None:
-    """Expected: w = Kt v / (Ra b + Kt^2) and i = b w / Kt at the temperature of the run."""
+    """Closed form: w = Kt v / (Ra b + Kt^2) and i = b w / Kt at the temperature of the run."""
     entry = motor("paper_motor")
     time = clock(3000, 0.01)
     ra, kt = 0.59 * (1 + 0.004 * 100), 0.071 * (1 - 0.002 * 100)
@@ -118,7 +118,7 @@ def test_steady_state_is_that_of_the_two_balances() -> None:
 
 
 def test_energy_that_goes_in_is_lost_or_stored() -> None:
-    """Expected: integral of v i equals copper and friction loss plus what L and J hold."""
+    """The integral of v i equals copper loss, friction loss and the energy in L and J."""
     entry = motor("servo_150w")
     time = np.linspace(0.0, 0.05, 5001, dtype=np.float64)
     run = simulate(
@@ -137,7 +137,7 @@ def test_energy_that_goes_in_is_lost_or_stored() -> None:
 
 
 def test_coulomb_friction_stops_a_coasting_motor_at_the_time_of_the_closed_form() -> None:
-    """Expected: J dw/dt = -T - b w from w0 stops at (J / b) ln(1 + b w0 / T), and stays."""
+    """J dw/dt = -T - b w from w0 stops at (J / b) ln(1 + b w0 / T), and stays."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     torque = 0.05 * entry.rated_torque
@@ -152,7 +152,7 @@ def test_coulomb_friction_stops_a_coasting_motor_at_the_time_of_the_closed_form(
 
 
 def test_motor_below_break_away_stands_still_exactly_and_above_it_turns() -> None:
-    """Expected: set-valued friction holds torques up to its level, without creep."""
+    """Set-valued friction balances torques up to its level, without creep."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["coulomb_forward"] = plant["coulomb_backward"] = 0.1 * entry.rated_torque
@@ -169,7 +169,7 @@ def test_motor_below_break_away_stands_still_exactly_and_above_it_turns() -> Non
 
 
 def test_friction_reverses_with_the_motion() -> None:
-    """Expected: at constant speed the current carries b w + T sign(w) over Kt, either way."""
+    """At constant speed, Kt i = b w + T sign(w) in both directions."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     torque = 0.1 * entry.rated_torque
@@ -185,8 +185,8 @@ def test_friction_reverses_with_the_motion() -> None:
 
 
 @pytest.mark.parametrize("power", [1.7, 2.0, 2.3])
-def test_drag_slows_a_coasting_motor_as_its_power_says(power: float) -> None:
-    """Expected: J dw/dt = -c w^n gives w^(1-n) = w0^(1-n) + (n - 1) c t / J."""
+def test_drag_slows_a_coasting_motor_by_its_power_law(power: float) -> None:
+    """J dw/dt = -c w^n gives w^(1-n) = w0^(1-n) + (n - 1) c t / J."""
     entry = motor("ferrite_fan_30w")
     plant = clean_plant(entry)
     plant["b"], plant["drag"], plant["drag_power"] = 0.0, 0.02, power
@@ -199,8 +199,8 @@ def test_drag_slows_a_coasting_motor_as_its_power_says(power: float) -> None:
     assert speed == pytest.approx(expected, rel=1e-7)
 
 
-def test_two_inertias_on_a_spring_swing_at_their_resonance() -> None:
-    """Expected: an undamped pair swings at sqrt(k (1/J1 + 1/J2)) about its common speed."""
+def test_two_inertias_on_a_spring_oscillate_at_their_resonance() -> None:
+    """An undamped pair oscillates at sqrt(k (1/J1 + 1/J2)) about its common speed."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["b"], plant["load_inertia"], plant["shaft_stiffness"] = 0.0, 0.4 * entry.J, 5.0
@@ -218,7 +218,7 @@ def test_two_inertias_on_a_spring_swing_at_their_resonance() -> None:
 
 
 def test_cogging_exchanges_energy_and_loses_none() -> None:
-    """Expected: J w^2 / 2 - (A / n) cos(n theta + phi) is constant without friction."""
+    """Without friction, J w^2 / 2 - (A / n) cos(n theta + phi) is constant."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["b"], plant["cogging_1"], plant["cogging_order_1"] = 0.0, 0.03, 7.0
@@ -234,7 +234,7 @@ def test_cogging_exchanges_energy_and_loses_none() -> None:
 
 @pytest.mark.parametrize(("order", "lag"), [(1.0, 1.0), (2.0, np.sqrt(2.0))])
 def test_speed_filter_lags_a_ramp_by_its_time(order: float, lag: float) -> None:
-    """Expected: a low-pass follows a ramp late by tau, or by sqrt(2) tau for Butterworth."""
+    """A low-pass lags a ramp by tau, and a Butterworth filter by sqrt(2) tau."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["b"], plant["load"] = 0.0, -0.01
@@ -247,7 +247,7 @@ def test_speed_filter_lags_a_ramp_by_its_time(order: float, lag: float) -> None:
 
 
 def test_lagging_winding_follows_a_ramp_of_temperature_late() -> None:
-    """Expected: a first-order lag runs behind a ramp by rate times lag."""
+    """A first-order lag deviates from a ramp by rate times time constant."""
     plant = clean_plant(motor("servo_150w"))
     plant["winding_lag"], plant["winding_lag_order"] = 0.5, 1.0
     time = np.linspace(0.0, 10.0, 1001, dtype=np.float64)
@@ -257,8 +257,8 @@ def test_lagging_winding_follows_a_ramp_of_temperature_late() -> None:
     assert run.state("winding_lag_1")[-1] == pytest.approx(25.0 + 3.0 * (10.0 - 0.5), rel=1e-6)
 
 
-def test_self_heating_balances_where_loss_and_cooling_meet() -> None:
-    """Expected: the rise is heat_rise times i^2 Ra over the rated loss, Ra being the hot one."""
+def test_self_heating_reaches_its_steady_state() -> None:
+    """The rise is heat_rise times i^2 Ra over the rated loss, with Ra at the hot winding."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["heat_rise"], plant["heat_time"] = 30.0, 0.2
@@ -274,8 +274,8 @@ def test_self_heating_balances_where_loss_and_cooling_meet() -> None:
     assert rise == pytest.approx(30.0 * factor * (i / entry.rated_current) ** 2, rel=1e-6)
 
 
-def test_magnet_that_was_too_hot_stays_weak_when_it_is_cold() -> None:
-    """Expected: back-EMF of a cold unloaded motor is lower by the lost share after the heat."""
+def test_overheated_magnet_stays_weak_when_it_is_cold() -> None:
+    """After the heat, the back-EMF of the cold unloaded motor is lower by the lost fraction."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["b"], plant["demagnetization"] = 0.0, 0.05
@@ -292,7 +292,7 @@ def test_magnet_that_was_too_hot_stays_weak_when_it_is_cold() -> None:
 
 @pytest.mark.parametrize("name", ["disc_servo_750w", "traction_10kw", "machine_tool_3kw"])
 def test_drive_keeps_the_current_near_its_limit(name: str) -> None:
-    """Expected: steps that would draw many times the limit stay within a few percent of it."""
+    """Steps that would draw many times the limit stay within a few per cent of it."""
     entry = motor(name)
     rows = 2000
     command = np.repeat([1.0, -1.0, 1.0, -1.0], rows // 4) * entry.rated_voltage
@@ -305,8 +305,8 @@ def test_drive_keeps_the_current_near_its_limit(name: str) -> None:
     assert 1.5 * entry.rated_current < largest < 2.1 * entry.rated_current
 
 
-def test_late_sensor_shows_the_state_between_samples() -> None:
-    """Expected: half a sample back, as a simulation with knots at half samples has it."""
+def test_delayed_sensor_shows_the_state_between_samples() -> None:
+    """Reference: a simulation with knots at half samples, for a delay of half a sample."""
     entry = motor("servo_150w")
     stimulus = steps_of(entry, 200)
     dense = Stimulus(
@@ -323,7 +323,7 @@ def test_late_sensor_shows_the_state_between_samples() -> None:
 
 
 def test_bristles_bend_before_they_slide() -> None:
-    """Expected: at steady sliding the bristles carry their level, however slowly."""
+    """In steady sliding, the bristle torque equals its level at any speed."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)
     plant["bristle_level"], plant["bristle_deflection"] = 0.05, 0.3
