@@ -1,4 +1,4 @@
-"""Settings of all tests: what a busy machine does to the clock is no failure."""
+"""Settings of all tests: no test fails because the machine is busy."""
 
 from hypothesis import HealthCheck, settings
 

@@ -1,7 +1,7 @@
-"""Motors with known parameters and runs of them: the table that the tests draw from.
+"""Motors with known parameters, and runs simulated from them.
 
-The runs are computed from the closed form of the two balances (eigenvalues of the 2x2 matrix of
-every sample interval), with no code of the package in it but the class that holds a run.
+The runs follow from the closed form of the two balances (eigenvalues of the 2x2 matrix of every
+sample interval). The only code of the package in use is the class of a run.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ MOTORS = (
 
 
 def motor_named(name: str) -> Motor:
-    """The motor of the table with that name."""
+    """Return a motor of the table."""
     return next(motor for motor in MOTORS if motor.name == name)
 
 
@@ -130,10 +130,10 @@ def simulated(
 
 
 def drive(motor: Motor, kind: Excitation, rows: int, rng: np.random.Generator) -> Array:
-    """A voltage that excites the motor, (rows,) [V].
+    """Voltage that excites the motor, (rows,) [V].
 
-    ``steps`` are random levels in both directions, ``forward`` such in one direction, ``binary``
-    switches between two levels at random, ``multisine`` has twelve frequencies.
+    ``steps`` are random levels in both directions, ``forward`` in one direction only, ``binary``
+    switches between two levels at random, and ``multisine`` has twelve frequencies.
     """
     spans = rows // motor.dwell + 1
     if kind == "steps":
@@ -160,7 +160,7 @@ def run_of(
     hold: Hold = "zoh",
     name: str = "run.csv",
 ) -> Run:
-    """A run without noise."""
+    """Run without noise."""
     clean = simulated(motor.vector, motor.interval, voltage, temperature, start, hold)
     time = motor.interval * np.arange(voltage.size, dtype=np.float64)
     return Run(name, "0" * 64, time, voltage, clean[:, 0], clean[:, 1], temperature)
@@ -176,7 +176,7 @@ def noiseless(
     hold: Hold = "zoh",
     moving: bool = False,
 ) -> list[Run]:
-    """Runs without noise that warm up from 25 to 115 degC, one after the other.
+    """Runs without noise whose temperatures rise from 25 to 115 degC in sequence.
 
     Args:
         motor: The motor.
@@ -211,7 +211,7 @@ def campaign(
     hold: Hold = "zoh",
     moving: bool = False,
 ) -> list[Run]:
-    """The runs of `noiseless` with normal noise, and a thermometer that shows tenths of a degree.
+    """The runs of `noiseless` with normal noise and a temperature resolution of 0.1 degC.
 
     Args:
         motor: The motor.
@@ -245,7 +245,7 @@ def campaign(
 
 
 def driven(motor: Motor, rows: int, seed: int, warming: float) -> Run:
-    """A run with nothing but inputs: steps of voltage while the motor warms from 60 degC on."""
+    """Run with inputs only: voltage steps while the motor warms from 60 degC."""
     voltage = drive(motor, "steps", rows, np.random.default_rng(seed))
     temperature = 60.0 + warming * motor.interval * np.arange(rows, dtype=np.float64)
     nothing = np.zeros(rows)

@@ -1,4 +1,4 @@
-"""Terms that exist for the tests alone, so that the core is tested without the catalogue."""
+"""Terms for tests of the model without the catalogue of effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Lag", "MagneticDrag"]
 
 @dataclass(frozen=True)
 class MagneticDrag(AbstractTorque):
-    """A smooth torque -c w |w| against the motion, with |w| rounded below a milliradian/s."""
+    """Smooth torque -c w |w| against the motion, with |w| rounded below a milliradian/s."""
 
     name = "magnetic_drag"
     equation = "mechanical"
@@ -36,7 +36,7 @@ class MagneticDrag(AbstractTorque):
 
 @dataclass(frozen=True)
 class Lag(AbstractTerm):
-    """A state that follows the speed with time constant `tau` and acts on nothing."""
+    """State that follows the speed with time constant `tau` and acts on nothing."""
 
     name = "lag"
     equation = "sensor"
@@ -46,5 +46,5 @@ class Lag(AbstractTerm):
     states = (State("follower", "rad/s", "speed"),)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the follower [rad/s^2]."""
+        """Rate of the following state [rad/s^2]."""
         return [(signals.speed - states.follower) / values.tau]

@@ -1,4 +1,4 @@
-"""The simulator of `make benches`, what it counts as right, and small campaigns of it."""
+"""Simulator of `make benches`, its assessment of answers, and small campaigns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run(
     motor: BenchMotor = MOTOR,
     drive: Drive = Drive(MOTOR.rated_voltage),  # noqa: B008  frozen
 ) -> Trajectory:
-    """The true signals at 1 kHz and 25 degC under an ideal source, unless a drive is given."""
+    """True signals at 1 kHz and 25 degC, with an ideal source unless a drive is given."""
     rows = voltage.size
     warm, quiet = np.full(rows, 25.0), np.zeros(rows)
     times = 1e-3 * np.arange(rows, dtype=np.float64)
@@ -34,17 +34,17 @@ def run(
 
 
 def held(volts: float, rows: int = 400) -> NDArray[np.float64]:
-    """A constant voltage [V]."""
+    """Constant voltage [V]."""
     return np.full(rows, volts)
 
 
 def number_of(cell: str) -> int:
-    """The first campaign of a cell."""
+    """Number of the first campaign of a cell."""
     return next(wanted(0, 1, cell))
 
 
 def test_a_linear_motor_follows_the_matrix_exponential() -> None:
-    """The exact solution under a voltage that is held between samples."""
+    """Reference: exact solution for a voltage held between samples."""
     volts = np.repeat(np.random.default_rng(0).uniform(-10.0, 10.0, 60), 5)
     m = MOTOR
     a = np.array([[-m.Ra25 / m.L, -m.Kt25 / m.L], [m.Kt25 / m.J, -m.b / m.J]])
@@ -60,7 +60,7 @@ def test_a_linear_motor_follows_the_matrix_exponential() -> None:
 
 
 def test_dry_friction_holds_the_shaft_until_the_torque_exceeds_it() -> None:
-    """At standstill the torque is Kt v / Ra; friction with its Stribeck part is to be exceeded."""
+    """At standstill, the torque Kt v / Ra must exceed Coulomb plus Stribeck friction."""
     hidden = Hidden(dry=0.08 * MOTOR.rated_torque, stribeck=0.02 * MOTOR.rated_torque)
     limit = 0.1 * MOTOR.rated_torque * MOTOR.Ra25 / MOTOR.Kt25
 
@@ -69,7 +69,7 @@ def test_dry_friction_holds_the_shaft_until_the_torque_exceeds_it() -> None:
 
 
 def test_friction_and_brush_drop_shift_the_steady_state_by_their_sizes() -> None:
-    """At a constant speed Kt i = b w + T and v = Ra i + Kt w + V tanh(i / knee)."""
+    """At constant speed, Kt i = b w + T and v = Ra i + Kt w + V tanh(i / knee)."""
     hidden = Hidden(
         dry=0.05 * MOTOR.rated_torque,
         brush=0.04 * MOTOR.rated_voltage,
@@ -85,8 +85,8 @@ def test_friction_and_brush_drop_shift_the_steady_state_by_their_sizes() -> None
     assert volts == pytest.approx(MOTOR.Ra25 * i + MOTOR.Kt25 * w + drop, rel=1e-4)
 
 
-def test_the_shaft_stops_at_the_time_that_the_friction_tells() -> None:
-    """Coasting against dry friction alone falls on a straight line; a step is a tenth of that."""
+def test_the_shaft_stops_at_the_time_given_by_the_friction() -> None:
+    """With Coulomb friction only, the speed falls by T / J per second and stays at zero."""
     free = BenchMotor(**{**vars(MOTOR), "Kt25": 1e-6, "b": 1e-12, "alpha_Kt": 0.0})
     hidden = Hidden(dry=0.02 * MOTOR.rated_torque, cogging=0.0)
     pushed = 40.0 * hidden.dry / free.Kt25 * free.Ra25
@@ -100,7 +100,7 @@ def test_the_shaft_stops_at_the_time_that_the_friction_tells() -> None:
 
 
 def test_a_dead_zone_a_supply_and_a_dead_time_take_their_voltage() -> None:
-    """Below the dead zone nothing moves; above, v - d^2 R_s i - V_dt is left at the terminals."""
+    """Above the dead zone, the terminal voltage is v - d^2 R_s i - V_dt."""
     limit = 0.02 * MOTOR.rated_voltage
     stage = Drive(
         MOTOR.rated_voltage,
@@ -120,15 +120,15 @@ def test_a_dead_zone_a_supply_and_a_dead_time_take_their_voltage() -> None:
 
 
 def test_the_same_number_records_the_same_campaign() -> None:
-    """`--first N --count 1` has to repeat what the log says."""
+    """`--first N --count 1` repeats a campaign of the log."""
     one, other = (recorded(CELLS[3], 3, 200).tables for _ in range(2))
 
     assert all(table.equals(again) for table, again in zip(one, other, strict=True))
 
 
 @pytest.mark.parametrize("number", range(len(CELLS)))
-def test_each_cell_hides_what_it_says(number: int) -> None:
-    """Clean motors hide nothing, mixed ones three to five effects, and every run has samples."""
+def test_each_cell_hides_its_number_of_effects(number: int) -> None:
+    """Clean motors have no effect, mixed ones three to five, and every run has samples."""
     measured = recorded(CELLS[number], number, 300)
     table = measured.tables[-1]
 
@@ -141,8 +141,8 @@ def test_each_cell_hides_what_it_says(number: int) -> None:
     assert (measured.noise > 0.0).all()
 
 
-def test_what_a_bench_adds_has_to_be_named_and_nothing_else() -> None:
-    """The table at the top of the cases."""
+def test_required_effects_must_be_named_and_no_others() -> None:
+    """Reference: the tables in the docstring of `benchmarks.benches.cases`."""
     filtered, plain = CASES["current_filter"], CASES["narrow"]
 
     assert is_right(plain, FRICTION, FRICTION)
@@ -155,7 +155,7 @@ def test_what_a_bench_adds_has_to_be_named_and_nothing_else() -> None:
 
 
 def test_one_direction_takes_either_naming_and_an_alternative() -> None:
-    """A load torque is a friction there; both ways it is not."""
+    """With one direction of motion, load torque and friction are confounded."""
     either = ("load_torque", "voltage_offset")
 
     assert is_right(CASES["one_way"], FRICTION, either)
@@ -166,12 +166,12 @@ def test_one_direction_takes_either_naming_and_an_alternative() -> None:
 
 @pytest.fixture(scope="module")
 def clean() -> dict[str, Any]:
-    """A clean motor between 20 and 40 degC, through files, reader, search and comparison."""
+    """Result for a clean motor between 20 and 40 degC, from files to comparison."""
     return identified(number_of("narrow:clean"), Settings(rows=1000))
 
 
 def test_a_clean_motor_of_a_small_campaign_stays_clean(clean: dict[str, Any]) -> None:
-    """Nothing is hidden; the noise in the validation run is known, and 5 sd is no coverage."""
+    """No effect is hidden; a single campaign cannot test coverage, so 5 sd are allowed."""
     assert clean["named"] == []
     assert clean["right"]
     assert max(clean["ratios"]) < 1.05
@@ -179,16 +179,16 @@ def test_a_clean_motor_of_a_small_campaign_stays_clean(clean: dict[str, Any]) ->
     assert clean["gop"] > 0.0
 
 
-def test_runs_that_are_refused_are_an_answer() -> None:
-    """Runs of 11 samples each have fewer than the 50 that a fit needs."""
+def test_refused_runs_are_a_line_of_the_log() -> None:
+    """A fit needs 50 samples per run; these have 11."""
     line = identified(number_of("narrow:clean"), Settings(rows=11))
 
     assert "InputError" in line["refused"]
     assert "named" not in line
 
 
-def test_the_page_counts_what_the_lines_say(clean: dict[str, Any]) -> None:
-    """One right campaign, one in which a kind is named that is not there, and one refused."""
+def test_the_page_counts_the_lines_of_the_log(clean: dict[str, Any]) -> None:
+    """One correct campaign, one with a wrong effect, and one that is refused."""
     wrong = clean | {"named": ["load_torque"], "wrong": ["load_torque"], "sure": ["load_torque"]}
     wrong |= {"number": 1000, "probabilities": [0.99]}
     refused = {"number": 1001, "cell": clean["cell"], "refused": "InputError: too short"}

@@ -1,4 +1,4 @@
-"""A few absurd campaigns of `make fuzz-fits`; the measurement itself is long."""
+"""A few absurd campaigns of `make fuzz-fits`; the full measurement takes longer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmarks.fuzz_fits import ending_of
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_an_absurd_campaign_ends_in_a_result_or_an_error_of_its_own(seed: int) -> None:
+def test_an_absurd_campaign_ends_in_a_result_or_a_named_error(seed: int) -> None:
     """Runs of 50 to 100 samples, without sampling and without a search for effects."""
     case = drawn(seed, rows=100, effects=0.0, posterior=0.0)
 
@@ -23,15 +23,15 @@ def test_an_absurd_campaign_ends_in_a_result_or_an_error_of_its_own(seed: int) -
 
 
 @pytest.mark.parametrize("seed", [23, 20070])
-def test_a_campaign_that_had_ended_in_an_internal_error_ends(seed: int) -> None:
-    """A loop of 1e63 rad/s took for ever, and a ridge that is not finite raised LinAlgError."""
+def test_a_campaign_that_failed_with_an_internal_error_ends(seed: int) -> None:
+    """A loop of 1e63 rad/s never ended, and a ridge that is not finite raised LinAlgError."""
     case = drawn(seed, rows=150, effects=0.02, posterior=0.005)
 
     assert ending_of(case).kind != "internal"
 
 
 def test_the_same_seed_draws_the_same_campaign() -> None:
-    """`--only SEED` has to repeat what was reported."""
+    """`--only SEED` repeats a reported campaign."""
     one, other = drawn(3), drawn(3)
 
     assert one.words == other.words
@@ -46,8 +46,10 @@ def test_each_fault_and_excitation_is_drawn() -> None:
     assert [name for name in (*FAULTS, *EXCITATIONS) if name not in words] == []
 
 
-def test_an_internal_error_is_reported_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run without a sample is none that the reader makes, and no error is meant for it."""
+def test_an_internal_error_is_reported_with_its_location(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A run without samples cannot come from the reader and has no named error."""
     case = drawn(0, rows=60, effects=0.0, posterior=0.0)
     broken = replace(case.training[0], voltage=np.zeros(3))
 

@@ -1,4 +1,4 @@
-"""Known values and nameplates as users write them."""
+"""Parsing of known values and nameplates."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SIZES = ("Ra25", "Kt25", "J", "b", "L")
 def test_known_value_is_read_as_it_is_written(
     word: str, name: str, value: float, sd: float
 ) -> None:
-    """A spread in the unit, in per cent, or the default of 1 %."""
+    """The spread is given in the unit, in per cent, or defaults to 1 %."""
     (prior,) = known_values([word])
 
     assert (prior.name, prior.value) == (name, value)
@@ -70,10 +70,10 @@ def test_known_value_is_read_as_it_is_written(
         (["Kt25=0.048", "L=1e-3", "Kt25=0.05"], "Kt25 is given twice; keep one"),
     ],
 )
-def test_known_value_that_is_none_is_refused_with_what_was_expected(
+def test_invalid_known_value_is_refused_with_the_expected_form(
     words: list[str], said: str | None
 ) -> None:
-    """The message has the word, its fault and what would do; blanks around a word are no fault."""
+    """The message contains the text, its fault and the expected form; outer blanks are ignored."""
     if said is None:
         assert known_values(words)
         return
@@ -87,8 +87,10 @@ def test_known_value_that_is_none_is_refused_with_what_was_expected(
     value=st.floats(1e-5, 1e3),
     share=st.floats(1e-5, 4.0),
 )
-def test_prior_of_a_size_written_out_is_read_again(name: str, value: float, share: float) -> None:
-    """`str` of a prior is a word of the user, with all digits."""
+def test_prior_of_a_positive_parameter_reads_back_from_its_text(
+    name: str, value: float, share: float
+) -> None:
+    """`str` of a prior is valid input, with all digits."""
     prior = Prior(name, value, share * value)
 
     assert known_values([str(prior)]) == (prior,)
@@ -99,10 +101,10 @@ def test_prior_of_a_size_written_out_is_read_again(name: str, value: float, shar
     value=st.floats(-0.1, 0.1),
     sd=st.floats(1e-8, 0.1),
 )
-def test_prior_of_a_coefficient_written_out_is_read_again(
+def test_prior_of_a_coefficient_reads_back_from_its_text(
     name: str, value: float, sd: float
 ) -> None:
-    """Temperature coefficients have either sign, and may be zero."""
+    """Temperature coefficients have either sign and may be zero."""
     prior = Prior(name, value, sd)
 
     assert known_values([str(prior)]) == (prior,)
@@ -110,7 +112,7 @@ def test_prior_of_a_coefficient_written_out_is_read_again(
 
 @given(st.text(max_size=40))
 def test_any_text_is_a_known_value_or_an_option_error(text: str) -> None:
-    """No other error reaches a user."""
+    """No other exception reaches the user."""
     for word in (text, f"Kt25={text}", f"L=1{text}"):
         try:
             (prior,) = known_values([word])
@@ -122,7 +124,7 @@ def test_any_text_is_a_known_value_or_an_option_error(text: str) -> None:
 
 @given(st.text(max_size=40))
 def test_any_text_is_a_nameplate_or_an_option_error(text: str) -> None:
-    """No other error reaches a user."""
+    """No other exception reaches the user."""
     for word in (text, f"voltage={text}", f"voltage=12,no_load_speed=3000{text}"):
         try:
             plate = nameplate_of(word)
@@ -131,7 +133,7 @@ def test_any_text_is_a_nameplate_or_an_option_error(text: str) -> None:
         assert all(math.isfinite(prior.value) for prior in plate.priors)
 
 
-def test_nameplate_gives_what_the_steady_state_says() -> None:
+def test_nameplate_gives_the_parameters_of_the_steady_state() -> None:
     """Ra = 12 / 4 ohm; Kt = (12 - 3 * 0.2) / 300 V s/rad; b <= Kt * 0.2 / 300."""
     plate = nameplate_of("voltage=12, no_load_speed=300; no_load_current=200mA, stall_current=4 A,")
 
@@ -142,8 +144,8 @@ def test_nameplate_gives_what_the_steady_state_says() -> None:
     assert [p.sd / p.value for p in plate.priors] == pytest.approx([0.2, 0.1])
 
 
-def test_rated_point_stands_in_for_a_stall() -> None:
-    """Both points of a motor of 3 ohm and 0.038 V s/rad: 0.2 A at 300, 1.2 A at 221.05 rad/s."""
+def test_rated_point_replaces_a_stall_current() -> None:
+    """Motor of 3 ohm and 0.038 V s/rad: 0.2 A at 300 rad/s and 1.2 A at 221.05 rad/s."""
     loaded = (12 - 3 * 1.2) / 0.038
     plate = nameplate_of(
         f"voltage=12,no_load_speed=300,no_load_current=0.2,rated_current=1.2,rated_speed={loaded}"
@@ -153,7 +155,7 @@ def test_rated_point_stands_in_for_a_stall() -> None:
     assert plate.constant == pytest.approx(0.038)
 
 
-def test_torques_say_the_constant_without_a_speed() -> None:
+def test_torques_determine_the_constant_without_a_speed() -> None:
     """Kt = T / (I - I0) at standstill and at the rated point."""
     stalled = nameplate_of("stall_current=4,stall_torque=150mNm")
     rated = nameplate_of("rated_current=1.2,no_load_current=0.2,rated_torque=0.038")
@@ -163,7 +165,7 @@ def test_torques_say_the_constant_without_a_speed() -> None:
     assert stalled.resistance is None
 
 
-def test_revolutions_a_minute_are_turned_into_radians() -> None:
+def test_revolutions_per_minute_are_converted_to_radians() -> None:
     """3000 rpm are 314.16 rad/s."""
     assert nameplate_of("voltage=12,no_load_speed=3000rpm") == nameplate_of(
         f"voltage=12,no_load_speed={100 * math.pi!r}"
@@ -195,21 +197,21 @@ def test_revolutions_a_minute_are_turned_into_radians() -> None:
         ),
     ],
 )
-def test_nameplate_that_is_none_is_refused_with_what_was_expected(text: str, said: str) -> None:
-    """The message has the part, its fault and what would do."""
+def test_invalid_nameplate_is_refused_with_the_expected_form(text: str, said: str) -> None:
+    """The message contains the entry, its fault and the expected form."""
     with pytest.raises(OptionError, match=said):
         FitOptions(nameplate=text)
 
 
 def test_rated_torque_is_no_contradiction_where_the_current_without_load_is_unknown() -> None:
-    """Half of 1.2 A may be without load: Kt is twice 12 mN m / 1.2 A then."""
+    """Half of the 1.2 A may be no-load current, so Kt may be twice 12 mN m / 1.2 A."""
     plate = nameplate_of("voltage=12,no_load_speed=600,rated_current=1.2,rated_torque=11mNm")
 
     assert plate.constant == pytest.approx(0.02)
 
 
-def test_known_value_goes_before_the_nameplate() -> None:
-    """One prior a parameter, the one that was given by name."""
+def test_known_value_has_priority_over_the_nameplate() -> None:
+    """Each parameter has one prior: the one given by name."""
     options = FitOptions(
         known=("Kt25=0.04+-2%",), nameplate="voltage=12,no_load_speed=3000rpm,stall_current=4"
     )

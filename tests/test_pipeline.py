@@ -1,4 +1,4 @@
-"""What `identify` refuses, and what it does not call a motor."""
+"""Input that `identify` refuses, and warnings of its result."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _with(channel: str, values: NDArray[np.float64]) -> Run:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e150])
 @pytest.mark.parametrize("channel", ["voltage", "speed", "temperature"])
 def test_a_value_that_no_sensor_logs_is_refused_with_its_sample(channel: str, value: float) -> None:
-    """A run need not come from the reader; 1e150 is finite and its square is not."""
+    """Runs may come from other sources than the reader; 1e150 is finite, its square is not."""
     values = np.asarray(getattr(RUN, channel)).copy()
     values[7] = value
 
@@ -43,7 +43,7 @@ def test_time_that_stands_still_is_refused() -> None:
 
 
 def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
-    """A notebook passes a run and a string; the result is that of lists and a path."""
+    """A single run and a string give the result of lists and a path."""
     options = FitOptions(effects=False, posterior=False)
 
     single = identify(RUN, RUN, options)
@@ -53,22 +53,22 @@ def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "result.json").is_file()
 
 
-def test_a_withheld_kind_that_is_none_is_refused_with_all_kinds() -> None:
-    """A misspelt kind would be searched all the same."""
+def test_an_unknown_withheld_effect_is_refused_with_the_known_ones() -> None:
+    """A misspelt effect type would otherwise be searched."""
     with pytest.raises(OptionError, match="the kind 'coulomb'; expected .*coulomb_friction"):
         identify([RUN], withheld=["coulomb"])
 
 
-def test_draws_without_an_end_are_no_motor() -> None:
-    """They are an error of the calculation, and no option of the user."""
+def test_infinite_draws_are_a_computation_error() -> None:
+    """Infinite draws are an error of the computation and not of the options."""
     draws = {"Ra25": np.ones(3), "Kt25": np.array([1.0, np.inf, 2.0])}
 
     with pytest.raises(ComputationError, match=r"posterior of Kt25 .* check the largest values"):
         _within_signs(draws)
 
 
-def test_what_the_nominal_model_lacks_is_a_warning_though_no_effect_was_searched() -> None:
-    """A brush drop of 0.5 V is some 20 times the noise; without it nothing is said."""
+def test_a_deficient_nominal_model_gives_a_warning_without_a_search() -> None:
+    """A brush drop of 0.5 V is some 20 times the noise; the clean run has no warning."""
     options = FitOptions(effects=False, posterior=False)
     dropped = _with("voltage", RUN.voltage + 0.5 * np.sign(RUN.current))
 
@@ -81,8 +81,8 @@ def test_what_the_nominal_model_lacks_is_a_warning_though_no_effect_was_searched
     assert "run the effect search (fit without --no-effects)" in lacking
 
 
-def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:
-    """Six single samples 5 A off, some 200 times the noise; two in a row are none of them."""
+def test_isolated_outliers_are_reported_with_channel_and_number() -> None:
+    """Five isolated samples deviate by 5 A, 200 times the noise; two adjacent ones do not count."""
     at = np.array([50, 120, 121, 200, 260, 310, 350])
     spiked = RUN.current.copy()
     spiked[at] += np.array([5.0, -5.0, -5.0, 5.0, 5.0, -5.0, 5.0])
@@ -97,8 +97,8 @@ def test_spikes_of_a_sensor_are_said_with_their_channel_and_number() -> None:
     assert f"{RUN.name}, column current_A: 5 isolated outliers: the residual exceeds 10" in said
 
 
-def test_what_the_result_is_worth_is_said_before_what_was_noted_of_the_files() -> None:
-    """Without a temperature the coefficients are open, which matters more than why."""
+def test_warnings_about_the_result_precede_those_about_the_files() -> None:
+    """Without temperature, the open coefficients matter more than their cause."""
     runs = [replace(RUN, temperature=None)]
 
     said = identify(runs, (), FitOptions(effects=False, posterior=False)).result["warnings"]

@@ -1,4 +1,4 @@
-"""Stages are bounded by operations, so that a result does not depend on clock, load or threads."""
+"""Budgets of operations: the result does not depend on clock, load or threads."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ found.write(Path(sys.argv[3]))
 
 
 def test_budget_is_spent_by_operations_alone() -> None:
-    """Ten operations are allowed and eleven are charged."""
+    """Ten operations are allowed, and eleven are charged."""
     with metered():
         budget = Budget(10.0)
         charge(10.0)
@@ -38,15 +38,15 @@ def test_budget_is_spent_by_operations_alone() -> None:
         assert budget.spent
 
 
-def test_budget_within_another_ends_with_it() -> None:
-    """The larger one is cut to what the outer one has left."""
+def test_inner_budget_is_limited_by_the_outer() -> None:
+    """The larger inner budget is cut to the remainder of the outer one."""
     with metered():
         outer = Budget(5.0)
         assert Budget(100.0, within=outer).left == 5.0
 
 
 def test_compiled_structure_is_charged_once_in_each_identification() -> None:
-    """What an earlier identification left in memory makes no difference to the count."""
+    """Code compiled by an earlier identification does not change the count."""
     for _ in range(2):
         with metered():
             charge_once("structure", 7.0)
@@ -55,7 +55,7 @@ def test_compiled_structure_is_charged_once_in_each_identification() -> None:
 
 
 def test_time_limit_spends_every_budget_and_is_remembered() -> None:
-    """The question is answered with yes once; afterwards it is not asked again."""
+    """Once the time limit has passed, it is not checked again."""
     answers = iter([False, True, False])
     with metered(lambda: next(answers)):
         budget = Budget()
@@ -65,7 +65,7 @@ def test_time_limit_spends_every_budget_and_is_remembered() -> None:
 
 
 def test_efforts_grow_from_quick_to_thorough() -> None:
-    """Each level allows more of everything than the one before."""
+    """Each level allows more operations of every stage than the one before."""
     quick, normal, thorough = (EFFORTS[name] for name in ("quick", "normal", "thorough"))
     for less, more in ((quick, normal), (normal, thorough)):
         assert less.search_of(10_000) < more.search_of(10_000)
@@ -75,19 +75,19 @@ def test_efforts_grow_from_quick_to_thorough() -> None:
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])
 def test_time_limit_is_a_positive_number_of_seconds(seconds: float) -> None:
-    """The message says what to do for no limit."""
+    """The message gives the option for no limit."""
     with pytest.raises(OptionError, match=r"time_limit is .* \(omit the option for no limit\)"):
         FitOptions(time_limit=seconds)
 
 
 def test_unknown_effort_is_refused_with_the_levels() -> None:
-    """The message lists the three."""
+    """The message lists the three levels."""
     with pytest.raises(OptionError, match="'much'; expected quick, normal or thorough"):
         FitOptions(effort="much")  # type: ignore[arg-type]
 
 
 def test_result_is_the_same_bytes_with_one_two_and_sixteen_threads(tmp_path: Path) -> None:
-    """A motor with dry friction; search, sampler and linear algebra all take part."""
+    """A motor with Coulomb friction exercises search, sampler and linear algebra."""
     make_campaign(
         "servo_150w", ["coulomb_friction"], seed=5, rows=370, training=1, validation=0
     ).write(tmp_path)
