@@ -1,4 +1,4 @@
-"""The Dockerfile, the files of docs/deploy/, the settings and the health check agree."""
+"""Consistency of Dockerfile, docs/deploy/, settings and health check."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from app.settings import Settings
 
 ROOT = Path(__file__).parents[2]
 LINES = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
-DOCKER_STOP_S = 10.0  # how long `docker stop` waits unless it is told otherwise
+DOCKER_STOP_S = 10.0  # default grace period of `docker stop`
 
 
 def words_of(instruction: str) -> list[str]:
-    """What stands behind the last instruction of a name, comments left out."""
+    """Arguments of the last instruction of a name."""
     found = [line for line in LINES if line.startswith(f"{instruction} ")]
     return shlex.split(found[-1])[1:]
 
 
 def variables() -> dict[str, str]:
-    """The image's environment."""
+    """Environment of the image."""
     return dict(word.split("=", 1) for word in words_of("ENV"))
 
 
 def settings() -> Settings:
-    """What the service makes of the image's environment."""
+    """Settings of the service in the environment of the image."""
     given = {
         name.removeprefix("MOTORID_").lower(): value
         for name, value in variables().items()
@@ -51,14 +51,14 @@ def services() -> list[dict[str, Any]]:
 
 
 def pods() -> list[dict[str, Any]]:
-    """The pods of the Kubernetes example, that of the service first."""
+    """Pods of the Kubernetes example; the first is that of the service."""
     text = (ROOT / "docs" / "deploy" / "kubernetes.yaml").read_text(encoding="utf-8")
     kinds = [found for found in yaml.safe_load_all(text) if found["kind"] == "Deployment"]
     return [found["spec"]["template"]["spec"] for found in kinds]
 
 
 def test_port_is_the_same_everywhere() -> None:
-    """The image's setting, what it exposes, and what each example forwards to."""
+    """Settings, EXPOSE and the forwarded ports of all examples agree."""
     port = settings().port
 
     assert settings().host == "0.0.0.0"
@@ -68,13 +68,13 @@ def test_port_is_the_same_everywhere() -> None:
 
 
 def test_command_leaves_address_and_port_to_the_settings() -> None:
-    """An argument would go before MOTORID_PORT."""
+    """A command-line argument would override MOTORID_PORT."""
     assert words_of("CMD") == ["[motorid,", "serve]"]
     assert words_of("ENTRYPOINT")[0] == "[/usr/bin/tini,"
 
 
 def test_user_is_the_same_everywhere() -> None:
-    """The image's user, the owner of /data, the pods and the page."""
+    """USER, the owner of /data, the pods and the page agree."""
     [given] = words_of("USER")
     user, group = given.split(":")
     owned = f"--owner {user} --group {group} --mode 0700 /data"
@@ -87,8 +87,8 @@ def test_user_is_the_same_everywhere() -> None:
     assert f"user {user}" in (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")
 
 
-def test_health_check_asks_for_readiness_on_the_port_that_is_set() -> None:
-    """It is the module that is tested here, and the path is one that the service answers."""
+def test_health_check_requests_readiness_on_the_configured_port() -> None:
+    """The command runs `app.health.probe`, and the service answers its path."""
     check = " ".join(words_of("HEALTHCHECK"))
     paths = {getattr(route, "path", None) for route in router.routes}
 
@@ -106,14 +106,14 @@ def test_health_check_asks_for_readiness_on_the_port_that_is_set() -> None:
     }
     assert http["readiness"]["path"] == probe.PATH
     assert {found["path"] for found in http.values()} <= paths
-    # MOTORID_ALLOWED_HOSTS never refuses this name, and the address of a pod it may.
+    # MOTORID_ALLOWED_HOSTS always permits localhost, but may refuse the address of a pod.
     assert [found["httpHeaders"] for found in http.values()] == [
         [{"name": "Host", "value": "localhost"}]
     ] * 3
 
 
 def test_requests_have_ended_before_anything_kills_the_service() -> None:
-    """Half of the time that `docker stop` waits; the examples wait longer."""
+    """The shutdown takes at most half the grace period of `docker stop`; examples allow more."""
     most = settings().shutdown_s
 
     assert most <= DOCKER_STOP_S / 2
@@ -121,16 +121,16 @@ def test_requests_have_ended_before_anything_kills_the_service() -> None:
     assert all(pod["terminationGracePeriodSeconds"] >= DOCKER_STOP_S for pod in pods())
 
 
-def test_data_and_everything_else_that_is_written_lie_on_the_volume() -> None:
-    """The root may be read-only."""
+def test_all_written_directories_are_on_the_volume() -> None:
+    """The root file system may then be read-only."""
     [volume] = words_of("VOLUME")
 
     assert {variables()[name] for name in ("MOTORID_DATA_DIR", "HOME", "TMPDIR")} == {volume}
     assert all(s["volumes"] == [f"data:{volume}"] for s in services())
 
 
-def test_build_sees_what_it_copies_and_nothing_else() -> None:
-    """.dockerignore shuts out everything, and lets in each source of a COPY by name."""
+def test_build_context_contains_only_the_copied_sources() -> None:
+    """.dockerignore excludes everything except the sources of COPY, which it names."""
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").splitlines()
     copied = [line.split()[1:-1] for line in LINES if line.startswith("COPY ")]
     sources = {word for words in copied for word in words if "--from=" not in " ".join(words)}
@@ -141,10 +141,10 @@ def test_build_sees_what_it_copies_and_nothing_else() -> None:
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
 @pytest.mark.parametrize(("told", "is_taken"), [("sha256:" + 64 * "e", True), ("oops", False)])
-def test_base_is_renewed_with_what_the_registry_tells(
+def test_base_is_updated_to_the_digest_of_the_registry(
     tmp_path: Path, told: str, is_taken: bool
 ) -> None:
-    """By an engine that stands in here; whatever is no digest leaves the file as it was."""
+    """A substitute engine answers; text that is no digest leaves the Dockerfile unchanged."""
     for name in ("Makefile", "Dockerfile"):
         shutil.copy(ROOT / name, tmp_path)
     engine = tmp_path / "engine"

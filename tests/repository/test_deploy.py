@@ -1,4 +1,4 @@
-"""What docs/deploy/ holds can be read, says only what the service knows, and is locked down."""
+"""The files of docs/deploy/ are valid, use existing settings, and restrict privileges."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ VARIABLES = {f"MOTORID_{name.upper()}" for name in Settings.model_fields} | {"MO
 
 
 def compose(name: str) -> dict[str, Any]:
-    """A compose file."""
+    """Content of a compose file."""
     return dict(yaml.safe_load((FOLDER / name).read_text(encoding="utf-8")))
 
 
 def objects(kind: str) -> list[dict[str, Any]]:
-    """Objects of a kind in the Kubernetes example."""
+    """Objects of one kind in the Kubernetes example."""
     text = (FOLDER / "kubernetes.yaml").read_text(encoding="utf-8")
     return [found for found in yaml.safe_load_all(text) if found["kind"] == kind]
 
@@ -34,20 +34,20 @@ def pods() -> list[dict[str, Any]]:
 
 
 def commands() -> list[list[str]]:
-    """Words by which containers start Dask."""
+    """Command lines that start Dask in a container."""
     services = compose("dask.yaml")["services"].values()
     found = [service.get("command", []) for service in services]
     found += [pod["containers"][0].get("args", []) for pod in pods()]
     return [words for words in found if words]
 
 
-def test_folder_holds_what_is_tested_here() -> None:
-    """Another file would go unread."""
+def test_every_file_of_the_folder_is_tested_here() -> None:
+    """A new file must be added to these tests."""
     assert {path.name for path in FOLDER.iterdir()} == {*COMPOSE, "kubernetes.yaml"}
 
 
-def test_page_names_every_file() -> None:
-    """By a link that leads there."""
+def test_page_links_every_file() -> None:
+    """docs/deploy.md has a link to each file."""
     page = (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")
 
     for path in FOLDER.iterdir():
@@ -55,8 +55,8 @@ def test_page_names_every_file() -> None:
 
 
 @pytest.mark.parametrize("name", COMPOSE)
-def test_compose_file_knows_what_it_names(name: str) -> None:
-    """Secrets and volumes are declared, variables are settings, and ours are locked down."""
+def test_compose_file_is_consistent_and_restricted(name: str) -> None:
+    """Secrets and volumes are declared, variables are settings, and privileges are dropped."""
     file = compose(name)
     for service in file["services"].values():
         assert set(service.get("secrets", [])) <= set(file["secrets"])
@@ -71,8 +71,8 @@ def test_compose_file_knows_what_it_names(name: str) -> None:
 
 
 @pytest.mark.parametrize("words", commands(), ids=lambda words: words[1])
-def test_dask_is_started_with_options_that_it_has_and_with_certificates(words: list[str]) -> None:
-    """Against the options of its own programs; a worker has no limit that would kill fits."""
+def test_dask_is_started_with_valid_options_and_certificates(words: list[str]) -> None:
+    """Reference: the options of Dask's programs; no memory limit of a worker may kill a fit."""
     program = {"scheduler": dask_scheduler.main, "worker": dask_worker.main}[words[1]]
     known = {name for parameter in program.params for name in parameter.opts}
     known |= {name for parameter in program.params for name in parameter.secondary_opts}
@@ -85,8 +85,8 @@ def test_dask_is_started_with_options_that_it_has_and_with_certificates(words: l
     assert words[1] == "scheduler" or "--memory-limit=0" in words
 
 
-def test_pods_are_locked_down_and_watched() -> None:
-    """Not root, no capability, read-only root, probes, and a limit of memory."""
+def test_pods_have_restricted_privileges_and_probes() -> None:
+    """No root user, no capabilities, read-only root, probes, and a memory limit."""
     assert len(pods()) == 3
     for pod in pods():
         [container] = pod["containers"]
@@ -103,8 +103,8 @@ def test_pods_are_locked_down_and_watched() -> None:
         assert "memory" in container["resources"]["limits"]
 
 
-def test_pods_name_what_is_there() -> None:
-    """Volumes, claims, secrets and settings."""
+def test_pods_refer_to_existing_objects() -> None:
+    """Volumes, claims, secrets and settings exist."""
     secrets = {found["metadata"]["name"] for found in objects("Secret")}
     claims = {found["metadata"]["name"] for found in objects("PersistentVolumeClaim")}
     for pod in pods():
@@ -119,8 +119,8 @@ def test_pods_name_what_is_there() -> None:
         assert {variable["name"] for variable in container.get("env", [])} <= VARIABLES
 
 
-def test_secret_that_a_file_hands_in_is_called_as_its_variable() -> None:
-    """The name by which the service looks for it."""
+def test_secrets_have_the_names_of_their_settings() -> None:
+    """The service looks up a secret by the name of its setting."""
     [settings] = [s for s in objects("Secret") if s["metadata"]["name"] == "motorid-settings"]
     names = {name.upper() for name in settings["stringData"]}
 

@@ -1,4 +1,4 @@
-"""What the pages say is there: commands, links, files, functions, decisions."""
+"""Documentation refers to existing commands, links, files, functions and decisions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PATH = re.compile(
 
 
 def read(page: str) -> str:
-    """The text of a page of the project."""
+    """Text of a page of the project."""
     return (ROOT / page).read_text(encoding="utf-8")
 
 
@@ -49,14 +49,14 @@ def shell_lines(page: str) -> Iterator[list[str]]:
 
 
 def command_words(words: list[str]) -> list[str]:
-    """A command without the assignments before it: `A=1 make test` is `make test`."""
+    """Command without preceding assignments: `A=1 make test` is `make test`."""
     while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):
         words = words[1:]
     return words
 
 
 def anchors(page: str) -> set[str]:
-    """Names by which links reach the headings of a page."""
+    """Link anchors of the headings of a page."""
     headings = re.findall(r"^#+ (.+)$", FENCE.sub("", read(page)), re.MULTILINE)
     return {
         re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings
@@ -78,7 +78,7 @@ def definitions(file: str) -> set[str]:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_make_target_on_a_page_exists(page: str) -> None:
-    """Targets in shell blocks and in backticks, against those that `make help` lists."""
+    """Reference: the targets that `make help` lists; text: shell blocks and backticks."""
     lines = [command_words(words) for words in shell_lines(page)]
     named = {
         word for words in lines if words[:1] == ["make"] for word in words[1:] if "=" not in word
@@ -89,8 +89,8 @@ def test_every_make_target_on_a_page_exists(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_command_on_a_page_is_one_the_program_knows(page: str) -> None:
-    """`motorid NAME --option` in shell blocks, against the commands and options as defined."""
+def test_every_command_on_a_page_is_defined(page: str) -> None:
+    """`motorid NAME --option` in shell blocks uses defined commands and options."""
     known = typer.main.get_command(command_line)
     for words in map(command_words, shell_lines(page)):
         if not words or Path(words[0]).name != "motorid":
@@ -107,8 +107,8 @@ def test_every_command_on_a_page_is_one_the_program_knows(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_link_on_a_page_leads_somewhere(page: str) -> None:
-    """Relative links reach a file, and their anchor a heading of it."""
+def test_every_link_on_a_page_has_a_target(page: str) -> None:
+    """A relative link leads to a file, and its anchor to a heading of that file."""
     for link in LINK.findall(FENCE.sub("", read(page))):
         if re.match(r"[a-z]+:", link):
             continue
@@ -129,7 +129,7 @@ def test_every_path_on_a_page_exists(page: str) -> None:
 
 
 def test_readme_shows_a_command_before_line_25() -> None:
-    """The first screen is a sentence and something to type."""
+    """The first screen contains a description and a command to type."""
     text = read("README.md")
 
     first = text[: text.index("```sh")].count("\n") + 1
@@ -141,7 +141,7 @@ def test_readme_shows_a_command_before_line_25() -> None:
 
 
 def test_makefile_lists_every_target_that_can_be_called() -> None:
-    """Every phony target but the internal one has its line in `make help`."""
+    """Every phony target except the internal one has a line in `make help`."""
     phony = set(re.findall(r"^\.PHONY: (\S+)$", read("Makefile"), re.MULTILINE)) - {"FORCE"}
     shown = subprocess.run(
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
@@ -152,7 +152,7 @@ def test_makefile_lists_every_target_that_can_be_called() -> None:
 
 
 def test_decisions_are_numbered_without_a_gap() -> None:
-    """A decision is cited by its number, which is never given twice."""
+    """Each decision has a unique number, by which it is cited."""
     numbers = [int(Path(page).name[:4]) for page in DECISIONS]
 
     assert numbers == list(range(1, len(numbers) + 1))
@@ -160,8 +160,8 @@ def test_decisions_are_numbered_without_a_gap() -> None:
 
 
 @pytest.mark.parametrize("page", DECISIONS)
-def test_decision_says_status_context_decision_and_consequences(page: str) -> None:
-    """The form of a record: 40 to 70 lines, its parts in order, good and bad consequences."""
+def test_decision_has_status_context_decision_and_consequences(page: str) -> None:
+    """A record has 40 to 70 lines and its parts in order, with good and bad consequences."""
     text = read(page)
     headings = re.findall(r"^##+ (.+)$", text, re.MULTILINE)
     wanted = ["Context", "Decision", "Alternatives refused", "Consequences", "Positive", "Negative"]
@@ -175,14 +175,14 @@ def test_decision_says_status_context_decision_and_consequences(page: str) -> No
 
 
 def test_decisions_are_all_listed() -> None:
-    """The index names each record once, by a link."""
+    """The index contains one link to each record."""
     linked = LINK.findall(read("docs/README.md"))
 
     assert [f"docs/{link}" for link in linked if link.startswith("adr/")] == DECISIONS
 
 
-def test_every_equation_of_the_source_has_a_place_in_the_code() -> None:
-    """Equations 1 to 16 of the paper, each with a file and a function in it."""
+def test_every_equation_of_the_source_has_a_function() -> None:
+    """Each of equations 1 to 16 of the paper is listed with an existing file and function."""
     rows = re.findall(
         r"^\| \((\d+)\)(?:-\((\d+)\))? \|.*\|(.*)\|$", read("docs/equations.md"), re.M
     )
@@ -196,8 +196,8 @@ def test_every_equation_of_the_source_has_a_place_in_the_code() -> None:
             assert name in definitions(file), f"{file} has no {name}"
 
 
-def test_changelog_speaks_of_this_version() -> None:
-    """The version in pyproject.toml is the newest heading, dated or unreleased."""
+def test_changelog_begins_with_this_version() -> None:
+    """The newest heading is the version in pyproject.toml, dated or unreleased."""
     number = tomllib.loads(read("pyproject.toml"))["project"]["version"]
     newest = re.findall(r"^## (.+)$", read("CHANGELOG.md"), re.MULTILINE)[0]
 

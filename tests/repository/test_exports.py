@@ -1,4 +1,4 @@
-"""What each file says about itself and offers to others."""
+"""Module docstrings, exported names and file lengths."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ FILES = sorted(
     for path in (ROOT / package).rglob("*.py")
 )
 LIBRARY = [file for file in FILES if file.startswith(("app/", "identification/", "motorid/"))]
-# Past 300 lines one looks for the second idea in a file; past this one it must have been found.
+# From 300 lines on, look for a second idea in the file; at this limit, split it.
 LONGEST_FILE_IN_LINES = 400
 
 
 def parsed(file: str) -> ast.Module:
-    """The syntax tree of a file of the project."""
+    """Syntax tree of a file of the project."""
     return ast.parse((ROOT / file).read_text(encoding="utf-8"), filename=file)
 
 
 def defined(tree: ast.Module) -> set[str]:
-    """Public names of functions, classes and constants that a module binds itself."""
+    """Public names of functions, classes and constants that a module defines."""
     names: set[str] = set()
     for node in tree.body:
         match node:
@@ -43,7 +43,7 @@ def defined(tree: ast.Module) -> set[str]:
 
 
 def exported(tree: ast.Module) -> list[str] | None:
-    """The literal `__all__` of a module, or None where it has none."""
+    """Literal `__all__` of a module; None if it has none."""
     for node in tree.body:
         match node:
             case ast.Assign(targets=[ast.Name(id="__all__")], value=value):
@@ -52,7 +52,7 @@ def exported(tree: ast.Module) -> list[str] | None:
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_every_file_begins_by_saying_what_it_is_for(file: str) -> None:
+def test_every_file_begins_with_a_docstring(file: str) -> None:
     """The first statement is a docstring of at least one sentence."""
     docstring = ast.get_docstring(parsed(file))
 
@@ -61,8 +61,8 @@ def test_every_file_begins_by_saying_what_it_is_for(file: str) -> None:
 
 
 @pytest.mark.parametrize("file", LIBRARY)
-def test_every_file_of_the_packages_lists_what_it_offers(file: str) -> None:
-    """`__all__` stands in each module that defines a public name, and the names are there."""
+def test_every_file_of_the_packages_lists_its_public_names(file: str) -> None:
+    """Each module that defines a public name has `__all__`, and its names exist."""
     tree = parsed(file)
     names = exported(tree)
 
@@ -77,12 +77,12 @@ def test_every_file_of_the_packages_lists_what_it_offers(file: str) -> None:
 
 
 def test_public_names_of_the_library_are_sorted() -> None:
-    """One finds a name in `identification.__all__` by the alphabet, capitals first."""
+    """`identification.__all__` is in alphabetical order, capitals first."""
     assert sorted(identification.__all__) == list(identification.__all__)
 
 
 def test_public_names_of_the_library_are_all_that_is_visible() -> None:
-    """What `dir(identification)` shows besides submodules is what `__all__` promises."""
+    """Besides submodules, `dir(identification)` shows exactly the names in `__all__`."""
     submodules = {entry.stem for entry in (ROOT / "identification").iterdir()}
 
     visible = {name for name in dir(identification) if not name.startswith("_")}
@@ -91,15 +91,15 @@ def test_public_names_of_the_library_are_all_that_is_visible() -> None:
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_no_file_outgrows_one_idea(file: str) -> None:
-    """A file is one idea; the limit is the one written above."""
+def test_no_file_exceeds_the_length_limit(file: str) -> None:
+    """The limit is the constant above."""
     lines = (ROOT / file).read_text(encoding="utf-8").count("\n")
 
     assert lines <= LONGEST_FILE_IN_LINES
 
 
-def test_the_library_offers_functions_and_classes_and_no_module_of_their_name() -> None:
-    """A module named `predict` took the place of the function as soon as it was imported."""
+def test_no_submodule_hides_a_public_function_or_class() -> None:
+    """A module named `predict` would replace the function of that name once imported."""
     for name in identification.__all__:
         assert callable(getattr(identification, name))
         assert callable(getattr(identification, name)), "after the import of its module"

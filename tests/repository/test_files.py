@@ -1,4 +1,4 @@
-"""What is in git, and what of it goes into the wheel."""
+"""Files tracked in git and files in the wheel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LARGEST_FILE_IN_BYTES = 3_000_000
 
 
 def files_in_git() -> list[str]:
-    """Files that git tracks, and those it would with the next `git add`."""
+    """Files that git tracks or would track after `git add`."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
         cwd=ROOT,
@@ -31,7 +31,7 @@ def files_in_git() -> list[str]:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel as the locked build backend makes it from the sources."""
+    """Wheel built by the locked build backend."""
     directory = tmp_path_factory.mktemp("wheel")
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", directory],
@@ -44,17 +44,17 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 
 
 def test_no_file_in_git_is_large() -> None:
-    """A clone stays quick: 3 MB a file is the limit, campaigns included."""
+    """A clone stays small: the limit is 3 MB per file, campaigns included."""
     sizes = {name: (ROOT / name).stat().st_size for name in files_in_git()}
 
     assert sizes
     assert {name: size for name, size in sizes.items() if size > LARGEST_FILE_IN_BYTES} == {}
 
 
-def test_no_file_in_git_names_a_place_on_the_machine_that_made_it() -> None:
-    """Neither this clone's folder, nor the folder around it, nor anyone's home, in any file."""
+def test_no_file_in_git_contains_a_path_of_this_machine() -> None:
+    """Neither the folder of this clone, nor its parent, nor a home directory occurs in a file."""
     places = [str(ROOT) + "/", str(ROOT.parent) + "/", str(Path.home()) + "/"]
-    # One level below the root is a common name in containers, such as /data, and tells nothing.
+    # A folder directly below the root, such as /data, is common in containers.
     patterns = [re.escape(place) for place in places if place.strip("/")]
     anywhere = re.compile("|".join([*patterns, r"/(?:home|Users)/[a-z]\w*/"]).encode())
 
@@ -67,8 +67,8 @@ def test_no_file_in_git_names_a_place_on_the_machine_that_made_it() -> None:
     assert found == []
 
 
-def test_nothing_that_a_run_makes_is_in_git() -> None:
-    """Results, caches and environments are made again, not kept."""
+def test_no_generated_file_is_in_git() -> None:
+    """Results, caches and environments are regenerated instead."""
     made = re.compile(
         r"(^|/)(__pycache__|\.venv[^/]*|out|dist|build|\.[a-z_]+_cache)/|\.pyc$|\.nc$"
     )
@@ -77,7 +77,7 @@ def test_nothing_that_a_run_makes_is_in_git() -> None:
 
 
 def test_wheel_holds_every_file_of_its_packages_and_no_other(wheel: zipfile.ZipFile) -> None:
-    """Templates and vendored scripts are needed at run time; tests and benchmarks are not."""
+    """Templates and bundled scripts are needed at run time; tests and benchmarks are not."""
     packages = ("app/", "identification/", "motorid/")
     expected = {name for name in files_in_git() if name.startswith(packages)}
 
@@ -86,8 +86,8 @@ def test_wheel_holds_every_file_of_its_packages_and_no_other(wheel: zipfile.ZipF
     assert held == expected
 
 
-def test_wheel_carries_the_licence_and_the_command(wheel: zipfile.ZipFile) -> None:
-    """The licence text goes with every copy; `motorid` is what users type."""
+def test_wheel_contains_the_licence_and_the_command(wheel: zipfile.ZipFile) -> None:
+    """The licence accompanies every copy; `motorid` is the command that users type."""
     names = wheel.namelist()
     (entry_points,) = [name for name in names if name.endswith("entry_points.txt")]
 
@@ -96,7 +96,7 @@ def test_wheel_carries_the_licence_and_the_command(wheel: zipfile.ZipFile) -> No
 
 
 def test_version_is_written_once() -> None:
-    """pyproject.toml holds it; the code asks the installed metadata."""
+    """The version is in pyproject.toml; the code reads the installed metadata."""
     written = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     number = written["project"]["version"]
     spelled = [
@@ -111,7 +111,7 @@ def test_version_is_written_once() -> None:
 
 
 def test_image_is_built_from_pinned_names_and_does_not_run_as_root() -> None:
-    """The base has a version in its tag and a digest; the last USER is a number other than 0."""
+    """The base has a version tag and a digest; the last USER is numeric and not 0."""
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
     bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
@@ -124,7 +124,7 @@ def test_image_is_built_from_pinned_names_and_does_not_run_as_root() -> None:
 
 
 def test_ci_runs_the_tests_through_make() -> None:
-    """One way to run everything: what CI calls is what the README says."""
+    """The CI calls the command that the README documents."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
     assert script.rstrip().endswith("make test </dev/null")

@@ -1,4 +1,4 @@
-"""The direction of imports: one way down, and no way round."""
+"""Direction of imports between layers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def sources(tmp_path: Path) -> Path:
-    """A copy of the configuration and of all Python files, for a test to spoil."""
+    """Copy of the configuration and of all Python files, for tests that modify them."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for package in ("app", "identification", "bench", "motorid"):
         shutil.copytree(
@@ -46,8 +46,8 @@ def sources(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_module_of_the_library_stands_in_the_layers() -> None:
-    """A module that no layer names could import anything; the folder is the expected list."""
+def test_every_module_of_the_library_belongs_to_a_layer() -> None:
+    """A module outside the layers could import anything; the reference is the folder."""
     folder = ROOT / "identification"
     modules = {
         f"identification.{entry.stem}"
@@ -79,7 +79,7 @@ def test_every_module_of_the_application_stands_in_the_layers() -> None:
 
 
 def test_decision_shows_the_layers_that_are_checked() -> None:
-    """The list in decision 0001 is the list in pyproject.toml, without the package's name."""
+    """Decision 0001 lists the layers of pyproject.toml, without the name of the package."""
     page = ROOT / "docs" / "adr" / "0001-layers-and-direction-of-imports.md"
     lines = [line for line in page.read_text(encoding="utf-8").splitlines() if " > " in line]
 
@@ -90,7 +90,7 @@ def test_decision_shows_the_layers_that_are_checked() -> None:
 
 @pytest.mark.parametrize("role", ["endpoints", "service", "repository", "worker"])
 def test_every_role_that_a_contract_names_exists(role: str) -> None:
-    """A pattern that matches no file would hold whatever the service imports."""
+    """A pattern that matches no file would never be violated."""
     named = {
         module
         for contract in CONTRACTS.values()
@@ -118,10 +118,8 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
         ("motorid/files.py", "import identification.quantities", "client"),
     ],
 )
-def test_an_import_that_points_upwards_is_refused(
-    sources: Path, file: str, line: str, contract: str
-) -> None:
-    """Negative control: import-linter must break exactly the contract that the line offends."""
+def test_an_upward_import_is_refused(sources: Path, file: str, line: str, contract: str) -> None:
+    """Negative control: import-linter reports exactly the violated contract."""
     spoiled = sources / file
     text = spoiled.read_text(encoding="utf-8")
     start = "from __future__ import annotations\n"
@@ -136,7 +134,7 @@ def test_an_import_that_points_upwards_is_refused(
 
 
 def test_no_import_points_upwards(sources: Path) -> None:
-    """All contracts hold on the sources as they are: as many kept as are written down."""
+    """All contracts hold, and import-linter has checked each of them."""
     finished = lint_imports(sources)
 
     assert finished.returncode == 0, finished.stdout + finished.stderr
@@ -151,10 +149,8 @@ def test_no_import_points_upwards(sources: Path) -> None:
         ("motorid.client", ("app", "identification", "numpy", "pandas", "casadi", "pydantic")),
     ],
 )
-def test_importing_a_door_does_not_load_what_is_behind_the_other(
-    module: str, absent: tuple[str, ...]
-) -> None:
-    """Decision 0004: `motorid fit` needs no web framework; a fresh interpreter tells."""
+def test_each_package_loads_only_its_own_dependencies(module: str, absent: tuple[str, ...]) -> None:
+    """Decision 0004: `motorid fit` needs no web framework; tested in a new interpreter."""
     program = f"import sys, {module}; print(*[n for n in {absent!r} if n in sys.modules])"
 
     loaded = subprocess.run(

@@ -1,4 +1,4 @@
-"""requirements/*.txt: names, versions, markers and hashes; complete, agreeing, and nothing else."""
+"""Lock files: pinned versions, markers and hashes, complete and consistent."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ MACHINES = [
 
 
 def requirements(lock: str) -> list[list[str]]:
-    """Requirements of a lock file, each as its words: the pin first, then its hashes."""
+    """Requirements of a lock file, each as words: first the pin, then its hashes."""
     text = (ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8")
     joined = text.replace("\\\n", " ")
     return [re.split(r" +(?=--hash)", line.strip()) for line in joined.splitlines()]
 
 
 def pins(lock: str, machine: dict[str, str]) -> dict[str, str]:
-    """Name to version of what pip would take from a lock file on a machine."""
+    """Versions by name that pip would install from a lock file on a machine."""
     chosen: dict[str, str] = {}
     for pin, *_ in requirements(lock):
         match = PIN.fullmatch(pin)
@@ -54,7 +54,7 @@ def pins(lock: str, machine: dict[str, str]) -> dict[str, str]:
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_each_requirement_is_one_version_with_hashes(lock: str) -> None:
-    """A file with one requirement without a hash is refused by pip; each must be a pin."""
+    """A single requirement without hash makes pip refuse the whole file."""
     for pin, *hashes in requirements(lock):
         assert PIN.fullmatch(pin), pin
         assert hashes, pin
@@ -62,8 +62,8 @@ def test_each_requirement_is_one_version_with_hashes(lock: str) -> None:
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_no_address_stands_in_a_lock_file(lock: str) -> None:
-    """Decision 0003: where a file is fetched from is the business of the machine."""
+def test_no_lock_file_contains_an_address(lock: str) -> None:
+    """Decision 0003: the machine decides from where files are downloaded."""
     text = (ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8")
 
     found = re.findall(r".*(?:#|://| @ |index-url|find-links|file:).*", text)
@@ -82,10 +82,10 @@ def test_no_address_stands_in_a_lock_file(lock: str) -> None:
         ("dev", [line for line in GROUPS["dev"] if isinstance(line, str)]),
     ],
 )
-def test_lock_file_meets_what_the_project_asks_for(
+def test_lock_file_satisfies_the_bounds_of_the_project(
     lock: str, wanted: list[str], machine: dict[str, str]
 ) -> None:
-    """A bound raised in pyproject.toml without `make lock` shows here, for every machine."""
+    """A changed bound in pyproject.toml requires `make lock`; tested for every machine."""
     locked = pins(lock, machine)
 
     for requirement in map(Requirement, wanted):
@@ -95,7 +95,7 @@ def test_lock_file_meets_what_the_project_asks_for(
 
 
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda m: "-".join(list(m.values())[1:4]))
-def test_what_is_tested_is_what_is_shipped(machine: dict[str, str]) -> None:
+def test_tested_versions_are_the_shipped_versions(machine: dict[str, str]) -> None:
     """Every version in run.txt and build.txt is the same in dev.txt."""
     tested = pins("dev", machine).items()
 
@@ -104,11 +104,11 @@ def test_what_is_tested_is_what_is_shipped(machine: dict[str, str]) -> None:
 
 
 def test_build_backend_is_locked_under_the_same_bound() -> None:
-    """The environment builds without isolation, so both places must ask for the same backend."""
+    """The environment builds without isolation, so both entries must require the same backend."""
     assert PROJECT["build-system"]["requires"] == GROUPS["build"]
 
 
-def test_lock_reader_refuses_what_pip_would_fetch_unchecked() -> None:
+def test_lock_reader_refuses_requirements_without_a_pin() -> None:
     """Negative control: a range, an address and a path are no pins."""
     assert PIN.fullmatch("numpy==2.4.6 ; python_full_version < '3.12'")
     for text in ("numpy>=2.4", "numpy", "numpy @ file:///numpy.whl", "-e .", "numpy==2.4 # why"):
@@ -116,7 +116,7 @@ def test_lock_reader_refuses_what_pip_would_fetch_unchecked() -> None:
 
 
 def imported() -> dict[str, list[str]]:
-    """Packages from outside that the code imports, each with the files that do."""
+    """Third-party packages that the code imports, with the importing files."""
     found: dict[str, list[str]] = {}
     packages = ("app", "identification", "motorid")
     for path in [path for package in packages for path in ROOT.glob(f"{package}/**/*.py")]:
@@ -134,20 +134,20 @@ def imported() -> dict[str, list[str]]:
 
 
 def declared() -> set[str]:
-    """Names of the packages that pyproject.toml asks for at run time."""
+    """Names of the run-time dependencies in pyproject.toml."""
     return {
         canonicalize_name(Requirement(line).name) for line in PROJECT["project"]["dependencies"]
     }
 
 
 def extras() -> set[str]:
-    """Names of the packages that come with what a user may leave out."""
+    """Names of the packages in optional dependencies."""
     groups = PROJECT["project"]["optional-dependencies"].values()
     return {canonicalize_name(Requirement(line).name) for group in groups for line in group}
 
 
 def test_every_import_of_the_packages_is_a_declared_dependency() -> None:
-    """What arrives only because something else needs it may be gone tomorrow."""
+    """A transitive dependency may disappear with the next version of another package."""
     distributions = packages_distributions()
 
     undeclared = {
@@ -161,7 +161,7 @@ def test_every_import_of_the_packages_is_a_declared_dependency() -> None:
 
 
 def test_every_declared_dependency_is_imported() -> None:
-    """Nothing is installed for nothing; h5py alone is used by another package, h5netcdf."""
+    """Only h5py is not imported; another package, h5netcdf, uses it."""
     distributions = packages_distributions()
     used = {
         canonicalize_name(name) for module in imported() for name in distributions.get(module, [])

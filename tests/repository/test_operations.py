@@ -1,4 +1,4 @@
-"""The page for operators against the code: settings, metrics, commands."""
+"""The operations page agrees with the settings, metrics and commands of the code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text(encoding
 
 
 def default_of(name: str) -> str:
-    """The default of a setting as the page writes it."""
+    """Default of a setting in the notation of the page."""
     field = Settings.model_fields[name]
     if field.default_factory is not None:
         return "number of cores"
@@ -29,7 +29,7 @@ def default_of(name: str) -> str:
 
 @pytest.mark.parametrize("name", Settings.model_fields)
 def test_table_of_settings_has_this_row(name: str) -> None:
-    """Name, default and sentence as `app.settings` has them; the assertion shows the row to put."""
+    """Name, default and description are those of `app.settings`; the failure shows the row."""
     description = Settings.model_fields[name].description
     row = f"| `MOTORID_{name.upper()}` | {default_of(name)} | {description} |"
 
@@ -37,14 +37,14 @@ def test_table_of_settings_has_this_row(name: str) -> None:
 
 
 def test_table_of_settings_has_no_other_row() -> None:
-    """A setting that is gone is not documented."""
+    """A removed setting must not be documented."""
     rows = [line for line in PAGE.splitlines() if line.startswith("| `MOTORID_")]
 
     assert len(rows) == len(Settings.model_fields)
 
 
 def test_every_metric_is_on_the_page() -> None:
-    """Names as Prometheus shows them, from the registry itself."""
+    """Reference: the metric names of the Prometheus registry."""
     families = Metrics().registry.collect()
     names = {f"{f.name}_total" if f.type == "counter" else f.name for f in families}
 
