@@ -34,8 +34,8 @@ def open_interval(
 ) -> None:  # fmt: skip
     """Set the drive record for the interval that starts at knot `n`, and log its voltage.
 
-    A held voltage is limited by the state at its own knot.  A linear voltage is limited by the
-    state at the preceding knot, because the slope must be known at the start of the interval.
+    For ZOH, the state at the knot itself determines the voltage limit.  For FOH, it is the state at
+    the preceding knot, because the slope must be known at the start of the interval.
     """
     u.start = times[n]
     u.temperature = temperature[n]

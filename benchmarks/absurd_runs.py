@@ -105,7 +105,7 @@ def _motor(random: Random) -> Array:
 
 def _run(random: Random, motor: Array, name: str, most: int) -> tuple[Run, str]:
     count = int(10 ** random.uniform(np.log10(50), np.log10(most)))
-    # About the mechanical time constant over 50, and 30 times faster or slower.
+    # About 1/50 of the mechanical time constant, up to 30 times faster or slower.
     interval = motor[2] * motor[0] / motor[1] ** 2 / 50 * 10 ** random.uniform(-1.5, 1.5)
     kind = str(random.choice(list(EXCITATIONS)))
     voltage = 12.0 * EXCITATIONS[kind](random, count)
@@ -181,7 +181,7 @@ EXCITATIONS: Final[dict[str, Callable[[Random, int], Array]]] = {
     "motion in the last sample": _late,
     "tiny": lambda random, count: 1e-9 * _steps(random, count),
 }
-"""Voltage by kind, (n_sample,), up to 1."""
+"""Voltage by excitation, (n_sample,), at most 1."""
 
 
 def _changed(run: Run, **channels: object) -> Run:
@@ -294,4 +294,4 @@ FAULTS: Final[dict[str, Callable[[Random, Run], Run]]] = {
     "absurd temperature": _hot,
     "absurd position": _turned,
 }
-"""What spoils a run."""
+"""Faults that are applied to a run."""

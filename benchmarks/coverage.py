@@ -57,7 +57,7 @@ class Outcome:
 
 
 def run_of(recorded: BenchRun, name: str) -> Run:
-    """Convert a recording of the bench simulator to a run, as the reader returns it."""
+    """Convert a recording of the bench simulator to a run of the reader."""
     frame = recorded.frame
     text = io.StringIO()
     frame.to_csv(text, index=False)

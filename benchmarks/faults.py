@@ -83,7 +83,7 @@ def seen(fault: Fault, motor: int, rows: int) -> Seen:
     Args:
         fault: The fault.
         motor: Seed of the motor.
-        rows: Samples a run.
+        rows: Samples per run.
     """
     tables = fault.make(tables_of(motor, rows), np.random.default_rng(motor))
     with tempfile.TemporaryDirectory() as folder:
@@ -124,8 +124,8 @@ def sound(item: dict[str, Any], rows: int) -> dict[str, list[str]]:
     """Findings in a sound campaign and in parts of it, by part.
 
     Args:
-        item: Of `benchmarks.attribution.plan`.
-        rows: Samples a run.
+        item: Item of `benchmarks.attribution.plan`.
+        rows: Samples per run.
     """
     requests = []
     for name, law in item["effects"]:

@@ -43,9 +43,9 @@ from identification.threads import use_threads
 __all__ = ["Ending", "ending_of", "main"]
 
 _TOLD = 50
-"""Fits after which the counts are printed."""
+"""Number of fits between two printed counts."""
 _DRAWS = 50
-"""Draws of the loop that is evaluated once more, from the written result."""
+"""Draws for the repeated evaluation of the loop from the written result."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class Measured:
 
     Args:
         case: The motor.
-        substeps: Runge-Kutta steps an interval that the hand-written code needs.
+        substeps: Runge-Kutta steps per interval of the hand-written code.
         seconds: Median time by job [s].
         ratios: Median ratio of hand-written to package time, by job.
         notes: Relative errors of the fits.

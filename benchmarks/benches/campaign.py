@@ -47,7 +47,7 @@ def wanted(first: int, count: int, cell: str | None) -> Iterator[int]:
 
     Args:
         first: The first number.
-        count: How many.
+        count: Number of campaigns.
         cell: A case, or a cell as ``encoder:clean``; None for all.
     """
     number = first
@@ -63,8 +63,8 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
     """Identify one campaign and return its line of the log.
 
     Args:
-        number: Of the campaign; it determines cell, motor and noise.
-        settings: Of all campaigns.
+        number: Number of the campaign; it determines cell, motor and noise.
+        settings: Options of all campaigns.
     """
     cell = CELLS[number % len(CELLS)]
     measured = recorded(cell, number, settings.rows)
@@ -106,8 +106,8 @@ def isolated(number: int, settings: Settings) -> dict[str, Any]:
     """Run `identified` in a separate process, to measure its peak memory.
 
     Args:
-        number: Of the campaign.
-        settings: Of all campaigns.
+        number: Number of the campaign.
+        settings: Options of all campaigns.
     """
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         try:

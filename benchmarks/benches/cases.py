@@ -9,7 +9,7 @@ Each case has a clean motor and one with dry friction and a voltage drop at the 
 | any with friction | `coulomb_friction` and `brush_drop` | nothing |
 | everything | the kind of each hidden effect | nothing |
 
-and in addition to that
+and additionally
 
 | case | required effects | further permitted effects |
 |---|---|---|
@@ -136,7 +136,7 @@ CELLS: Final[tuple[Cell, ...]] = tuple(
     for motor in motors
     if (motor == "mixed") == case.name.startswith("everything")
 )
-"""Campaign number n is of cell n modulo their number."""
+"""All cells; campaign n belongs to cell n modulo their number."""
 
 _EQUAL_ONE_WAY: Final = (
     frozenset({"coulomb_friction", "load_torque"}),

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Random = np.random.Generator
 
 _OVERLOAD: Final = 2.5
-"""Current while the speed changes over the rated one."""
+"""Ratio of the current during acceleration to the rated current."""
 _STILL: Final = 0.15
 """Share of the levels that are zero."""
 

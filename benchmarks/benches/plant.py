@@ -23,9 +23,9 @@ __all__ = ["Drive", "Hidden", "Trajectory", "simulated"]
 Array = NDArray[np.float64]
 
 _FINENESS: Final = 0.4
-"""Step times the fastest rate of the motor, at most."""
+"""Largest product of step and fastest rate of the motor."""
 _FEWEST: Final = 8
-"""Steps in a sample interval, at least."""
+"""Smallest number of steps per sample interval."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Trajectory:
 
 
 class _Plant(NamedTuple):
-    """All numbers of motor, hidden effects and drive, by the names that they have there."""
+    """All parameters of motor, hidden effects and drive, with the same names."""
 
     Ra25: float
     alpha_Ra: float

@@ -26,7 +26,7 @@ _SPEED_NOISE: Final = 0.003
 _VOLTAGE_NOISE: Final = 1e-4
 _CURRENT_STEP: Final = 0.002
 _SPEED_STEP: Final = 0.0005
-"""Standard deviations and steps of the converters, relative to rated values."""
+"""Standard deviations and resolutions of the sensors, relative to rated values."""
 _COUNTS: Final = (2000, 4096, 8192)
 
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.container [--python PREFIX]
 
-It needs Linux, root, and the programs buildah, unshare, nsenter and ip; with `--python`, which
-stands in for the base image where no registry can be reached, debootstrap on Debian as well.
+It needs Linux, root, and the programs buildah, unshare, nsenter and ip.  Without access to a
+registry, `--python` replaces the base image; this needs Debian and debootstrap.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _PROGRAMS = ("buildah", "unshare", "nsenter", "ip")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Build and test; the status is 1 after a failure."""
+    """Build and test; the exit status is 1 after a failure."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.container", description=__doc__)
     parser.add_argument("--python", type=Path, help="prefix of a Python, not the system's own")
     chosen = parser.parse_args(arguments)

@@ -1,6 +1,6 @@
-"""Container as an engine creates it: own namespaces, read-only root, user without capabilities.
+"""Container as an engine creates it: namespaces, read-only root, user without capabilities.
 
-Its network has the loopback device and nothing else; who calls it enters that network.
+Its network has a loopback device only; callers enter that network.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from benchmarks.container.image import Image
 __all__ = ["ADDRESS", "Box"]
 
 ADDRESS = "192.0.2.1"
-"""Address of the container beside loopback, as a network would give it one (RFC 5737)."""
+"""Address of the container in addition to loopback (RFC 5737), as in a network."""
 
 _NEW_NETWORK = 0x40000000
 _SCRIPT = f"""
@@ -48,11 +48,11 @@ class Box:
     """A container that runs until it is stopped or killed.
 
     Args:
-        image: What it is made of.
+        image: Image of the container.
         volume: Directory that becomes /data.
-        work: Directory for its mount point and its log.
-        name: Its host name.
-        variables: Variables beside those of the image.
+        work: Directory for mount point and log.
+        name: Host name.
+        variables: Variables in addition to those of the image.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Box:
         return ["/usr/bin/env", "--ignore-environment", place, *settings, *limited, "--", *words]
 
     def _await_first(self) -> int:
-        """Number, on this machine, of the process that is 1 in the container, once it is in it."""
+        """Host process id of process 1 of the container, once it is in its own root."""
         children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
         while self.process.poll() is None and time.monotonic() - self.began < 30:
             if (listed := children.read_text().split()) and _root(listed[0]) != "/":
@@ -97,7 +97,7 @@ class Box:
         raise AssertionError(f"it does not start:\n{self.log.read_text()}")
 
     def processes(self) -> list[int]:
-        """Numbers, on this machine, of all its processes."""
+        """Host process ids of all processes in the container."""
         space = os.readlink(f"/proc/{self.first}/ns/pid")
         found = []
         for entry in Path("/proc").iterdir():
@@ -109,7 +109,7 @@ class Box:
         return found
 
     def execute(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """Run a command in it as its user, as `docker exec` does."""
+        """Run a command in the container as its user, as `docker exec` does."""
         entered = ("--target", str(self.first), "--mount", "--pid", "--net", "--ipc", "--uts")
         return subprocess.run(
             ["nsenter", *entered, "--root", *self._as_user(list(words))],
@@ -119,11 +119,11 @@ class Box:
         )
 
     def is_healthy(self) -> bool:
-        """Whether its health check says so."""
+        """Return True if the health check of the image succeeds."""
         return self.execute(*self._image.config["Healthcheck"]["Test"][1:]).returncode == 0
 
     def await_health(self, limit_s: float = 120.0) -> float:
-        """Wait until it is healthy; gives the time since its start [s]."""
+        """Wait until the container is healthy; return the time since its start [s]."""
         while self.process.poll() is None and time.monotonic() - self.began < limit_s:
             if self.is_healthy():
                 return time.monotonic() - self.began
@@ -132,7 +132,7 @@ class Box:
 
     @contextmanager
     def network(self) -> Iterator[None]:
-        """Have this thread make its connections in the network of the container."""
+        """Let this thread connect within the network of the container."""
         library = ctypes.CDLL(None, use_errno=True)
         with open("/proc/thread-self/ns/net") as own, open(f"/proc/{self.first}/ns/net") as other:
             _enter(library, other.fileno())
@@ -142,7 +142,7 @@ class Box:
                 _enter(library, own.fileno())
 
     def stop(self, grace_s: float = 10.0) -> tuple[float, int]:
-        """End it as `docker stop` does; gives the time that it took [s] and its exit status."""
+        """Stop the container as `docker stop` does; return the duration [s] and its exit status."""
         began = time.monotonic()
         os.kill(self.first, signal.SIGTERM)
         try:
@@ -152,14 +152,14 @@ class Box:
         return time.monotonic() - began, status
 
     def kill(self) -> int:
-        """End it as a loss of power would."""
+        """Kill process 1 of the container, as a power failure would."""
         if self.process.poll() is None:
             os.kill(self.first, signal.SIGKILL)
         return self.process.wait(timeout=60)
 
 
 def _root(process: str) -> str:
-    """Root directory of a process; that of all others where it has ended."""
+    """Root directory of a process; "/" if the process has ended."""
     try:
         return os.readlink(f"/proc/{process}/root")
     except FileNotFoundError:

@@ -24,7 +24,7 @@ _SECRET_VARIABLE = re.compile("PASSWORD|TOKEN|SECRET|KEY|INDEX_URL", re.IGNORECA
 
 
 def run(image: Image, work: Path) -> Iterator[Outcome]:
-    """Start it, use it, stop it, kill it.
+    """Start, use, stop and kill the container.
 
     Args:
         image: The image.
@@ -68,9 +68,9 @@ def _running(image: Image, volume: Path, work: Path, name: str, **variables: str
 
 
 def _content(image: Image) -> Outcome:
-    """Names of files and variables: nothing of the sources but the packages, and no secret."""
+    """Search the image for secrets and sources, in file names and variables."""
     names = (str(p.relative_to(image.root)) for p in (image.root / "opt").rglob("*"))
-    # The tests of a package may carry a key of their own, which opens nothing.
+    # The tests of a package may contain a key that protects nothing.
     found = [name for name in names if _SECRET.search(name) and "/test" not in name]
     found += [name for name in image.variables if _SECRET_VARIABLE.search(name)]
     found += [str(path) for path in image.root.glob("build*")]
@@ -103,7 +103,7 @@ def _locked_down(box: Box) -> Iterator[Outcome]:
 
 
 def _at_rest(box: Box) -> Outcome:
-    """Proportional set size of all its processes."""
+    """Proportional set size of all processes of the container."""
     total = 0
     for process in box.processes():
         text = Path(f"/proc/{process}/smaps_rollup").read_text()
@@ -114,7 +114,7 @@ def _at_rest(box: Box) -> Outcome:
 
 
 def _reaped(box: Box) -> Outcome:
-    """What computes is forked by a process that is killed here, and PID 1 is left its children."""
+    """Test that PID 1 reaps orphans, which a killed fork server would leave."""
     box.execute("sh", "-c", "(sleep 0.2 & sleep 0.2 &) ; exit 0")
     time.sleep(1.0)
     states = [Path(f"/proc/{p}/stat").read_text().rsplit(")", 1)[1][1] for p in box.processes()]
@@ -137,7 +137,7 @@ def _uploaded(client: Client) -> list[Run]:
 
 
 def _begun(client: Client) -> Fit:
-    """A fit that runs, and needs longer than a stop may take."""
+    """Start a fit that takes longer than the limit of a stop."""
     fit = client.fit(_uploaded(client))
     deadline = time.monotonic() + 600
     while not client.show_fit(fit).content["progress"] and time.monotonic() < deadline:
@@ -147,7 +147,7 @@ def _begun(client: Client) -> Fit:
 
 @contextmanager
 def _half_an_upload(key: str) -> Iterator[None]:
-    """A request that says it has more to send, and does not."""
+    """Open an upload that announces more data than it sends."""
     with socket.create_connection((ADDRESS, 8000), timeout=10) as connection:
         head = f"POST /api/v1/runs HTTP/1.1\r\nHost: bench\r\nAuthorization: Bearer {key}\r\n"
         kind = "Content-Type: multipart/form-data; boundary=x\r\nContent-Length: 100000\r\n\r\n"
@@ -157,7 +157,7 @@ def _half_an_upload(key: str) -> Iterator[None]:
 
 
 def _kept(image: Image, volume: Path, work: Path, key: str, fit: Fit) -> Iterator[Outcome]:
-    """Starts on the same volume: after SIGTERM, and, as another container, after SIGKILL."""
+    """Restart on the same volume after SIGTERM, and in another container after SIGKILL."""
     results: list[str] = []
     for name, what in (("bench", "SIGTERM"), ("other", "SIGKILL")):
         with _running(image, volume, work, name) as box:
@@ -188,7 +188,7 @@ def _kept(image: Image, volume: Path, work: Path, key: str, fit: Fit) -> Iterato
 
 
 def _settings(image: Image, volume: Path, work: Path) -> Outcome:
-    """Another port and a list of host names; then the service is halted."""
+    """Test the health check with another port and host names, and with a halted service."""
     names = {"MOTORID_PORT": "9000", "MOTORID_ALLOWED_HOSTS": "motor.example"}
     with _running(image, volume, work, "third", **names) as box:
         box.await_health()

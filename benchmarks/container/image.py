@@ -1,4 +1,4 @@
-"""The image, built by buildah in a chroot, which needs no engine and no registry."""
+"""Container image, built by buildah in a chroot, without engine and registry."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _BASE = "localhost/motorid-base"
 
 @dataclass(frozen=True)
 class Image:
-    """An image whose files are mounted.
+    """A container image with mounted files.
 
     Args:
-        root: Directory of its files.
-        base: Directory of the files of the base that stood in; None for the real one.
-        config: What it says of user, variables, command, volume and health check.
-        size: Bytes of all its layers.
-        build_s: Time that the build took [s].
+        root: Directory of the files.
+        base: Directory of the substitute for the base; None for the real base.
+        config: Configuration: user, variables, command, volume and health check.
+        size: Size of all layers [bytes].
+        build_s: Duration of the build [s].
     """
 
     root: Path
@@ -40,17 +40,17 @@ class Image:
 
     @property
     def variables(self) -> dict[str, str]:
-        """Its environment."""
+        """Environment of the image."""
         return dict(entry.split("=", 1) for entry in self.config["Env"])
 
     @property
     def command(self) -> list[str]:
-        """What it starts."""
+        """Command that the image starts."""
         return [*self.config["Entrypoint"], *self.config["Cmd"]]
 
     @property
     def user(self) -> tuple[str, str]:
-        """Number of the user and of the group under which it runs."""
+        """Numeric user and group of the processes."""
         user, group = self.config["User"].split(":")
         return user, group
 
@@ -61,8 +61,8 @@ def built(work: Path, python: Path | None) -> Iterator[Image]:
 
     Args:
         work: An empty directory for the store of images and the base.
-        python: Where a Python is installed that stands in for the base; None takes the real base
-            from its registry.
+        python: Prefix of a Python that replaces the base; None uses the real base from its
+        registry.
     """
     buildah = _Buildah(work)
     options = []
@@ -90,13 +90,13 @@ def built(work: Path, python: Path | None) -> Iterator[Image]:
 
 
 class _Buildah:
-    """Buildah on a store of its own, so that images of this machine stay as they are."""
+    """Buildah with a separate store, which leaves other images of this machine unchanged."""
 
     def __init__(self, work: Path) -> None:
         self._words = ("buildah", "--root", str(work / "store"), "--runroot", str(work / "run"))
 
     def run(self, *words: str) -> str:
-        """What a command printed."""
+        """Run a command and return its output."""
         done = subprocess.run([*self._words, *words], check=True, stdout=subprocess.PIPE, text=True)
         return done.stdout.strip()
 

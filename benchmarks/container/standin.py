@@ -1,6 +1,6 @@
-"""Stand-in for the base image without a registry: Debian and a Python of this machine.
+"""Substitute for the base image without a registry: Debian and a Python of this machine.
 
-It has the packages of the real one that the build and the service use, in the same places.
+It contains the packages that build and service use, in the same paths as the real base.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def make(prefix: Path, root: Path) -> None:
     """Make the directory of a base image.
 
     Args:
-        prefix: Where a Python is installed, with `bin` and `lib`, not that of the system.
+        prefix: Prefix of a Python with `bin` and `lib`, not that of the system.
         root: Directory to make.
     """
     release = _release()
@@ -33,7 +33,7 @@ def make(prefix: Path, root: Path) -> None:
             dirs_exist_ok=True,
             ignore=shutil.ignore_patterns("site-packages", "__pycache__", "test", "*.a"),
         )
-    # Whatever stands between this machine and the package index is trusted there as it is here.
+    # A proxy between this machine and the package index must be trusted in the image too.
     shutil.copy(Path("/") / _AUTHORITIES, root / _AUTHORITIES)
     inside = ("chroot", str(root))
     _run(*inside, "ldconfig")
@@ -51,12 +51,12 @@ def _release() -> str:
 
 
 def _libraries(prefix: Path) -> list[str]:
-    """Packages of this machine whose libraries the interpreter and its modules load."""
+    """Packages of this machine that provide the libraries of the interpreter."""
     modules = [p for p in prefix.glob("lib/python3*/lib-dynload/*.so") if "tkinter" not in p.name]
     listed = _run("ldd", *map(str, [prefix / "bin" / "python3", *modules]))
     found = {line.split()[2] for line in listed.splitlines() if "=> /" in line}
     files = {Path(path).resolve() for path in found if not path.startswith(str(prefix))}
-    # A package may know its file below /lib or below /usr/lib, which are one.
+    # A package may list its file below /lib or /usr/lib, which are the same directory.
     system = {f"*/{file.parent.name}/{file.name}" for file in files}
     owners = _run("dpkg", "--search", *sorted(system))
     return sorted({line.split(":")[0] for line in owners.splitlines()})

@@ -2,10 +2,9 @@
 
     python -m benchmarks.torture [--short] [--only kills,files] [--out FILE.md]
 
-Each module of `MODULES` has one function, `run(short, directory)`, that starts the servers which
-it needs on loopback, ends them, and gives outcomes, at once or one by one.  Each has a section of
-its own in the table, which is written when the module is done; the other sections stay as they are,
-so that the whole can be made in parts.
+Each module of `MODULES` has a function `run(short, directory)` that starts its servers on loopback,
+stops them, and returns or yields outcomes.  Each module has its own section of the page, which is
+replaced when the module has finished; the sections can therefore be made separately.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _TABLE = Path("docs/benchmarks/torture.md")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the chosen modules; the status is 1 after a failure."""
+    """Run the chosen modules; the exit status is 1 after a failure."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.torture", description=__doc__)
     parser.add_argument(
         "--short", action="store_true", help="short version: minutes instead of hours"

@@ -55,7 +55,7 @@ def _matrix(server: Server, alice: Caller, bob: Caller, directory: Path) -> Outc
             continue
         answer = bob.http.request(method, server.url + filled(path, ids))
         tried += 1
-        # What names no thing answers bob with what is his own.
+        # Routes without an id return the data of the caller's own workspace.
         is_shut = answer.status_code == 404 if PLACE.search(path) else True
         if not is_shut or any(thing in answer.text for thing in ids.values()):
             wrong.append(f"{method} {path} with another workspace's key: {answer.status_code}")

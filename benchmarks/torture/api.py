@@ -1,8 +1,7 @@
 """Property-based test of the HTTP interface with schemathesis: no answer may be a 5xx.
 
-The cases come from the description that the server itself gives; `api_hooks` puts real runs into
-some of them, without which no fit would ever begin.  What was sent and answered is counted twice,
-by schemathesis and by the server.
+The cases come from the OpenAPI description of the server; `api_hooks` puts real runs into some of
+them, without which no fit would begin.  Schemathesis and the server both count the responses.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _FEWEST = 5000
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Call everything, at random and in sequences."""
+    """Call all routes, at random and in sequences."""
     key = make_key(directory / "data")
     settings = {"RATE_PER_S": 0, "MAX_UPLOAD_BYTES": 10**6, "KEEP_ALIVE_S": 1}
     with serving(directory / "data", **settings) as server, Caller(server, key) as caller:
@@ -73,7 +72,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
 def _schemathesis(
     server: Server, key: str, runs: list[str], directory: Path, words: list[str]
 ) -> dict[str, Any]:
-    """Its report."""
+    """Report of schemathesis."""
     report = directory / "report.json"
     hooks = {"SCHEMATHESIS_HOOKS": api_hooks.__name__, api_hooks.RUNS: ",".join(runs)}
     done = subprocess.run(
@@ -86,7 +85,7 @@ def _schemathesis(
             *words,
         ],
         env=os.environ | hooks | {"PYTHONPATH": str(Path(__file__).parents[2])},
-        # It keeps what it found for the next time, which is not to be.
+        # schemathesis would store its findings for the next run.
         cwd=directory,
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -99,7 +98,7 @@ def _schemathesis(
 
 
 def _statuses(server: Server) -> Counter[str]:
-    """How often the server answered with each status."""
+    """Number of responses of the server by status."""
     found: Counter[str] = Counter()
     for status, number in _SAMPLE.findall(httpx.get(f"{server.url}/metrics").text):
         found[status] += int(float(number))

@@ -13,14 +13,14 @@ from tests.app.service import run_text
 __all__ = ["RUNS", "real_runs", "real_upload"]
 
 RUNS = "MOTORID_TORTURE_RUNS"
-"""Environment variable with the ids of runs that there are, separated by commas."""
+"""Environment variable with the ids of existing runs, separated by commas."""
 
 
 _on_body: Any = schemathesis.hook("map_body").apply_to  # type: ignore[attr-defined]
 
 
 def _chance(body: object, of: int) -> int:
-    """A number below `of` that the body itself decides, so that a case is the same each time."""
+    """Number below `of` that is derived from the body, so that a case is reproducible."""
     return hashlib.sha256(repr(body).encode("utf-8", "replace")).digest()[0] % of
 
 
@@ -34,7 +34,7 @@ def _with_runs(fit: Any) -> Any:
 
 @_on_body(method="POST", path_regex="/(fits|batches)$")
 def real_runs(context: schemathesis.HookContext, body: Any) -> Any:
-    """Name runs that are there in two of three fits."""
+    """Name existing runs in two of three fits."""
     if isinstance(body, dict) and isinstance(body.get("motors"), list):
         return body | {"motors": [_with_runs(motor) for motor in body["motors"]]}
     return _with_runs(body)
@@ -42,7 +42,7 @@ def real_runs(context: schemathesis.HookContext, body: Any) -> Any:
 
 @_on_body(method="POST", path_regex="/runs$")
 def real_upload(context: schemathesis.HookContext, body: Any) -> Any:
-    """Send a file that can be read in two of three uploads."""
+    """Send a valid file in two of three uploads."""
     if isinstance(body, dict) and "file" in body and _chance(body, 3):
         return {"file": run_text(1000 + _chance(body, 200))}
     return body

@@ -1,9 +1,8 @@
 """Repeated kills of a batch of many small motors, on this machine and on a service.
 
-The command, and at the service the server as well, are killed with signal 9 when a random number of
-motors is done and a random moment later.  What must hold at the end: a row for each motor, each
-fitted once, every file whole.  What must hold at any time: whoever reads the table meets a whole
-one.
+Signal 9 kills the command or the server at a random time after a random number of motors is done.
+At the end, each motor must have one row, one fit and complete files.  At any time, the table must
+be complete when it is read.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ _SEED = 4
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Kill batches.
+    """Kill batches repeatedly.
 
     Args:
-        short: A few motors in place of 200.
-        directory: Where to work.
+        short: Whether to use a few motors instead of 200.
+        directory: Working directory.
     """
     motors, kills = (4, 2) if short else (200, 5)
     manifest = write_fleet(directory / "bench", motors, rows=120 if short else 200)
@@ -49,7 +48,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
 
 
 class _Watch:
-    """Looks at a batch while it runs, and counts what it finds wrong."""
+    """Observer that counts the faults of a running batch."""
 
     def __init__(self, out: Path) -> None:
         self.out = out
@@ -57,7 +56,7 @@ class _Watch:
         self.broken: list[str] = []
 
     def done(self) -> int:
-        """Motors whose result is whole; each look also reads the table as it stands."""
+        """Number of motors with a complete result; each call also reads the present table."""
         self.read_table()
         return len(list(self.out.glob("*/batch.json")))
 
@@ -72,7 +71,7 @@ class _Watch:
             self.broken.append(f"{len(text)} characters of a table")
 
     def faults(self, motors: int) -> list[str]:
-        """What is wrong with a batch that has finished."""
+        """Faults of a batch that has finished."""
         found = list(self.broken)
         with (self.out / "results.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -85,7 +84,7 @@ class _Watch:
             json.loads((self.out / name / "result.json").read_text(encoding="utf-8"))
             if not (self.out / name / "report.html").read_text("utf-8").endswith("</html>"):
                 found.append(f"{name} has half a report")
-        # A motor that was fitted twice has its first result in the history.
+        # The history contains the first result of a motor that was fitted twice.
         found += [f"{path.parent.name} twice" for path in self.out.glob("*/history")]
         found += [f"{path.name} was left" for path in self.out.rglob("*.part")]
         return found
@@ -185,7 +184,7 @@ def _server(data: Path, port: int) -> subprocess.Popen[bytes]:
 def _kill_later(
     process: subprocess.Popen[bytes], watch: _Watch, threshold: int, chance: random.Random
 ) -> int:
-    """Kill a process a random moment after so many motors are done; gives how many were."""
+    """Kill a process at a random time after `threshold` motors; return the number done."""
     _until(lambda: watch.done() >= threshold or process.poll() is not None)
     time.sleep(chance.uniform(0.0, 1.0))
     done = watch.done()

@@ -17,7 +17,7 @@ from typing import Any
 __all__ = ["BOMBS", "FLOODS", "Maker"]
 
 Maker = Callable[[Path, int], None]
-"""Writes a bomb; the number is how much it unpacks to [bytes]."""
+"""Writes a bomb of the given unpacked size [bytes]."""
 
 _BLOCK = b"0" * (1 << 20)
 
@@ -37,7 +37,7 @@ def _mat_crasher(path: Path, size: int) -> None:
 
 
 def _mat_bomb(path: Path, size: int) -> None:
-    # MAT 5 keeps a variable as one zlib stream, whose header says how long it will be.
+    # MAT 5 stores a variable as one zlib stream, whose header contains its length.
     packer = zlib.compressobj(9)
     body = packer.compress(b"\x0e\0\0\0" + min(size, 2**31).to_bytes(4, "little"))
     body += b"".join(map(packer.compress, _zeros(size))) + packer.flush()
@@ -105,7 +105,7 @@ def _hdf5(path: Path) -> Iterator[Any]:
 
 def _hdf5_bomb(path: Path, size: int) -> None:
     with _hdf5(path) as file:
-        # Chunks that were never written read as zeros: the file stays at some kilobytes.
+        # Chunks that were never written are read as zeros, so the file takes some kilobytes.
         file.create_dataset("time_s", (size // 8,), "f8", chunks=(1 << 16,), compression="gzip")
 
 
@@ -156,7 +156,7 @@ BOMBS: dict[str, Maker] = {
     "bomb.csv.xz": _packed(lzma.open),
     "bomb.tar.gz": _tar_gz,
 }
-"""Files that unpack to much more than they are, or crash, or point elsewhere, by name."""
+"""Files that expand by a large factor, crash a reader, or refer to other files, by name."""
 
 FLOODS: dict[str, Maker] = {
     "one_line.csv": _text(b"time_s,voltage_V", b",1.5"),
@@ -170,4 +170,4 @@ FLOODS: dict[str, Maker] = {
     "short_rows.csv": _text(_HEADER, b"0,1,2,3,4\n"),
     "no_utf_8.csv": _text(_HEADER, b"\xff\xfe\xfd\n"),
 }
-"""Texts that are as large as they look, by name."""
+"""Texts without compression, by name."""

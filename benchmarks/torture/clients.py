@@ -1,7 +1,7 @@
 """Clients with unlimited retries, which check that each accepted fit ends once.
 
-Each sends fits with an Idempotency-Key, again and again where no answer comes, and looks at those
-that it sent until they have ended.  Once a fit has succeeded, its answer must stay as it is.
+Each client sends fits with an Idempotency-Key, repeats calls without an answer, and polls its fits
+until they have ended.  Once a fit has succeeded, its result must not change.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _OUTSTANDING = 4
 def patient(
     url: Callable[[], str], method: str, path: str, unexpected: list[str], **words: Any
 ) -> dict[str, Any]:
-    """Call until there is an answer.
+    """Repeat a call until it is answered.
 
     Args:
-        url: Where the server answers now.
+        url: Function that returns the present address of the server.
         method: Method of the call.
-        path: Its path below the interface's.
-        unexpected: Takes answers that no client should see, such as a 500.
-        **words: What goes with the call.
+        path: Path below that of the interface.
+        unexpected: Receives answers that no client should see, such as a 500.
+        **words: Arguments of the request.
     """
     while True:
         try:
@@ -47,11 +47,11 @@ def patient(
 
 
 class Client:
-    """Sends fits until it is told to stop, and then waits for the last.
+    """Client that sends fits until it is stopped and then waits for the last one.
 
     Args:
-        url: Where the server answers now.
-        number: Its number, which is part of its keys and its run.
+        url: Function that returns the present address of the server.
+        number: Number of the client, which is part of its keys and its run.
     """
 
     def __init__(self, url: Callable[[], str], number: int) -> None:
@@ -60,26 +60,26 @@ class Client:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)
         self.accepted: dict[str, int] = {}
-        """Seed of each fit that was accepted."""
+        """Seed of each accepted fit."""
         self.ended: dict[str, dict[str, Any]] = {}
-        """Each fit as it was when its end was seen first."""
+        """Each fit as first observed after its end."""
         self.unexpected: list[str] = []
 
     def start(self) -> None:
-        """Begin."""
+        """Start sending."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         self._stop.set()
 
     @property
     def is_busy(self) -> bool:
-        """Whether it still waits for a fit to end."""
+        """Whether the client still waits for a fit to end."""
         return self._thread.is_alive()
 
     def changed(self) -> list[str]:
-        """Fits whose answer is not what it was when their end was seen first."""
+        """Fits whose result has changed since their end was first observed."""
         return [
             fit for fit, seen in self.ended.items() if self._call("GET", f"/fits/{fit}") != seen
         ]

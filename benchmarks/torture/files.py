@@ -1,7 +1,7 @@
 """Upload of hostile files: each must be refused without effect on the server.
 
-Each has to be refused with a 4xx that names why, within 5 s of its last byte; the process that
-reads it may fill 2 GB, and the server may grow by 50 MB.
+Each must be refused with a 4xx and an error code within 5 s of its last byte.  The process that
+reads it may use 2 GB, and the server may grow by 50 MB.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Answer", "run", "send"]
 GIGABYTE = 1_000_000_000
 _SLOWEST_S = 5.0
 _READING_S = 60.0
-"""A text has to be read before it can be refused; this is the limit of its reader [s]."""
+"""Limit for texts, which must be read before they can be refused [s]."""
 _GROWTH = 50_000_000
 _CHILD = 2_000_000_000
 _BLOCK_BYTES = 1 << 20
@@ -39,12 +39,12 @@ _END = b"\r\n--b--\r\n"
 
 @dataclass(frozen=True)
 class Answer:
-    """What a server said to a file.
+    """Response of a server to a file.
 
     Args:
-        status: Status; 0 where it hung up without one.
-        code: The problem's word.
-        seconds: Time from the last byte that was sent to the answer [s].
+        status: HTTP status; 0 if the connection ended without one.
+        code: Error code of the problem.
+        seconds: Time from the last byte sent to the answer [s].
     """
 
     status: int
@@ -52,12 +52,12 @@ class Answer:
     seconds: float
 
     def is_named(self, within_s: float = _SLOWEST_S) -> bool:
-        """Whether it is a refusal that says why, in time."""
+        """Return True if the file was refused with an error code, in time."""
         return 400 <= self.status < 500 and bool(self.code) and self.seconds <= within_s
 
 
 def send(server: Server, name: str, blocks: Iterator[bytes], size: int | None) -> Answer:
-    """Send a file as blocks come; with a size it is announced, else it goes in chunks."""
+    """Send a file in blocks; without a size, the transfer is chunked."""
     address = urlsplit(server.url)
     connection = http.client.HTTPConnection(str(address.hostname), address.port, timeout=120)
     head = _HEAD % name.encode()
@@ -78,7 +78,7 @@ def send(server: Server, name: str, blocks: Iterator[bytes], size: int | None) -
             if size is None:
                 connection.send(b"0\r\n\r\n")
         except (BrokenPipeError, ConnectionResetError):
-            # Refused before its end; the answer may still be there to read.
+            # The server refused the file before its end; its answer may still be readable.
             pass
         answer = connection.getresponse()
         body = answer.read()
@@ -110,7 +110,7 @@ def _line(size: int) -> Iterator[bytes]:
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Send every bomb, and a line of a gigabyte in three ways."""
+    """Send every bomb, and a line of 1 GB in three ways."""
     unpacked = 10_000_000 if short else 4 * GIGABYTE
     flood = 5_000_000 if short else GIGABYTE
     answers: dict[str, Answer] = {}
@@ -131,7 +131,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
         growth = max(watch.resident, resident_bytes(server.process.pid)) - before
         outcomes = _outcomes(server, answers, watch, growth, flood)
     with serving(directory / "default", "--no-auth") as server:
-        # Beyond the limit as it is set: refused when announced, and at the limit in chunks.
+        # Beyond the default limit: refused by its announced size, or in chunks at the limit.
         limit = 0 if short else GIGABYTE
         beyond = {
             "announced": send(server, "a.csv", _line(limit), limit or 10**9),

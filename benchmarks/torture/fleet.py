@@ -15,7 +15,7 @@ _SPREAD = 0.03
 
 
 def fleet_motor(number: int) -> Motor:
-    """One motor of the fleet: a servo of 150 W whose parameters have the tolerances of a series."""
+    """Motor of the fleet: a servo of 150 W with the tolerances of a series."""
     kind = motor("servo_150w")
     factors = np.exp(np.random.default_rng([number, 77]).normal(0.0, _SPREAD, 5))
     names = ("Ra25", "Kt25", "J", "b", "L")
@@ -24,13 +24,13 @@ def fleet_motor(number: int) -> Motor:
 
 
 def write_fleet(directory: Path, count: int, *, rows: int = 200, seed: int = 0) -> Path:
-    """Measure a fleet and write its runs and the manifest of a batch.
+    """Simulate a fleet; write its runs and the manifest of a batch.
 
     Args:
-        directory: Where to.
+        directory: Target directory.
         count: Number of motors.
         rows: Samples of each of the two runs of a motor.
-        seed: Another seed is another day: the same motors, other noise.
+        seed: Seed of the noise; the motors do not depend on it.
 
     Returns:
         Path of the manifest.

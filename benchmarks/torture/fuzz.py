@@ -1,7 +1,7 @@
 """Fuzzing of the reader with mutated run files and mappings: a run or a named error each.
 
-Most go straight to the process that reads uploads, one child for each, as the service has it; some
-come over HTTP.  The same seed makes the same files.
+Most files go to the reading process of the service, with one child per file; some come over HTTP.
+Equal seeds give equal files.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _MAPPINGS = (
 
 
 def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
-    """Read mutated files of each kind, and send some."""
+    """Read mutated files of each format, and upload some of them."""
     number = 15 if short else 10_000
     fork_server = ForkServer("app.runs.parser", temporary=directory)
     reader = RunReader(fork_server, _LIMITS, 1_000_000)
@@ -58,14 +58,14 @@ def _files(content: bytes, name: str, number: int) -> Iterator[tuple[bytes, None
 
 
 def _mappings(number: int) -> Iterator[Any]:
-    """Mappings that are JSON and yet are not what they should be."""
+    """Mappings that are valid JSON with an invalid structure."""
     chance = random.Random("mappings")
     while number:
         words = json.dumps(chance.choice(_MAPPINGS)).encode()
         try:
             mapping = json.loads(mutated(words, chance), parse_constant=lambda name: None)
         except (ValueError, RecursionError):
-            # What is no JSON at all is refused before it comes to a reader.
+            # Invalid JSON is refused before it reaches a reader.
             mapping = _strange(chance)
         number -= 1
         yield mapping
@@ -93,7 +93,7 @@ def _strange(chance: random.Random) -> Any:
 
 
 def _ends(reader: RunReader, directory: Path, files: Iterator[tuple[bytes, Any]]) -> Counter[str]:
-    """How the readings ended: ``run``, the word of a refusal, or what should not be."""
+    """Number of readings by outcome: ``run``, an error code, or an exception with ``!``."""
 
     def end(task: tuple[int, tuple[bytes, Any]]) -> str:
         number, (content, mapping) = task

@@ -1,8 +1,8 @@
 """Hostile jobs in parallel with a normal client: huge mappings, many runs, long names, kills.
 
-One client sends whatever makes a job large, or makes its process die.  Another, in a workspace of
-its own, has fits of two seconds computed one after the other; each of them must end in its first
-attempt and in its usual time.  Afterwards the fork server is killed again and again.
+One client sends jobs that are large or kill their process.  Another client, in its own workspace,
+runs fits of two seconds in sequence; each of them must end in its first attempt and in its usual
+time.  Afterwards the fork server is killed repeatedly.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class _Seen:
 
 
 def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
-    """Send the hostile jobs, then kill what forks."""
+    """Send the hostile jobs, then kill the fork server."""
     keys = [make_key(directory / "data", name) for name in ("hostile", "normal")]
     with (
         serving(directory / "data", WORKERS=2) as server,
@@ -66,7 +66,7 @@ def _fit(caller: Caller, run_id: str) -> tuple[float, str, int]:
 def _beside(
     hostile: Caller, normal: Caller, run_id: str, *, runs: int
 ) -> tuple[list[tuple[float, str, int]], _Seen]:
-    """Fits of the normal client for as long as the hostile one is at work."""
+    """Fits of the normal client while the hostile client is active."""
     seen = _Seen()
     work = threading.Thread(target=_attack, args=(hostile, runs, seen))
     work.start()
@@ -78,7 +78,7 @@ def _beside(
 
 
 def _attack(caller: Caller, runs: int, seen: _Seen) -> None:
-    """Upload runs of each kind, then have thirty fits made of them, one after the other."""
+    """Upload runs of each type, then request thirty fits of them in sequence."""
     kinds = [
         _uploaded(caller, seen, "s" * 9_000, runs=25),
         _uploaded(caller, seen, "ä" * 4_500, runs=25),
@@ -104,7 +104,7 @@ def _attack(caller: Caller, runs: int, seen: _Seen) -> None:
 
 
 def _uploaded(caller: Caller, seen: _Seen, column: str, *, runs: int) -> list[str]:
-    """Runs whose speed is in a column of that name."""
+    """Upload runs whose speed column has the given name; return their ids."""
     mapping = {"speed_rad_s": {"column": column, "unit": "rad/s"}}
     ids = []
     for seed in range(runs):
@@ -121,7 +121,7 @@ def _uploaded(caller: Caller, seen: _Seen, column: str, *, runs: int) -> list[st
 
 
 def _end(caller: Caller, fit_id: str) -> str:
-    """The status of a fit once it has ended, or the one after half a minute."""
+    """Status of a fit at its end, or after 30 s."""
     deadline = time.monotonic() + _PATIENCE_S
     while (status := str(caller.fit(fit_id)["status"])) not in ENDED:
         if time.monotonic() > deadline:
@@ -150,7 +150,7 @@ def _outcome(alone: list[float], beside: list[tuple[float, str, int]], seen: _Se
 
 
 def _kills(server: int, caller: Caller, run_id: str, kills: int) -> Outcome:
-    """Kill the fork server while a fit runs, which then waits and is begun again."""
+    """Kill the fork server while a fit runs; the fit is requeued and restarted."""
     fit = caller.begin(run_id, seed=SLOW)["id"]
     killed = 0
     deadline = time.monotonic() + kills * _PATIENCE_S

@@ -1,9 +1,9 @@
 """Random kills of all processes of a service while clients submit fits.
 
-Killed with signal 9 are the server, the process that forks, those that compute, and where there
-are such the scheduler and the workers of the cluster; PostgreSQL is stopped as by a crash, or one
-of its processes is killed.  Afterwards each fit that was accepted must have ended once, with its
-own result, and nothing may be left over.
+Signal 9 kills the server, the fork server, the computing processes, and the scheduler and the
+workers of a cluster.  PostgreSQL is stopped as by a crash, or one of its processes is killed.
+Afterwards each accepted fit must have ended once, with its own result, and no process or file may
+be left over.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
 
 
 def cancelled(directory: Path, engine: str, count: int) -> Outcome:
-    """How long it takes from the call to the end of all processes of a fit.
+    """Time from cancelling a fit to the end of all its processes.
 
     Args:
         directory: Directory of the data.
         engine: ``local`` or ``dask``.
-        count: How many fits are cancelled.
+        count: Number of fits.
     """
     took = []
     with (
@@ -98,7 +98,7 @@ def cancelled(directory: Path, engine: str, count: int) -> Outcome:
 
 
 def resumed(directory: Path) -> Outcome:
-    """A real fit, killed in each of two attempts while it samples, beside one that is left alone.
+    """Kill a real fit while it samples in two attempts; compare it with an undisturbed fit.
 
     Args:
         directory: Directory of the data.
@@ -128,14 +128,14 @@ def resumed(directory: Path) -> Outcome:
 
 
 def torture(directory: Path, database: str, engine: str, kills: int, rng: random.Random) -> Outcome:
-    """Kill so many times, and see what is left.
+    """Kill processes repeatedly and check the final state.
 
     Args:
         directory: Directory of the data.
         database: ``sqlite`` or ``postgresql``.
         engine: ``local`` or ``dask``.
-        kills: How many.
-        rng: Chooses what and when.
+        kills: Number of kills.
+        rng: Determines target and time of each kill.
     """
     began = time.monotonic()
     settings = {"PIPELINE": _PIPELINE, "WORKERS": 4, "MAX_ATTEMPTS": 100}
@@ -184,10 +184,10 @@ def _outcome(
 def _kill(
     rig: Rig, clients: list[Client], kills: int, rng: random.Random
 ) -> collections.Counter[str]:
-    """Kill so many times, each kind in turn in an order of chance.
+    """Kill each target in turn, in random order.
 
-    Half of the kills come soon after the one before, so that they hit what is just starting.  The
-    others come some time after a fit has ended, so that even on a slow machine fits do end.
+    Half of the kills follow the previous one immediately and hit a starting process.  The others
+    follow the end of a fit, so that fits end even on a slow machine.
     """
     killed: collections.Counter[str] = collections.Counter()
     bag: list[str] = []
@@ -212,7 +212,7 @@ def _await_an_end(rig: Rig, clients: list[Client]) -> None:
 
 
 def _tend(rig: Rig) -> None:
-    """Start what ended by itself: workers do when their scheduler was killed."""
+    """Restart workers, which end when their scheduler is killed."""
     if rig.cluster is not None:
         rig.cluster.tend()
     time.sleep(0.05)
@@ -253,7 +253,7 @@ def _faults_in_database(rig: Rig, accepted: int) -> list[str]:
 
 
 def _doubles(log: list[str]) -> list[str]:
-    """Fits that were said to have succeeded more than once."""
+    """Fits that were logged as succeeded more than once."""
     told = collections.Counter(
         found.group(1)
         for line in log
@@ -263,7 +263,7 @@ def _doubles(log: list[str]) -> list[str]:
 
 
 def _left_over(rig: Rig) -> list[int]:
-    """Processes that do not end within what loading libraries takes at most."""
+    """Processes that survive the longest loading time of libraries."""
     deadline = time.monotonic() + 20
     while (left := rig.left_over()) and time.monotonic() < deadline:
         time.sleep(0.1)

@@ -27,7 +27,7 @@ _YEAR_S = 365 * 86_400.0
 
 
 class ClockServer(Server):
-    """A server whose wall clock is off by the seconds in a file of its data directory."""
+    """Server whose wall clock is shifted by the seconds in a file of its data directory."""
 
     command = (
         "import os, sys, time; real = time.time\n"
@@ -38,7 +38,7 @@ class ClockServer(Server):
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Run out of each, and come back."""
+    """Exhaust each resource, then make it available again."""
     with (
         serving(directory / "data", "--no-auth", PIPELINE=_PIPELINE) as server,
         Caller(server) as caller,
@@ -55,7 +55,7 @@ def _of(test: str, asked: str, faults: list[str], measured: str) -> Outcome:
 
 
 def _ended(caller: Caller, run_id: str, seed: int) -> dict[str, Any]:
-    """A fit of a run, once it has ended."""
+    """Fit of a run, after its end."""
     return caller.wait(caller.begin(run_id, seed=seed)["id"], seconds=_PATIENCE_S)
 
 
@@ -63,7 +63,7 @@ def _ended(caller: Caller, run_id: str, seed: int) -> dict[str, Any]:
 
 
 def _forbidden_writes(server: Server, caller: Caller) -> Outcome:
-    """The kernel refuses writes beyond a size, as it does where a disk or a quota is full."""
+    """Limit the size of files by the kernel, as on a full disk or an exhausted quota."""
     faults: list[str] = []
     run_id = caller.upload(run_text(0))["id"]
     with _largest_file(server, 1_000_000):
@@ -89,7 +89,7 @@ def _forbidden_writes(server: Server, caller: Caller) -> Outcome:
 
 @contextmanager
 def _largest_file(server: Server, size: int) -> Iterator[None]:
-    """Let a server and all below it write no larger file, for the length of a block."""
+    """Limit the size of files that a server and its children write, within a block."""
     pids = [server.process.pid, *children(server.process.pid)]
     for pid in pids:
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
@@ -102,7 +102,7 @@ def _largest_file(server: Server, size: int) -> Iterator[None]:
 
 
 def _full_disk(directory: Path) -> Outcome:
-    """A file system of a few megabytes, filled to the last byte, database and all."""
+    """Fill a file system of a few megabytes that contains all data, including the database."""
     test, asked = "a disk without a free byte", "507 or 503, nothing accepted is lost"
     directory.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={_DISK}", "tmpfs", str(directory)]
@@ -154,7 +154,7 @@ def _fill(directory: Path) -> tuple[list[str], str]:
 
 
 def _memory(server: Server, caller: Caller) -> Outcome:
-    """A fit that asks for memory until there is none."""
+    """Run a fit that requests memory until none is left."""
     run_id = caller.upload(run_text(0))["id"]
     once = _ended(caller, run_id, pipeline.HUNGRY_ONCE)
     always = _ended(caller, run_id, pipeline.HUNGRY)
@@ -174,7 +174,7 @@ def _memory(server: Server, caller: Caller) -> Outcome:
 
 
 def _clocks(directory: Path, fits: int) -> list[Outcome]:
-    """The wall clock jumps by a year while fits wait and run, and back again; either way."""
+    """Shift the wall clock by a year and back, in both directions, while fits wait and run."""
     directory.mkdir()
     (directory / "clock").write_text("0")
     settings = {"PIPELINE": "tests.app.pretended:identify", "RETENTION_DAYS": 30, "SWEEP_S": 1}
@@ -195,7 +195,7 @@ def _clock(server: Server, clock: Path, jump: float, number: int) -> Outcome:
         _write(clock, "0")
         ended = [caller.wait(fit, seconds=_PATIENCE_S) for fit in fits]
         kept = {caller.http.get(f"/runs/{run_id}").status_code for run_id in runs}
-    # The log is read by a thread of its own.
+    # A separate thread reads the log.
     time.sleep(0.5)
     log = "".join(server.log)
     results = [log.count(f'"fit succeeded", "fit": "{fit}"') for fit in fits]
@@ -215,7 +215,7 @@ def _clock(server: Server, clock: Path, jump: float, number: int) -> Outcome:
 
 
 def _write(file: Path, text: str) -> None:
-    """Replace a file in one step, as it is read all the time."""
+    """Replace a file in one step, because it is read continuously."""
     new = file.with_suffix(".new")
     new.write_text(text)
     new.replace(file)

@@ -28,12 +28,12 @@ _PATIENCE_S = 300.0
 
 @dataclass(frozen=True)
 class _Size:
-    """How much is done, and how long health may take.
+    """Size of the load and limit of the health check's response time.
 
     Args:
-        callers: How many at once.
-        seconds: For how long [s].
-        slowest_s: Longest 99th percentile of health [s].
+        callers: Number of parallel clients.
+        seconds: Duration [s].
+        slowest_s: Limit of the 99th percentile of the response time [s].
     """
 
     callers: int
@@ -43,7 +43,7 @@ class _Size:
 
 @dataclass
 class _Seen:
-    """What the clients saw together."""
+    """Common results of all clients."""
 
     statuses: Counter[int] = field(default_factory=Counter)
     runs: dict[str, str] = field(default_factory=dict)
@@ -52,12 +52,12 @@ class _Seen:
 
 
 def run(*, short: bool, directory: Path) -> list[Outcome]:
-    """Load it, then have it wait for slow callers."""
+    """Apply the load, then slow uploads."""
     data_dir = directory / "data"
     keys = [make_key(data_dir, f"bench-{number}") for number in range(8)]
     with serving(data_dir, PIPELINE=_PIPELINE, WORKERS=2) as server:
         return [
-            # The short version runs beside other tests, so that its times say little.
+            # The short version runs in parallel with other tests, so its times are not reliable.
             *_load(server, keys, _Size(12, 3.0, 10.0) if short else _Size(64, 60.0, _SLOWEST_S)),
             _slow(server, keys[0], _Size(20, 2.0, 10.0) if short else _Size(200, 20.0, _SLOWEST_S)),
         ]
@@ -71,7 +71,7 @@ def _load(server: Server, keys: list[str], size: _Size) -> list[Outcome]:
     begin = threading.Barrier(size.callers)
     with Caller(server, keys[0]) as caller, _health(server) as waits:
         run_id = caller.upload(run_text(0))["id"]
-        # Two at a time, as many as it takes.
+        # Two fits run at a time; together they last for the whole test.
         number = 2 * math.ceil(size.seconds / pipeline.BURN_S)
         fits = [caller.begin(run_id, seed=pipeline.BURNS)["id"] for _ in range(number)]
         clients = [
@@ -114,7 +114,7 @@ def _client(
     turn = 0
     with Caller(server, key) as caller:
         caller.http.timeout = httpx.Timeout(_PATIENCE_S)
-        # Making a client takes a while; the time counts from when all are there.
+        # Creating a client takes time; the measurement starts when all exist.
         begin.wait()
         until = time.monotonic() + seconds
         while time.monotonic() < until:
@@ -136,7 +136,7 @@ def _client(
 
 
 def _lost(server: Server, seen: _Seen) -> int:
-    """Runs that were accepted and are no longer there, with their bytes."""
+    """Number of accepted runs that no longer exist, with or without their file."""
     listed: set[str] = set()
     for key in set(seen.runs.values()):
         with Caller(server, key) as caller:
@@ -186,7 +186,7 @@ def _slow(server: Server, key: str, size: _Size) -> Outcome:
 
 
 class _SlowUploads:
-    """Uploads that send some bytes now and then."""
+    """Uploads that send a few bytes at long intervals."""
 
     def __init__(self, server: Server, key: str, number: int) -> None:
         address = urlsplit(server.url)
@@ -205,13 +205,13 @@ class _SlowUploads:
             self._left.append((connection, body))
 
     def trickle(self) -> None:
-        """Send ten bytes of each."""
+        """Send ten bytes of each upload."""
         for place, (connection, body) in enumerate(self._left):
             connection.sendall(body[:10])
             self._left[place] = connection, body[10:]
 
     def finish(self) -> Counter[int]:
-        """Send the rest of each; how often which status came back."""
+        """Send the rest of each upload; return the number of responses by status."""
         for connection, body in self._left:
             connection.sendall(body)
         ends: Counter[int] = Counter()
@@ -221,7 +221,7 @@ class _SlowUploads:
         return ends
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         for connection, _ in self._left:
             connection.close()
 
@@ -235,12 +235,12 @@ def _slow_uploads(server: Server, key: str, number: int) -> Iterator[_SlowUpload
         slow.close()
 
 
-# ---------------------------------------------------------------- what both measure
+# ---------------------------------------------------------------- health
 
 
 @contextmanager
 def _health(server: Server) -> Iterator[list[float]]:
-    """Ask for health all the time; how long each answer took [s]."""
+    """Call the health check continuously; collect its response times [s]."""
     waits: list[float] = []
     is_over = threading.Event()
 

@@ -29,7 +29,7 @@ SAMPLES: dict[str, bytes] = {
         Dialect(above=("Model,X1", "", "# bench 3", "Points,40"), encoding="utf-8-sig"),
     ),
 }
-"""A sound file for each way of writing one that the reader tells apart."""
+"""A valid file in each format that the reader distinguishes."""
 
 _NUMBER = re.compile(rb"-?\d+(?:[.,]\d+)?")
 _HUGE = (
@@ -106,7 +106,7 @@ _KINDS: Sequence[Callable[[bytearray, random.Random], bytes]] = (
 
 
 def mutated(content: bytes, chance: random.Random) -> bytes:
-    """The content with one to three things done to it."""
+    """Apply one to three random mutations."""
     for _ in range(chance.choice((1, 1, 2, 3))):
         content = chance.choice(_KINDS)(bytearray(content), chance)
     return content

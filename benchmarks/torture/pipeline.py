@@ -1,4 +1,4 @@
-"""Pipeline with failures for tests: the seed selects load, exhausted memory or a large result.
+"""Pipeline for failure tests: the seed selects load, exhausted memory or a large result.
 
 Served with MOTORID_PIPELINE=benchmarks.torture.pipeline:identify.
 """
@@ -18,11 +18,11 @@ from identification.options import FitOptions
 __all__ = ["BURNS", "BURN_S", "HUNGRY", "HUNGRY_ONCE", "LARGE", "QUICK", "identify"]
 
 QUICK, BURNS, HUNGRY, HUNGRY_ONCE, LARGE = range(5)
-"""Seeds.  QUICK succeeds at once; BURNS computes for some seconds; HUNGRY asks for memory until
-there is none, each time, and HUNGRY_ONCE in its first attempt; LARGE writes a result of 8 MB."""
+"""Seeds.  QUICK succeeds at once; BURNS computes for some seconds; HUNGRY requests memory until
+none is left, HUNGRY_ONCE only in its first attempt; LARGE writes a result of 8 MB."""
 
 BURN_S = 6.0
-"""How long BURNS computes [s]."""
+"""Duration of BURNS [s]."""
 
 _MEMORY = 600_000_000
 
@@ -56,7 +56,7 @@ def identify(
 def _attempt() -> int:
     import tempfile
 
-    # Temporary files go to the directory of the attempt, which is named by its number.
+    # Temporary files are in the directory of the attempt, whose name is its number.
     return int(Path(tempfile.gettempdir()).name)
 
 
@@ -69,7 +69,7 @@ def _burn(progress: Callable[[str, float], None]) -> None:
 
 
 def _fill_memory() -> None:
-    """Ask for more than there is, as a kernel with strict accounting lets it end."""
+    """Request more memory than available, as under a kernel with strict accounting."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     blocks: list[bytearray] = []
     while True:

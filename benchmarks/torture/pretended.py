@@ -1,6 +1,6 @@
 """Pipeline of short duration, set by the seed, for tests with hundreds of fits.
 
-The processes that compute import it by name; see `MOTORID_PIPELINE`.
+The computing processes import it by name; see `MOTORID_PIPELINE`.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ def identify(
     options: FitOptions,
     progress: Callable[[str, float], None],
 ) -> _Pretended:
-    """Take up to 1.5 s; the result holds the seed, by which it is known to be the right one.
+    """Take up to 1.5 s and return a result with the seed, which identifies it.
 
     Args:
         training: Runs that the result names.
         validation: As above.
-        options: The last digit of the seed says how long it takes.
-        progress: Told how far it is.
+        options: The last digit of the seed determines the duration.
+        progress: Receives the stage and the fraction done.
     """
     steps = 1 + 3 * (options.seed % 10)
     for step in range(steps):

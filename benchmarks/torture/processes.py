@@ -1,4 +1,4 @@
-"""Processes of the machine, as listed by the system."""
+"""Processes of the machine, read from the kernel."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _all() -> Iterator[int]:
 
 
 def _state(process: int) -> tuple[str, int]:
-    """State and parent; of a process that is gone, that of one that has ended."""
+    """State and parent of a process; a missing process counts as ended."""
     try:
         text = Path(f"/proc/{process}/stat").read_text()
     except (FileNotFoundError, ProcessLookupError):
@@ -37,12 +37,12 @@ def _state(process: int) -> tuple[str, int]:
 
 
 def is_running(process: int) -> bool:
-    """Whether a process has not ended; one that only waits to be counted has."""
+    """Whether a process exists and is no zombie."""
     return _state(process)[0] != "Z"
 
 
 def children(process: int) -> list[int]:
-    """Processes that a process started and that have not ended."""
+    """Child processes that have not ended."""
     states = {found: _state(found) for found in _all()}
     return [
         found for found, (state, parent) in states.items() if parent == process and state != "Z"
@@ -50,12 +50,12 @@ def children(process: int) -> list[int]:
 
 
 def fork_servers(process: int) -> list[int]:
-    """Fork servers of the fits of a server or of a worker of a cluster."""
+    """Fork servers of a server or of a worker of a cluster."""
     return [child for child in children(process) if b"app.fits.worker" in _read(child, "cmdline")]
 
 
 def marked(mark: str) -> list[int]:
-    """Processes that run with a word in their environment, this one left out."""
+    """Processes with a given text in their environment, except this one."""
     found = [
         process
         for process in _all()
@@ -65,21 +65,21 @@ def marked(mark: str) -> list[int]:
 
 
 def machine_seconds() -> float:
-    """Processor time that the whole machine has spent since it started, idling left out [s]."""
+    """Processor time of the whole machine since its start, without idle time [s]."""
     words = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
     user, nice, system, _, _, interrupts, soft_interrupts, stolen = map(int, words[:8])
     return (user + nice + system + interrupts + soft_interrupts + stolen) / _TICKS
 
 
 def tree_seconds(process: int) -> float:
-    """Processor time of a process, of those it waited for, and of all below it [s]."""
+    """Processor time of a process and its descendants, including ended children [s]."""
     words = _read(process, "stat").rsplit(b")", 1)[-1].split()
     own = sum(map(int, words[11:15])) / _TICKS if words else 0.0
     return own + sum(map(tree_seconds, children(process)))
 
 
 def kill(process: int) -> bool:
-    """End a process as a loss of power would; False where it was gone already."""
+    """Kill a process with signal 9; return False if it no longer exists."""
     try:
         os.kill(process, signal.SIGKILL)
     except ProcessLookupError:

@@ -3,7 +3,7 @@
     with Rig.running(directory, database="postgresql", engine="dask") as rig:
         rig.kill("scheduler")
 
-What was killed is started again, as an init system or a cluster does it.
+A killed process is started again, as by an init system or a cluster.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Rig:
     Args:
         data_dir: The data directory.
         settings: Settings of the server, without the prefix.
-        mark: A word in the environment of every process, by which those left over are found.
+        mark: Text in the environment of every process, which identifies those left over.
         postgres: The database server, or None for SQLite.
         cluster: The cluster, or None for the local engine.
-        log: What all servers so far have logged.
+        log: Log lines of all servers so far.
     """
 
     data_dir: Path
@@ -65,10 +65,10 @@ class Rig:
     def running(
         cls, directory: Path, *, database: str, engine: str, **settings: object
     ) -> Iterator[Self]:
-        """A rig for the length of a block.
+        """Provide a rig within a block.
 
         Args:
-            directory: Where the data directory and the cluster's files go.
+            directory: Directory of the data and of the cluster's files.
             database: ``sqlite`` or ``postgresql``.
             engine: ``local`` or ``dask``.
             **settings: Further settings of the server.
@@ -90,11 +90,11 @@ class Rig:
             yield rig
 
     def start(self) -> None:
-        """Start the server; returns when it is ready."""
+        """Start the server and wait until it is ready."""
         self.server = Server(self.data_dir, "--no-auth", **self.settings)
 
     def stop(self) -> None:
-        """Ask the server to end."""
+        """Stop the server."""
         if self.server.process.poll() is None:
             self.server.stop()
         self.log += self.server.log
@@ -102,11 +102,11 @@ class Rig:
 
     @property
     def url(self) -> str:
-        """Where the server answers now, or did last."""
+        """Address of the server, or its last one."""
         return self.server.url
 
     def targets(self) -> list[str]:
-        """What can be killed here."""
+        """Names of the processes that can be killed."""
         found = ["server", "fork server", "child"]
         if self.postgres is not None:
             found += ["postgresql", "backend"]
@@ -115,11 +115,11 @@ class Rig:
         return found
 
     def kill(self, target: str, rng: random.Random) -> bool:
-        """End something and start it again; False where nothing of the kind ran.
+        """Kill a target and start it again; return False if none ran.
 
         Args:
             target: One of `targets`.
-            rng: Chooses among several of a kind.
+            rng: Selects one of several processes.
         """
         return bool(getattr(self, f"_kill_{target.replace(' ', '_')}")(rng))
 
@@ -156,14 +156,14 @@ class Rig:
         return True
 
     def _kill_backend(self, rng: random.Random) -> bool:
-        """Kill one of the database's processes, which makes it restart by itself."""
+        """Kill one process of the database, which then restarts itself."""
         assert self.postgres
         query = b"SELECT pid FROM pg_stat_activity WHERE application_name = 'motorid'"
         try:
             with psycopg.connect(self.postgres.url()) as connection:
                 found = [row[0] for row in connection.execute(query)]
         except psycopg.OperationalError:
-            # It is just coming back from the last one.
+            # The database is still restarting after the previous kill.
             return False
         return bool(found) and processes.kill(rng.choice(found))
 

@@ -1,11 +1,10 @@
 """Throughput: fits per minute with one worker per core, relative to one worker.
 
-Each fit has one thread, so that one worker stands for one core.  Two servers run side by side, of
-which one is idle at a time; they take turns, and the same fits without a service follow in each
-turn, since a second core rarely brings a machine the whole of another.  A turn counts as quiet
-where other programs of the machine used next to nothing meanwhile, by the kernel's own count, and
-none begins before they are silent or the time is over; the median of the quiet turns is what is
-asked for.
+Each fit has one thread, so one worker uses one core.  Two servers take turns, one of them idle at a
+time.  Each turn also runs the same fits without a service, because a second core rarely doubles the
+speed of a machine.  A turn counts as quiet if other programs used almost no processor time
+according to the kernel.  No turn begins before they are quiet or the time limit has passed.  The
+result is the median of the quiet turns.
 """
 
 from __future__ import annotations
@@ -44,14 +43,14 @@ _PATIENCE_S = 600.0
 
 @dataclass(frozen=True)
 class Kind:
-    """What is fitted.
+    """Type of the fits.
 
     Args:
-        name: What the table calls it.
+        name: Name in the table.
         options: Options of the fits.
-        fits: Fits of one worker in a turn; several have as many more.
-        turns: How many quiet turns are wanted.
-        seconds: After which time no further turn begins, and none waits for others [s].
+        fits: Fits per worker in a turn.
+        turns: Required number of quiet turns.
+        seconds: Time after which no turn begins or waits for other programs [s].
     """
 
     name: str
@@ -74,9 +73,9 @@ class Turn:
     """One comparison.
 
     Args:
-        ratio: Fits a minute of several workers over those of one.
-        bare: The same of processes without a service; None where it was not measured.
-        others: Cores that other programs used meanwhile.
+        ratio: Ratio of fits per minute of several workers to one.
+        bare: The same ratio of processes without a service; None if not measured.
+        others: Cores used by other programs.
     """
 
     ratio: float
@@ -85,7 +84,7 @@ class Turn:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether other programs left the machine alone."""
+        """Whether other programs used almost no processor time."""
         return self.others <= _QUIET
 
 
@@ -132,13 +131,13 @@ def _outcome(kind: Kind, cores: int, found: Sequence[Turn]) -> Outcome:
 def turns(
     directory: Path, workers: int, kind: Kind, *, has_bare: bool = True, **settings: object
 ) -> Generator[Turn]:
-    """Turn after turn.
+    """Yield one comparison after another.
 
     Args:
         directory: Directory of the data.
-        workers: How many workers are compared with one.
-        kind: What is fitted.
-        has_bare: Whether processes without a service take part.
+        workers: Number of workers to compare with one.
+        kind: Type of the fits.
+        has_bare: Whether to measure processes without a service too.
         **settings: Settings of the servers, such as another pipeline.
     """
     settings = {"PIPELINE": "identification.pipeline:identify", "FIT_THREADS": 1} | settings
@@ -154,11 +153,11 @@ def turns(
             for n in (1, workers)
         ]
         for caller in callers:
-            # A machine that is busy with other work may be slow to answer.
+            # A busy machine may respond slowly.
             caller.http.timeout = httpx.Timeout(_PATIENCE_S)
         runs = [caller.upload(_RUN.read_bytes(), _RUN.name)["id"] for caller in callers]
         for caller, stored in zip(callers, runs, strict=True):
-            # What is loaded or compiled once is no part of the rate.
+            # Loading and compilation happen once and are not part of the rate.
             _rate(caller, stored, workers, kind.options)
         turn, until = 0, time.monotonic() + kind.seconds
         while True:
@@ -175,16 +174,16 @@ def turns(
 
 
 def _others() -> float:
-    """Cores that the machine uses for anything while nothing is measured."""
+    """Number of cores used by other programs."""
     before = machine_seconds()
     time.sleep(_SILENCE_S)
     return (machine_seconds() - before) / _SILENCE_S
 
 
 def _rate(caller: Caller, stored: str, count: int, options: dict[str, Any]) -> float:
-    """Fits a second.
+    """Fits per second.
 
-    Looked for seldom, since who asks takes time from those who compute.
+    Polling is rare because it takes processor time from the fits.
     """
     began = time.monotonic()
     fits = [caller.begin(stored, seed=9, **options)["id"] for _ in range(count)]
@@ -199,12 +198,12 @@ def _rate(caller: Caller, stored: str, count: int, options: dict[str, Any]) -> f
 
 
 def _bare_ratio(workers: int, kind: Kind) -> float:
-    """What the machine itself gains from several processes that compute the same, without us."""
+    """Speed-up of several processes without a service over one, for the same fits."""
     return _bare_rate(workers, kind) / _bare_rate(1, kind)
 
 
 def _bare_rate(processes: int, kind: Kind) -> float:
-    # As the service's own have it.
+    # As in the worker processes of the service.
     os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     context = multiprocessing.get_context("spawn")
     ready = context.Barrier(processes + 1)
@@ -222,7 +221,7 @@ def _bare(ready: Barrier, kind: Kind) -> None:
     use_threads(1)
     for number in range(kind.fits + 1):
         if number == 1:
-            # What is loaded or compiled once is behind it.
+            # Loading and compilation are done.
             ready.wait(_PATIENCE_S)
         run = read_run(_RUN)
         with tempfile.TemporaryDirectory() as directory:

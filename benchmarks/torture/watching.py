@@ -1,4 +1,4 @@
-"""Resource use of processes, read from the kernel while they run."""
+"""Memory use of processes, read from the kernel while they run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Watch:
 
 
 def _status(pid: int) -> dict[str, int]:
-    """Fields of a process that are sizes [bytes]; empty where it is gone."""
+    """Sizes of a process from its status file [bytes]; empty if it has ended."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
@@ -40,12 +40,12 @@ def _status(pid: int) -> dict[str, int]:
 
 
 def resident_bytes(pid: int) -> int:
-    """Memory of a process [bytes]."""
+    """Resident memory of a process [bytes]."""
     return _status(pid).get("VmRSS", 0)
 
 
 def children(pid: int) -> Iterator[int]:
-    """Every process below one, at any depth."""
+    """All descendants of a process."""
     try:
         tasks = list(Path(f"/proc/{pid}/task").iterdir())
         found = [int(c) for task in tasks for c in (task / "children").read_text().split()]
@@ -58,7 +58,7 @@ def children(pid: int) -> Iterator[int]:
 
 @contextmanager
 def watching(pid: int) -> Iterator[Watch]:
-    """Watch a process and those below it for the length of a block."""
+    """Observe a process and its descendants within a block."""
     watch, is_over = Watch(), threading.Event()
 
     def look() -> None:
