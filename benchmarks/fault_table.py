@@ -20,7 +20,7 @@ __all__ = ["FAULTS", "Fault", "Tables"]
 
 Tables = list[pd.DataFrame]
 Scope = Literal["one", "all"]
-Outcome = Literal["refuse", "suspect", "said"]
+Outcome = Literal["refuse", "suspect", "warn"]
 
 _RPM: Final = 60.0 / (2.0 * math.pi)
 _ODD: Final = 1
@@ -185,10 +185,10 @@ FAULTS: Final[tuple[Fault, ...]] = (
     *_both("current is a copy of voltage", _copied("voltage_V", "current_A")),
     *_both("voltage is a copy of speed", _copied("speed_rad_s", "voltage_V")),
     *_both("current is noise only", _dead("current_A")),
-    *_both("current constant", _constant("current_A", 0.0), ("refuse", "said")),
+    *_both("current constant", _constant("current_A", 0.0), ("refuse", "warn")),
     _one("current stuck in mid-run", _stuck("current_A")),
     *_both("speed is noise only", _dead("speed_rad_s")),
-    *_both("speed constant", _constant("speed_rad_s", 0.0), ("refuse", "said")),
+    *_both("speed constant", _constant("speed_rad_s", 0.0), ("refuse", "warn")),
     _one("speed stuck in mid-run", _stuck("speed_rad_s")),
     Fault("another motor", "one", "refuse", _foreign),
     *_both(
@@ -201,13 +201,13 @@ FAULTS: Final[tuple[Fault, ...]] = (
     _one("temperature stuck", _stuck_temperature, corrected=True),
     _one("temperature jumping", _jumping, corrected=True),
     *_both("ms as s", _scaled("time_s", 1e3), ("refuse", "suspect"), corrected=True),
-    Fault("duplicate run", "one", "said", _twice),
+    Fault("duplicate run", "one", "warn", _twice),
     _one("current shifted", _shifted("current_A", 150)),
     _one("speed shifted", _shifted("speed_rad_s", 400)),
-    _one("truncated run", lambda t: t.iloc[: len(t) // 10], "said"),
-    *_both("no motion", _motionless, ("said", "refuse")),
-    Fault("40 segments in one file", "one", "said", _pieces),
-    _one("saturated current", _saturated, "said"),
+    _one("truncated run", lambda t: t.iloc[: len(t) // 10], "warn"),
+    *_both("no motion", _motionless, ("warn", "refuse")),
+    Fault("40 segments in one file", "one", "warn", _pieces),
+    _one("saturated current", _saturated, "warn"),
     _one("decimal separator lost", _scaled("current_A", 1e3), "refuse", corrected=True),
     _one("decimal separator lost in speed", _scaled("speed_rad_s", 1e3), "refuse", corrected=True),
 )

@@ -57,8 +57,8 @@ class Seen:
     """Outcome of one fault in one motor.
 
     Args:
-        before: ``refuse``, ``said`` or empty, by the reader alone.
-        after: ``refuse``, ``suspect``, ``said`` or empty, with the checks.
+        before: ``refuse``, ``warn`` or empty, by the reader alone.
+        after: ``refuse``, ``suspect``, ``warn`` or empty, with the checks.
         corrected: Whether the correction removed all findings; None if none was proposed.
         words: First message.
     """
@@ -96,7 +96,7 @@ def seen(fault: Fault, motor: int, rows: int) -> Seen:
         except InputError as error:
             return Seen("refuse", "refuse", None, str(error))
         verdict = check_runs(runs)
-        before = "said" if _remarked(runs) else ""
+        before = "warn" if _remarked(runs) else ""
         findings = verdict.refused or verdict.suspected
         words = str(findings[0]) if findings else ""
         after = findings[0].severity if findings else before
@@ -169,7 +169,7 @@ def _job(task: tuple[str, int, int, int]) -> dict[str, Any]:
 _MET = {
     "refuse": ("refuse",),
     "suspect": ("refuse", "suspect"),
-    "said": ("refuse", "suspect", "said"),
+    "warn": ("refuse", "suspect", "warn"),
 }
 
 
@@ -188,13 +188,13 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
         "",
         "Each fault is applied to clean campaigns (5 training and 2 validation runs) of motors "
         "drawn between 1 W and 10 kW.",
-        "`refuse`: exit status 2; `suspect` and `said`: a warning in the result.",
-        "Before: outcome of the reader without the checks; `said` is a warning with exit status 0.",
+        "`refuse`: exit status 2; `suspect` and `warn`: a warning in the result.",
+        "Before: outcome of the reader without the checks; `warn` is a warning with exit status 0.",
         "Met: campaigns with the expected outcome or a more severe one.",
         "Corrected: campaigns without findings after the proposed `--map` options were applied, "
         "of those with a proposal.",
         "",
-        "| fault | in | expected | before: refused | before: said | refused | suspected | said "
+        "| fault | in | expected | before: refused | before: warned | refused | suspected | warned "
         "| met | corrected |",
         "|---|---|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
@@ -224,7 +224,7 @@ def _row(fault: Fault, mine: Sequence[dict[str, Any]]) -> str:
         fault.scope,
         fault.outcome,
         sum(d["before"] == "refuse" for d in mine),
-        sum(d["before"] == "said" for d in mine),
+        sum(d["before"] == "warn" for d in mine),
         *count.values(),
         f"{met} of {len(mine)}",
         f"{sum(proposed)} of {len(proposed)}" if proposed else "",

@@ -47,10 +47,10 @@ def run(image: Image, work: Path) -> Iterator[Outcome]:
             with _half_an_upload(key):
                 took, status = box.stop()
     said = '"message": "stopped"' in box.log.read_text()
-    words = f"{took:.1f} s, status {status}{', said' if said else ''}"
+    words = f"{took:.1f} s, status {status}{', logged' if said else ''}"
     yield Outcome(
-        "SIGTERM, a fit and an upload under way",
-        "status 0 in less than the 10 s of docker stop, and the log says so",
+        "SIGTERM during a fit and an upload",
+        "status 0 within the 10 s of docker stop, and a log entry",
         words,
         status == 0 and took < 10 and said,
     )
@@ -93,13 +93,18 @@ def _locked_down(box: Box) -> Iterator[Outcome]:
     capabilities = {value for name, value in status.items() if name.startswith("Cap")}
     words = f"user {status['Uid'].split()[0]}, capabilities {', '.join(capabilities)}"
     is_bare = capabilities == {"0" * 16} and status["NoNewPrivs"].strip() == "1"
-    yield Outcome("rights", "not root, none", words, is_bare and not status["Uid"].startswith("0"))
+    yield Outcome(
+        "privileges",
+        "no root, no capabilities",
+        words,
+        is_bare and not status["Uid"].startswith("0"),
+    )
     tried = {place: box.execute("touch", f"{place}/probe") for place in ("/", "/opt", "/tmp")}  # noqa: S108
     refused = [place for place, done in tried.items() if "Read-only" in done.stderr]
     yield Outcome("write", "refused", f"read-only: {', '.join(refused)}", len(refused) == 3)
     with box.network():
         devices = ", ".join(name for _, name in socket.if_nameindex())
-    yield Outcome("network", "its port and no other way out", devices, devices == "lo")
+    yield Outcome("network", "loopback only", devices, devices == "lo")
 
 
 def _at_rest(box: Box) -> Outcome:
@@ -173,7 +178,9 @@ def _kept(image: Image, volume: Path, work: Path, key: str, fit: Fit) -> Iterato
                 words = f"{ended.status} as attempt {attempt} after {seconds:.0f} s"
                 words += f"; {runs} runs, {len(fits)} results"
                 is_kept = runs == 5 and not lost and attempt == 2
-                yield Outcome(f"restart after {what}", "goes on, all kept", words, is_kept)
+                yield Outcome(
+                    f"restart after {what}", "fit continues, all data kept", words, is_kept
+                )
                 results = fits
                 fit = _begun(client)
             os.kill(box.first, signal.SIGKILL)
@@ -184,7 +191,7 @@ def _kept(image: Image, volume: Path, work: Path, key: str, fit: Fit) -> Iterato
         if path.stat().st_mode & 0o077 or path.stat().st_uid != int(image.user[0])
     ]
     words = str(strangers) if strangers else "all files and directories"
-    yield Outcome("volume", "for its owner alone", words, not strangers)
+    yield Outcome("volume", "accessible to its owner only", words, not strangers)
 
 
 def _settings(image: Image, volume: Path, work: Path) -> Outcome:
@@ -202,7 +209,7 @@ def _settings(image: Image, volume: Path, work: Path) -> Outcome:
         told = box.execute(*image.config["Healthcheck"]["Test"][1:])
         os.kill(serving, signal.SIGCONT)
     words = f"healthy on port 9000 in {spent:.2f} s of a core; halted: {told.stderr.strip()}"
-    return Outcome("settings", "health follows them", words, healthy and told.returncode == 1)
+    return Outcome("settings", "health check uses them", words, healthy and told.returncode == 1)
 
 
 def _is_server(process: int) -> bool:

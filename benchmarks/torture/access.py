@@ -64,8 +64,8 @@ def _matrix(server: Server, alice: Caller, bob: Caller, directory: Path) -> Outc
         wrong.append(f"what alice has: {kept}")
     return Outcome(
         f"{len(routes)} routes x no, wrong, revoked, expired and another workspace's key",
-        "always 401, or 404, or nothing of the other's",
-        "; ".join(wrong) or f"{tried} calls, none answered",
+        "401, 404, or no data of the other workspace",
+        "; ".join(wrong) or f"{tried} calls, no data disclosed",
         not wrong,
     )
 
@@ -92,8 +92,8 @@ def _names(server: Server, alice: Caller) -> Outcome:
     if new != {server.data_dir / "runs" / run_id for run_id in stored}:
         wrong.append(f"files that have no place: {sorted(map(str, new))[:5]}")
     return Outcome(
-        f"{len(NAMES)} names of files that try to be paths",
-        "stored under server-made names, none escapes",
+        f"{len(NAMES)} file names with path components",
+        "stored under names of the server, none outside the data directory",
         "; ".join(wrong) or f"{len(stored)} stored under ids, {len(NAMES) - len(stored)} refused",
         not wrong,
     )

@@ -51,7 +51,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     return [
         Outcome(
             "schemathesis, stateful",
-            f"at least {fewest} cases, no 5xx, answers as described",
+            f"at least {fewest} cases, no 5xx, responses as described",
             f"{cases['generated']} cases, {cases['with_failures']} not as described, "
             f"{cases['errored']} errors"
             + (f": {_named(failures)}" if failures else "")
@@ -61,8 +61,8 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
             and report["complete"],
         ),
         Outcome(
-            "the server's own count of them",
-            "no 5xx, some of them fits that began",
+            "responses counted by the server",
+            "no 5xx, at least one fit accepted",
             ", ".join(f"{status}: {number:g}" for status, number in sorted(statuses.items())),
             not bad and begun > 0,
         ),

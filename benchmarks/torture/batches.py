@@ -102,8 +102,8 @@ def _here(manifest: Path, out: Path, motors: int, kills: int, chance: random.Ran
     faults = watch.faults(motors) + ([f"status {status}"] if status else [])
     return Outcome(
         f"`motorid batch` of {motors} motors, killed {kills} times",
-        "finishes, a row each, none twice, no half table",
-        f"{motors - len(faults)} good rows, last killed at {done} done, table read {watch.looks} "
+        "finishes, one row per motor, no motor twice, no incomplete table",
+        f"{motors - len(faults)} valid rows, last kill at {done} motors, table read {watch.looks} "
         f"times, {time.monotonic() - began:.0f} s" + _told(faults),
         not faults,
     )
@@ -141,8 +141,8 @@ def _at_a_service(
     faults += _faults_of_database(data / "motorid.sqlite3")
     return Outcome(
         f"`motorid batch --server` of {motors} motors, command or server killed {kills} times",
-        "finishes, a row each, one batch, no fit twice, no half table",
-        f"{motors - len(faults)} good rows, table read {watch.looks} times, "
+        "finishes, one row per motor, one batch, no fit twice, no incomplete table",
+        f"{motors - len(faults)} valid rows, table read {watch.looks} times, "
         f"{time.monotonic() - began:.0f} s" + _told(faults),
         not faults,
     )

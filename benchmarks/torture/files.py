@@ -140,7 +140,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     shown = ", ".join(f"{n}: {a.status} {a.code or 'hung up'}" for n, a in beyond.items())
     is_refused = all(a.status in (413, 0) for a in beyond.values())
     asked = "413, or the connection ends"
-    return [*outcomes, Outcome("a gigabyte beyond the limit", asked, shown, is_refused)]
+    return [*outcomes, Outcome("1 GB above the size limit", asked, shown, is_refused)]
 
 
 def _outcomes(
@@ -153,19 +153,19 @@ def _outcomes(
         _of(f"texts of {flood / 1e9:g} GB", {n: answers[n] for n in FLOODS}, _READING_S),
         Outcome(
             f"one CSV line of {flood / 1e9:g} GB",
-            "named 4xx within 5 s of its arrival",
+            "4xx with an error code within 5 s after its arrival",
             ", ".join(f"{a.status} {a.code} after {a.seconds:.2f} s" for a in lines),
             all(answer.is_named() for answer in lines),
         ),
         Outcome(
-            "the process that reads them",
+            "memory of the reading process",
             "at most 2 GB",
             f"address space {watch.child_space / 1e9:.2f} GB, "
             f"memory {watch.child_resident / 1e9:.2f} GB",
             watch.child_space <= _CHILD,
         ),
         Outcome(
-            "the server meanwhile",
+            "memory of the server",
             "alive, grown by at most 50 MB",
             f"{'alive' if is_alive else 'gone'}, grown by {growth / 1e6:.0f} MB",
             is_alive and growth <= _GROWTH,
@@ -182,7 +182,7 @@ def _of(what: str, answers: dict[str, Answer], within_s: float) -> Outcome:
     slowest = max(answers, key=lambda name: answers[name].seconds)
     return Outcome(
         f"{len(answers)} {what}",
-        f"named 4xx within {within_s:g} s of their last byte",
+        f"4xx with an error code within {within_s:g} s after the last byte",
         f"slowest {answers[slowest].seconds:.1f} s ({slowest})"
         + (f"; wrong: {wrong}" if wrong else ""),
         not wrong,

@@ -122,7 +122,7 @@ def _is_sound(found: dict[str, Any]) -> bool:
 def _outcome(name: str, ends: Counter[str]) -> Outcome:
     wrong = {e: n for e, n in ends.items() if e.endswith("!") or e == "reader_crash"}
     runs, kinds = ends["run"], len(ends) - ("run" in ends)
-    measured = f"{runs} runs, {ends.total() - runs} refused in {kinds} ways"
+    measured = f"{runs} runs, {ends.total() - runs} refused with {kinds} error codes"
     return Outcome(
         f"{ends.total()} mutated files: {name}",
         "each a run or a named error",
@@ -149,7 +149,7 @@ def _over_http(directory: Path, number: int) -> Outcome:
         is_alive = client.get("/readyz").status_code == 200
     return Outcome(
         f"{number} mutated files over HTTP",
-        "2xx or a named 4xx; the server lives",
+        "2xx, or 4xx with an error code; the server survives",
         f"{dict(sorted(ends.items()))}, server grown by {growth / 1e6:.0f} MB",
         is_alive and set(ends) <= {"200", "201", "413", "422"},
     )

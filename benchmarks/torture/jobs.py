@@ -137,13 +137,13 @@ def _outcome(alone: list[float], beside: list[tuple[float, str, int]], seen: _Se
     faults += [f"fits {seen.fits}"] if set(seen.fits) - {"succeeded", "failed", "422"} else []
     faults += [f"took {slowest:.1f} s"] if slowest > _LONGER * usual else []
     measured = (
-        f"{len(beside)} fits in their first attempts, alone {usual:.1f} s, beside at most "
-        f"{slowest:.1f} s; hostile uploads {dict(sorted(seen.uploads.items()))}, fits "
+        f"{len(beside)} normal fits in their first attempts, {usual:.1f} s alone and at most "
+        f"{slowest:.1f} s in parallel; hostile uploads {dict(sorted(seen.uploads.items()))}, fits "
         f"{dict(sorted(seen.fits.items()))}"
     )
     return Outcome(
-        f"{_FITS} hostile jobs beside a normal client",
-        f"its fits end in at most {_LONGER:g} times their usual time, the hostile ones end too",
+        f"{_FITS} hostile jobs in parallel with a normal client",
+        f"normal fits take at most {_LONGER:g} times their usual time; hostile fits end",
         "; ".join(faults[:5]) or measured,
         not faults,
     )
@@ -165,7 +165,7 @@ def _kills(server: int, caller: Caller, run_id: str, kills: int) -> Outcome:
     end = caller.wait(fit, *ENDED, seconds=2 * _PATIENCE_S + 60)
     return Outcome(
         f"{kills} kills of the fork server during one fit",
-        "the fit succeeds: none of them is counted against it",
+        "the fit succeeds, because these kills do not count as its failures",
         f"{killed} kills; {end['status']} in attempt {end['attempt']}",
         (killed, end["status"]) == (kills, "succeeded"),
     )

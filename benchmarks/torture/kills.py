@@ -89,8 +89,8 @@ def cancelled(directory: Path, engine: str, count: int) -> Outcome:
                 time.sleep(0.001)
             took.append(time.monotonic() - began)
     return Outcome(
-        test=f"cancelling a fit that runs, engine {engine}",
-        asked="its process and what that started are gone within 1 s",
+        test=f"cancelling a running fit, engine {engine}",
+        asked="its process and all child processes end within 1 s",
         measured=f"{count} times: median {statistics.median(took) * 1e3:.0f} ms, longest "
         f"{max(took) * 1e3:.0f} ms",
         passed=max(took) < 1.0,
@@ -120,8 +120,8 @@ def resumed(directory: Path) -> Outcome:
     parts = ("parameters", "sampler", "feedback")
     same = [name for name in parts if end["result"][name] == alone["result"][name]]
     return Outcome(
-        test="a real fit killed twice while it samples",
-        asked="goes on from its checkpoint to the result of one that is left alone",
+        test="a real fit, killed twice during sampling",
+        asked="continues from its checkpoint to the result of an uninterrupted fit",
         measured=f"{end['status']} in attempt {end['attempt']}; equal: {', '.join(same)}",
         passed=all(kept) and end["attempt"] == 3 and len(same) == len(parts),
     )
@@ -175,8 +175,8 @@ def _outcome(
     )
     return Outcome(
         test=f"random kill -9, {database}, engine {engine}",
-        asked="each accepted fit succeeds once, no double result, database sound, no orphan",
-        measured=measured + ("; ".join(faults[:5]) if faults else "nothing lost, nothing double"),
+        asked="each accepted fit succeeds once, one result each, database consistent, no orphan",
+        measured=measured + ("; ".join(faults[:5]) if faults else "no fit lost, no result twice"),
         passed=not faults and fits > 0,
     )
 

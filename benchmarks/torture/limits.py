@@ -82,8 +82,8 @@ def _forbidden_writes(server: Server, caller: Caller) -> Outcome:
         faults.append(f"after: {small.status_code} {again.status_code} {fitted['status']}")
     if left or caller.http.get(f"/runs/{run_id}").status_code != 200:
         faults.append(f"left behind: {left}")
-    told = "upload 507 storage_full, fit failed as storage_full, both done once there is space"
-    asked = "507 and a named failure, nothing lost, all well once there is space"
+    told = "upload 507 storage_full, fit failed as storage_full, both succeed once there is space"
+    asked = "507 and a failure with a code, nothing lost, normal operation once there is space"
     return _of("no space for files", asked, faults, told)
 
 
@@ -103,7 +103,7 @@ def _largest_file(server: Server, size: int) -> Iterator[None]:
 
 def _full_disk(directory: Path) -> Outcome:
     """Fill a file system of a few megabytes that contains all data, including the database."""
-    test, asked = "a disk without a free byte", "507 or 503, nothing accepted is lost"
+    test, asked = "full disk", "507 or 503, nothing lost after acceptance"
     directory.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={_DISK}", "tmpfs", str(directory)]
     if subprocess.run(mount, capture_output=True).returncode:
@@ -147,7 +147,7 @@ def _fill(directory: Path) -> tuple[list[str], str]:
     if not is_alive or kept != {200} or after != 201 or not ends <= {"succeeded", "failed"}:
         faults.append(f"alive {is_alive}, runs {kept}, after {after}, fits {ends}")
     told = ", ".join(f"{status} {code}" for status, code in sorted(answers))
-    return faults, f"answers {told}; then {len(fits)} fits {'/'.join(sorted(ends))}, all runs there"
+    return faults, f"answers {told}; then {len(fits)} fits {'/'.join(sorted(ends))}, all runs kept"
 
 
 # ---------------------------------------------------------------- memory
@@ -167,7 +167,9 @@ def _memory(server: Server, caller: Caller) -> Outcome:
         faults.append(f"always: {always['status']} {error}, alive {is_alive}")
     told = f"succeeded at attempt {once['attempt']}; failed as {error.get('code')}: "
     told += f"{error.get('detail')}"
-    return _of("no memory in the child", "retried, then failed with a reason", faults, told)
+    return _of(
+        "no memory in the computing process", "retried, then failed with a reason", faults, told
+    )
 
 
 # ---------------------------------------------------------------- clock
@@ -207,8 +209,8 @@ def _clock(server: Server, clock: Path, jump: float, number: int) -> Outcome:
     attempts = max(int(fit["attempt"]) for fit in ended)
     told = f"{number} fits, one result each, at most {attempts} attempts, nothing removed as old"
     return _of(
-        f"the clock jumps by a year {'ahead' if jump > 0 else 'back'} and back again",
-        "no fit lost, none doubled, nothing removed",
+        f"wall clock shifted {'ahead' if jump > 0 else 'back'} by a year, then reset",
+        "no fit lost, one result each, nothing removed",
         faults,
         told,
     )

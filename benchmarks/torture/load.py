@@ -94,13 +94,13 @@ def _load(server: Server, keys: list[str], size: _Size) -> list[Outcome]:
     return [
         Outcome(
             f"{size.callers} clients uploading and polling while two fits run",
-            "no error but 429, nothing lost",
+            "no error except 429, no run lost",
             f"{counted}; {len(seen.runs)} runs accepted, {lost} lost; fits {'/'.join(states)}, "
             f"then {'/'.join(ends)}" + (f"; errors: {seen.errors[:3]}" if seen.errors else ""),
             bool(seen.runs) and not bad and not seen.errors and not lost and ends == {"succeeded"},
         ),
         Outcome(
-            "health meanwhile",
+            "health check during the load",
             f"99th percentile under {size.slowest_s:g} s",
             f"{p99:.3f} s over {len(waits)} calls, slowest {max(waits):.3f} s",
             p99 < size.slowest_s,
@@ -176,8 +176,8 @@ def _slow(server: Server, key: str, size: _Size) -> Outcome:
     return Outcome(
         f"{size.callers} slow uploads",
         "other requests unaffected",
-        f"health 99th percentile {p99:.3f} s, an upload and a list "
-        f"{_quantile(took, 0.5):.3f} s in the median and {max(took):.3f} s at most; the slow ones "
+        f"health 99th percentile {p99:.3f} s, upload and list "
+        f"{_quantile(took, 0.5):.3f} s in the median and {max(took):.3f} s at most; slow uploads "
         f"ended with {dict(ends)}",
         p99 < size.slowest_s
         and _quantile(took, 0.9) < 2.0 * size.slowest_s

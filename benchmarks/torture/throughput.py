@@ -63,7 +63,7 @@ class Kind:
 _BRIEF = {"posterior": False, "effects": False}
 _LONG = (
     Kind("fits without effects and posterior", _BRIEF, fits=5, turns=9, seconds=900.0),
-    Kind("fits as by default", {}, fits=2, turns=5, seconds=900.0),
+    Kind("fits with default options", {}, fits=2, turns=5, seconds=900.0),
 )
 _SHORT = (Kind("fits without effects and posterior", _BRIEF, fits=4, turns=3, seconds=20.0),)
 
@@ -120,10 +120,10 @@ def _outcome(kind: Kind, cores: int, found: Sequence[Turn]) -> Outcome:
     if not quiet:
         words = f"{len(found)} turns, none of them quiet: others used {others:.1f} cores"
     return Outcome(
-        test=f"throughput of {cores} workers over that of one, {kind.name}",
+        test=f"throughput of {cores} workers relative to one, {kind.name}",
         asked=f"at least {_LEAST} x {cores} = {_LEAST * cores:.2f}",
         measured=f"{middle:.2f}, median of {words}, from {min(ratios):.2f} to {max(ratios):.2f}"
-        + (f"; processes without a service gain {statistics.median(bare):.2f}" if bare else ""),
+        + (f"; without a service {statistics.median(bare):.2f}" if bare else ""),
         passed=middle >= _LEAST * cores,
     )
 

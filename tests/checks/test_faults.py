@@ -17,7 +17,7 @@ DATA = Path(__file__).parents[2] / "data"
 MET = {
     "refuse": {"refuse"},
     "suspect": {"refuse", "suspect"},
-    "said": {"refuse", "suspect", "said"},
+    "warn": {"refuse", "suspect", "warn"},
 }
 SMALL_MOTOR = 7001
 """33 W, 27 V: of all wrong units, only mV exceeds the bounds of the reader."""
