@@ -38,15 +38,15 @@ NAMES = ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L")
 
 @dataclass(frozen=True)
 class Motor:
-    """One motor on one bench.
+    """A motor on a bench.
 
     Args:
-        name: What it is.
+        name: Name of the motor.
         values: Ra25 [ohm], alpha_Ra [1/K], Kt25 [N m/A], alpha_Kt [1/K], J [kg m^2],
             b [N m s/rad], L [H].
-        voltage: Largest voltage that it is driven with [V].
+        voltage: Amplitude of the voltage [V].
         interval: Sample interval of the bench [s].
-        dwell: Samples for which a step of the voltage is held.
+        dwell: Number of samples of a voltage step.
     """
 
     name: str

@@ -33,7 +33,7 @@ def test_a_value_that_no_sensor_logs_is_refused_with_its_sample(channel: str, va
         identify([RUN], [_with(channel, values)])
 
 
-def test_time_that_stands_still_is_refused() -> None:
+def test_repeated_time_is_refused() -> None:
     """Two samples at one time have no interval."""
     time = RUN.time.copy()
     time[5] = time[4]

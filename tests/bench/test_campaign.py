@@ -245,7 +245,7 @@ def test_effect_of_the_validation_runs_leaves_the_training_runs_alone(effect: st
     assert changed.truth["effects"][0]["role"] == "validation"
 
 
-def test_effect_that_all_runs_share_cannot_be_given_to_some() -> None:
+def test_effect_of_all_runs_cannot_be_limited_to_some() -> None:
     """A delay is a property of the logger and not of a run."""
     with pytest.raises(ValueError, match="in all runs or in none"):
         make_campaign("servo_150w", [EffectRequest("channel_delay", 0.1, role="validation")])

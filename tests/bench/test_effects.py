@@ -93,7 +93,7 @@ def test_every_effect_has_more_than_one_law() -> None:
 
 
 @pytest.mark.parametrize(("name", "law"), TERMS)
-def test_term_stands_in_its_equation_and_depends_on_its_drivers(name: str, law: str) -> None:
+def test_term_enters_its_equation_and_depends_on_its_drivers(name: str, law: str) -> None:
     """A change of a driver changes the term; a change of any other signal does not."""
     effect, plant = EFFECTS[name], changed_setup(name, law).plant
     row = 0 if effect.equation == "electrical" else 1
@@ -136,9 +136,7 @@ def test_size_scales_terms_relative_to_rated_torque_or_voltage(name: str, law: s
 
 @pytest.mark.parametrize("size", ["small", "large"])
 @pytest.mark.parametrize(("name", "law"), ALL)
-def test_every_law_makes_runs_that_a_bench_could_have_logged(
-    name: str, law: str, size: str
-) -> None:
+def test_every_law_gives_plausible_runs(name: str, law: str, size: str) -> None:
     """All channels are finite, within twice the rated speed and the current limit."""
     amount = EFFECTS[name].typical[size == "large"]
 

@@ -117,7 +117,7 @@ def test_steady_state_is_that_of_the_two_balances() -> None:
     assert run.state("current")[-1] == pytest.approx(0.1 * speed / kt, rel=1e-7)
 
 
-def test_energy_that_goes_in_is_lost_or_stored() -> None:
+def test_supplied_energy_is_lost_or_stored() -> None:
     """The integral of v i equals copper loss, friction loss and the energy in L and J."""
     entry = motor("servo_150w")
     time = np.linspace(0.0, 0.05, 5001, dtype=np.float64)
@@ -151,7 +151,7 @@ def test_coulomb_friction_stops_a_coasting_motor_at_the_time_of_the_closed_form(
     assert speed[3:].tolist() == [0.0, 0.0]
 
 
-def test_motor_below_break_away_stands_still_exactly_and_above_it_turns() -> None:
+def test_motor_stands_still_below_the_breakaway_torque_and_turns_above() -> None:
     """Set-valued friction balances torques up to its level, without creep."""
     entry = motor("servo_150w")
     plant = clean_plant(entry)

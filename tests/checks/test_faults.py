@@ -34,7 +34,7 @@ def test_a_fault_is_found_and_its_correction_corrects_it(fault: Fault) -> None:
         assert "--map '" in found.words
 
 
-def test_the_table_holds_more_than_25_kinds() -> None:
+def test_the_table_has_more_than_25_types() -> None:
     """A fault in one run and the same fault in all runs count as one type."""
     assert len({fault.name for fault in FAULTS}) >= 25
 

@@ -64,7 +64,7 @@ def test_inertia_far_from_that_of_a_rotor_is_reported(factor: float, word: str) 
     assert "--known J=VALUE" in found.message
 
 
-def test_parameter_that_the_runs_leave_open_is_not_judged() -> None:
+def test_parameter_that_is_not_identified_is_not_checked() -> None:
     """An inductance that is not identified, or given by the user, says nothing about the sensor."""
     values = values_of(0.64, 39.8e-3, 120e-7, 1.0)
 

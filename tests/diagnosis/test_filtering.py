@@ -133,7 +133,7 @@ def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
         np.testing.assert_allclose(trace.deviation, deviations * deviation.scale, rtol=1e-5)
 
 
-def test_surprises_are_distances_from_what_all_other_samples_say() -> None:
+def test_surprises_are_leave_one_out_residuals() -> None:
     """Reference: leave-one-out residual over its standard deviation, from the dense inverse."""
     deviation = system(3)
     pieces = [replace(piece, weight=np.ones((ROWS, 2))) for piece in deviation.pieces]

@@ -108,7 +108,7 @@ def test_a_residual_that_is_an_offset_is_not_white() -> None:
     assert found.outside == 1.0
 
 
-def test_pooled_runs_show_what_one_run_hides() -> None:
+def test_pooled_runs_detect_a_correlation_that_one_run_does_not() -> None:
     """A pole of 0.04 is insignificant in one run of 1000 samples and 9 sd in 50 runs."""
     rng = np.random.default_rng(8)
     runs = [coloured(rng, 0.04, 1000) for _ in range(50)]
@@ -129,7 +129,7 @@ def test_runs_are_not_concatenated() -> None:
     assert glued.values[0] == pytest.approx(0.5)
 
 
-def test_fast_correlations_equal_the_sums_they_stand_for() -> None:
+def test_fast_correlations_equal_their_definition() -> None:
     """Reference: the definition, summed in a loop over samples."""
     rng = np.random.default_rng(9)
     residual, voltage = rng.standard_normal(57), rng.standard_normal(57)
@@ -171,7 +171,7 @@ def test_a_short_run_contributes_to_its_own_lags_only() -> None:
 
 
 @pytest.mark.parametrize("residual", [np.array([1.0, np.nan, 2.0]), np.zeros((3, 2)), np.zeros(1)])
-def test_what_is_no_series_of_numbers_is_refused(residual: Array) -> None:
+def test_invalid_series_are_refused(residual: Array) -> None:
     """A NaN would turn every correlation into NaN without an error."""
     with pytest.raises(ValueError, match="expected at least two finite samples"):
         autocorrelation([residual])

@@ -51,7 +51,7 @@ def test_closed_loop_is_the_open_one_over_one_plus_it(text: str, temperature: fl
     assert closed == pytest.approx(forward / (1 + forward), rel=1e-12)
 
 
-def test_loops_stand_in_the_order_of_the_temperatures() -> None:
+def test_loops_are_in_the_order_of_the_temperatures() -> None:
     """The draws vary fastest: the loops of one temperature form a block."""
     motors = motor_draws(PAPER | {"J": np.array([0.01, 0.02, 0.03])}, [25.0, 125.0])
     controller = parse_controller("P:1")

@@ -241,9 +241,7 @@ def test_default_loops_take_under_three_seconds(fits: tuple[Fit, Fit]) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
-def test_every_kind_of_the_catalogue_is_in_the_loop_or_left_out(
-    name: str, fits: tuple[Fit, Fit]
-) -> None:
+def test_every_effect_type_is_in_the_loop_or_omitted(name: str, fits: tuple[Fit, Fit]) -> None:
     """Each prototype on the fitted servo gives finite speeds, or is omitted from the loop."""
     candidates: list[Any] = CATALOGUE[name].candidates(scales_of(fits[0]))
     if not candidates:

@@ -25,7 +25,7 @@ def records() -> tuple[Record, ...]:
     return campaign_of(runs, []).training
 
 
-def test_a_model_that_explains_nothing_does_not_pass_for_noise(
+def test_a_useless_model_does_not_raise_the_noise_to_the_signal(
     records: tuple[Record, ...],
 ) -> None:
     """With reversed sign in all runs, the best model is i = 0, and its residual is the signal."""

@@ -104,7 +104,7 @@ def test_known_coefficient_gives_the_reference_values_away_from_25_degc() -> Non
 @pytest.mark.parametrize(
     "word", ["Kt25=0.05+-5%", "Kt25=0.1", "J=1e-5", "L=0.02+-20%", "b=1e-3+-10%", "alpha_Ra=0.002"]
 )
-def test_wrong_value_is_the_first_warning_and_moves_nothing(
+def test_wrong_value_is_the_first_warning_and_has_no_influence(
     servo_runs: list[Run], servo: dict[str, Any], word: str
 ) -> None:
     """The estimate equals that of the runs alone, digit for digit."""

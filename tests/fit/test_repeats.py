@@ -23,7 +23,7 @@ def copy_of(run: Run, name: str = "copy.csv") -> Run:
     return replace(run, name=name, sha256="1" * 64, time=run.time + 3.0, current=run.current.copy())
 
 
-def test_runs_that_differ_are_not_called_the_same() -> None:
+def test_runs_that_differ_are_not_reported_as_copies() -> None:
     """Same motor and drive, but different noise; only a copy has equal noise."""
     first, *_ = bench_runs()
     again = replace(first, current=first.current[::-1].copy())
@@ -76,7 +76,7 @@ def test_a_validation_run_given_twice_is_reported() -> None:
     assert "they count 2 times in the validation errors" in warning
 
 
-def test_runs_in_which_nothing_moves_are_not_called_the_same() -> None:
+def test_constant_runs_are_not_reported_as_copies() -> None:
     """Two recordings of a bench that is switched off are equal without being copies."""
     first, *_ = bench_runs()
     still = np.zeros(50)

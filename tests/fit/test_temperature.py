@@ -113,7 +113,7 @@ def test_a_run_that_was_not_logged_is_predicted_at_the_temperature_it_had(
     assert np.std(errors, axis=1) / NOISE == pytest.approx([1.0, 1.0], abs=0.1)
 
 
-def test_one_run_without_temperature_among_others_harms_nothing() -> None:
+def test_one_run_without_temperature_among_others_has_no_disadvantage() -> None:
     """Two runs determine the coefficients, which determine the temperature of the third."""
     runs = [
         at(temperature, seed, is_logged=seed != 1)

@@ -43,7 +43,7 @@ def test_relative_drift_has_the_sign_of_the_change() -> None:
         (Estimate(None, None, None, None, True), estimate(1.0, 0.1)),
     ],
 )
-def test_what_the_data_do_not_determine_has_no_drift(
+def test_parameter_that_is_not_identified_has_no_drift(
     now: Estimate | None, before: Estimate | None
 ) -> None:
     """A median determined by the prior carries no information about the motor."""

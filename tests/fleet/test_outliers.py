@@ -29,7 +29,7 @@ def test_spread_is_that_of_the_fleet(name: str) -> None:
     assert spread.relative_scale == pytest.approx(TOLERANCE, rel=0.15)
 
 
-def test_odd_motor_stands_out_and_its_distance_is_in_robust_standard_deviations() -> None:
+def test_outlying_motor_has_its_distance_in_robust_standard_deviations() -> None:
     """A resistance of 1.3 times the centre has the distance ln 1.3 / 0.03 = 8.7."""
     spread = spread_of("Ra25", other(fleet(100, 2), 17, "Ra25", 1.3 * CENTRE["Ra25"], 1e-3))
 
@@ -44,7 +44,7 @@ def test_motor_that_was_measured_badly_does_not_stand_out() -> None:
     assert not spread_of("Ra25", refits).is_outlier(17)
 
 
-def test_forty_odd_motors_of_a_hundred_do_not_hide_each_other() -> None:
+def test_forty_outliers_of_a_hundred_do_not_mask_each_other() -> None:
     """The breakdown point of a median is 50 %; mean and variance would fail here."""
     refits = fleet(100, 4)
     for place in range(25):

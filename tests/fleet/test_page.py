@@ -26,7 +26,7 @@ def test_every_motor_is_in_every_plot() -> None:
     assert text.count("<svg") == len(CENTRE)
 
 
-def test_motors_stand_in_the_order_of_their_medians() -> None:
+def test_motors_are_in_the_order_of_their_medians() -> None:
     """The tooltips of the first plot (Ra25) are in ascending order of the median."""
     refits = fleet(12)
     expected = sorted(refits, key=lambda refit: refit.estimates["Ra25"].median or 0.0)
@@ -96,7 +96,7 @@ def test_page_holds_names_as_text_and_no_address_of_another() -> None:
     assert content_security_policy().startswith("default-src 'none'; style-src 'sha256-")
 
 
-def test_first_warning_of_a_motor_stands_in_its_row() -> None:
+def test_first_warning_of_a_motor_is_in_its_row() -> None:
     """The first warning is escaped and followed by the number of warnings."""
     refits = fleet(2)
     warned = dataclasses.replace(refits[0], warnings=("Kt25 <7> by --known", "a gap"))

@@ -156,7 +156,7 @@ def test_numbers_read_back_exactly_in_each_form() -> None:
     assert table.schema.field("Ra25_sd").metadata == {b"unit": b"ohm"}
 
 
-def test_parquet_says_what_to_install_where_it_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_parquet_package_gives_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """The message names the extra to install and the other formats."""
     real = builtins.__import__
 

@@ -302,7 +302,7 @@ def test_measured_servo_reads_with_its_current_sensor_scaled(file: str, rows: in
 
 
 @needs_real_data
-def test_measured_robot_log_is_refused_with_what_is_missing() -> None:
+def test_measured_robot_log_is_refused_with_the_missing_channel() -> None:
     """According to its README, the file has no voltage and three motors."""
     path = REAL / "robotino_dunkermotor" / "data_for_identification_with_integral.csv"
 

@@ -177,7 +177,7 @@ def test_nothing_is_smoothed_across_a_gap_to_another_temperature() -> None:
     assert np.abs(smooth_temperature(run) - levels).max() < 0.3
 
 
-def test_a_gap_without_a_step_leaves_the_smooth_as_it_is() -> None:
+def test_a_gap_without_a_step_does_not_change_the_smoothing() -> None:
     """Missing rows do not shorten the stretch over which noise is averaged."""
     truth = np.linspace(25.0, 60.0, 4000)
     logged = truth + np.random.default_rng(5).normal(0.0, 0.5, truth.size)

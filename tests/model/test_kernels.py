@@ -116,7 +116,7 @@ def test_without_a_cache_folder_loops_are_compiled(
 def test_a_full_cache_removes_its_least_recently_used_half(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of six files, with a limit of five, the three oldest are removed; a read makes a file new."""
+    """Of six files with a limit of five, three remain: the two newest and the one just read."""
     for number in range(6):
         kernels.keep(f"{number}", b"code")
         os.utime(folder / f"{number}", (1000.0 + number, 1000.0 + number))

@@ -115,7 +115,7 @@ def test_either_law_of_a_speed_filter_is_read_from_a_result(
     assert term_of({"name": "speed_filter", "settings": settings}) == term
 
 
-def test_equations_say_that_the_speed_is_a_mean() -> None:
+def test_equations_name_the_mean_of_the_speed() -> None:
     """The equation is given in words because a mean is not a function of the state."""
     assert "mean" in printed_equations(MEAN.model)["speed channel"]
 

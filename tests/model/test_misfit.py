@@ -108,7 +108,7 @@ def test_masked_samples_do_not_count_in_an_interpolated_loop() -> None:
     np.testing.assert_allclose(sums, sums_by_hand(simulator, values, states), rtol=1e-8)
 
 
-def test_only_what_the_model_depends_on_is_read() -> None:
+def test_only_required_input_columns_are_read() -> None:
     """ZOH needs interval, voltage and both temperatures; FOH also needs the next voltage."""
     plan = Simulator.fitting(MotorModel(), records_of([warming(SERVO, 50)]), SERVO.vector).plan
     white = ((1.0,), (1.0,))
@@ -142,7 +142,7 @@ def slow_and_fast() -> tuple[ca.Function, ca.Function, ca.Function]:
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 3, STRIDE, STRIDE + 1, 2 * STRIDE + 1, 100])
-def test_what_is_linear_in_the_row_is_interpolated_exactly(rows: int) -> None:
+def test_a_step_linear_in_the_row_is_interpolated_exactly(rows: int) -> None:
     """Reference: the whole step; the sum includes every state but the last."""
     prepare, step, whole = slow_and_fast()
     inputs = np.column_stack([np.linspace(0.5, 1.5, rows), np.sin(np.arange(rows))])

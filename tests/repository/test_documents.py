@@ -78,7 +78,7 @@ def definitions(file: str) -> set[str]:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_every_make_target_on_a_page_exists(page: str) -> None:
-    """Reference: the targets that `make help` lists; text: shell blocks and backticks."""
+    """Targets in shell blocks and backticks are those that `make help` lists."""
     lines = [command_words(words) for words in shell_lines(page)]
     named = {
         word for words in lines if words[:1] == ["make"] for word in words[1:] if "=" not in word

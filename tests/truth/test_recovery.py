@@ -70,7 +70,7 @@ def deviations(fit: Fit, truth: Array) -> Array:
 
 
 @pytest.mark.parametrize("bench", BENCHES, ids=lambda bench: f"{bench.motor}, {bench.kind}")
-def test_a_motor_is_found_from_nothing_but_its_runs(bench: Bench) -> None:
+def test_a_motor_is_identified_from_its_runs_alone(bench: Bench) -> None:
     """True values are the table's; 77 normal deviates exceed 4 with a probability of 1/200."""
     motor = motor_named(bench.motor)
 
@@ -110,7 +110,7 @@ def test_the_noise_is_estimated_with_the_motor(bench: Bench) -> None:
     np.testing.assert_allclose(fit.weighting.deviation, expected, rtol=0.045)
 
 
-def test_deviations_from_the_truth_are_as_large_as_the_covariance_says() -> None:
+def test_deviations_from_the_truth_agree_with_the_covariance() -> None:
     """70 squared deviates of mean 1 have a mean of 1 within 0.17; three times that is allowed."""
     motor = motor_named("servo 100 W")
     squares = []
