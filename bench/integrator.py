@@ -90,7 +90,7 @@ def _error(
 
 @njit(error_model="numpy")
 def _is_past_event(t: float, y: Any, p: Any, u: Any) -> bool:
-    """Whether the state has left the present mode of dry friction."""
+    """Return True if the state has left the present mode of dry friction."""
     if u.direction == 0.0:
         torque = drive_torque(t, y, p, u)
         logged = u.temperature + u.temperature_slope * (t - u.start)

@@ -71,5 +71,5 @@ class BenchOptions:
         return VALIDATION_EXCITATIONS[(number - self.training) % len(VALIDATION_EXCITATIONS)]
 
     def is_forward_only(self, number: int) -> bool:
-        """Whether run `number` turns in one direction only."""
+        """Return True if run `number` turns in one direction only."""
         return self.direction == "forward" or (self.direction == "mixed" and number % 3 == 2)

@@ -8,8 +8,8 @@ measurement can be resumed; the tables are generated from the whole log.  One pr
 computes the campaigns, with one thread each.
 
 An effect that increases the validation error of the best nominal model by less than 5 % of the
-noise counts as not detectable and has a row of its own; so do two effects of which one alone would
-not be detectable in that motor.
+noise counts as not detectable and has a separate row.  The same holds for two effects if one of
+them alone would not be detectable in that motor.
 """
 
 from __future__ import annotations

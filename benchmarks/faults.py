@@ -155,7 +155,7 @@ def _head(run: Run) -> Run:
 
 
 def _job(task: tuple[str, int, int, int]) -> dict[str, Any]:
-    """One campaign of either kind."""
+    """Measure one campaign: a fault, or a sound one."""
     kind, number, other, rows = task
     began = time.perf_counter()
     if kind == "sound":

@@ -75,7 +75,7 @@ class Client:
 
     @property
     def is_busy(self) -> bool:
-        """Whether the client still waits for a fit to end."""
+        """True while the client waits for a fit to end."""
         return self._thread.is_alive()
 
     def changed(self) -> list[str]:

@@ -37,7 +37,7 @@ def _state(process: int) -> tuple[str, int]:
 
 
 def is_running(process: int) -> bool:
-    """Whether a process exists and is no zombie."""
+    """Return True if a process exists and is no zombie."""
     return _state(process)[0] != "Z"
 
 

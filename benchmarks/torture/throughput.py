@@ -84,7 +84,7 @@ class Turn:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether other programs used almost no processor time."""
+        """True if other programs used almost no processor time."""
         return self.others <= _QUIET
 
 
