@@ -96,7 +96,7 @@ class Database:
                 raise
             raise OptionError(
                 f"database_url: {self._place} does not answer ({_first_line(error)}); start the "
-                "database or name another"
+                "database or choose another"
             ) from error
 
     @property
@@ -117,7 +117,7 @@ class Database:
             return json.loads(text)
         except ValueError as error:
             self.is_damaged = True
-            reason = corrupt("a column that holds JSON holds none")
+            reason = corrupt("a JSON column has other content")
             raise DatabaseError(None, None, reason) from error
 
     def _upgrade(self) -> None:
@@ -140,7 +140,7 @@ class Database:
         except alembic.util.CommandError as error:
             raise OptionError(
                 f"database_url: {self._place} has tables of a newer motorid (this one knows "
-                f"version {NEWEST}); install that one, or name another database"
+                f"version {NEWEST}); install that version, or choose another database"
             ) from error
 
     def _version(self) -> str | None:

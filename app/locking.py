@@ -49,14 +49,14 @@ class NodeLock:
             )
         except OSError as error:
             raise OptionError(
-                f"data_dir: {self._file} cannot be opened ({error.strerror}); remove what stands "
-                "there, it holds no data"
+                f"data_dir: {self._file} cannot be opened ({error.strerror}); remove it, "
+                "it holds no data"
             ) from error
         file = os.fdopen(handle, "ab")
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             file.close()
             raise OptionError(
-                f"data_dir: {self._file} is no regular file; remove it, it holds no data"
+                f"data_dir: {self._file} is not a regular file; remove it, it holds no data"
             )
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -71,7 +71,7 @@ class Storage:
         if os.path.exists(self.directory / RESTORING):
             raise OptionError(
                 f"data_dir: a restore into {self.directory} has not come to its end; wait for it, "
-                "or, where it was interrupted, remove all that is in there and restore again"
+                "or, if it was interrupted, remove the content of the directory and restore again"
             )
         try:
             self.directory.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -281,7 +281,7 @@ def refused_when_full(what: str) -> Iterator[None]:
         if not is_full(error):
             raise
         raise StorageFull(
-            f"no space is left for the {what}; have some made, then send it again"
+            f"no space is left for the {what}; ask the operator to free some, then send it again"
         ) from error
 
 

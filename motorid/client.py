@@ -1,4 +1,4 @@
-"""The service from a script.
+"""Client of the service for scripts.
 
     from motorid.client import Client
 
@@ -7,9 +7,9 @@
     fit = service.wait(service.fit([run]))
     service.fetch(fit, "out/motor-17")
 
-Calls that get no answer, or one that says "not now", are sent again for a while, and nothing is
-done twice by that: the same bytes are the same run, and each fit and batch carries an
-Idempotency-Key of its own.  A client may be used by several threads.
+Calls without a response, or with a temporary error, are repeated for some time.  A repetition has
+no second effect: the same bytes are the same run, and each fit and batch has an Idempotency-Key.
+A client may be used by several threads.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ _TABLES = {
 
 
 class Client:
-    """A caller of one service.
+    """Client of one service.
 
     Args:
-        url: Address of the service.
-        key: Key from ``motorid keys create``; None where the service asks for none.
-        patience_s: Time over which a call that gets no answer is sent again [s].
-        timeout_s: Time to wait for each part of an answer [s].
+        url: URL of the service.
+        key: Key from ``motorid keys create``; None if the service requires none.
+        patience_s: Time over which a call without a response is repeated [s].
+        timeout_s: Time limit for each part of a response [s].
 
     Raises:
-        ValueError: The address is none.
+        ValueError: The URL is invalid.
     """
 
     def __init__(
@@ -90,15 +90,15 @@ class Client:
         self.url = self._transport.url
 
     def __enter__(self) -> Self:
-        """The client itself."""
+        """Return the client."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self.close()
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._transport.close()
 
     def upload(
@@ -113,9 +113,9 @@ class Client:
 
         Args:
             source: Path of a file, or its content as bytes.
-            name: What to call it; the name of the file where not given.
-            motor: Which motor it is of.
-            mapping: Which column is which channel, where the header does not say it.
+            name: Name of the run; default: the name of the file.
+            motor: Name of the motor.
+            mapping: Assignment of columns to channels, if the header does not give it.
         """
         called, open_source = opened(source, name)
         fields = {} if motor is None else {"motor": motor}
@@ -138,17 +138,17 @@ class Client:
         options: Mapping[str, Any] | None = None,
         idempotency_key: str | None = None,
     ) -> Fit:
-        """Begin a fit.
+        """Submit a fit.
 
         Args:
             training: Runs to fit, or their ids, in the order of recording.
-            validation: Runs to check the model on.
-            motor: Which motor it is.
+            validation: Validation runs, or their ids.
+            motor: Name of the motor.
             options: `seed`, `posterior`, `effects`, `hold`, `temperatures`, `controllers`,
                 `effort`, `time_limit`, `set_aside`, `force`,
                 `known`, `nameplate`.
-            idempotency_key: Word under which the same request is the same fit; a new one is made
-                for each call where not given.
+            idempotency_key: Key under which the same request is the same fit; default: a new key
+                for each call.
         """
         body = {
             "training": [_id(run) for run in training],
@@ -166,13 +166,13 @@ class Client:
         name: str | None = None,
         idempotency_key: str | None = None,
     ) -> Batch:
-        """Begin a fit for each of many motors.
+        """Submit one fit for each of many motors.
 
         Args:
-            motors: For each `motor`, `training`, and optionally `validation` and `options`.
-            options: For each motor that has none of its own.
-            name: What lists show.
-            idempotency_key: As with `fit`.
+            motors: Entries with `motor`, `training`, and optionally `validation` and `options`.
+            options: Options of each motor without its own.
+            name: Name in lists.
+            idempotency_key: As for `fit`.
         """
         asked = [
             {**motor, **{role: [_id(run) for run in motor.get(role, ())] for role in _ROLES}}
@@ -188,16 +188,16 @@ class Client:
         timeout_s: float | None = None,
         progress: Tell | None = None,
     ) -> Fit:
-        """The fit once it succeeded, with its result.
+        """Wait until a fit has succeeded, and return it with its result.
 
         Args:
             fit: The fit, or its id.
-            timeout_s: Longest time to wait [s]; without, as long as it takes.
-            progress: Told the stage and the share that is done whenever they change.
+            timeout_s: Time limit [s]; default: none.
+            progress: Called with stage and completed fraction when they change.
 
         Raises:
-            FitFailed: It failed or was cancelled.
-            WaitedTooLong: The time is over; the fit goes on.
+            FitFailed: The fit failed or was cancelled.
+            WaitedTooLong: The time limit is exceeded; the fit continues.
         """
 
         def told(now: Fit) -> tuple[str, float]:
@@ -215,15 +215,15 @@ class Client:
         timeout_s: float | None = None,
         progress: Tell | None = None,
     ) -> Batch:
-        """The batch once all its fits have ended, however they ended.
+        """Wait until all fits of a batch have ended, and return the batch.
 
         Args:
             batch: The batch, or its id.
-            timeout_s: Longest time to wait [s]; without, as long as it takes.
-            progress: Told how many fits have ended, and the share that is done.
+            timeout_s: Time limit [s]; default: none.
+            progress: Called with the number of ended fits and the completed fraction.
 
         Raises:
-            WaitedTooLong: The time is over; the batch goes on.
+            WaitedTooLong: The time limit is exceeded; the batch continues.
         """
 
         def told(now: Batch) -> tuple[str, float]:
@@ -234,11 +234,11 @@ class Client:
         return until_ended(lambda: self.show_batch(batch), told, timeout_s, progress)
 
     def fetch(self, fit: Fit | str, directory: str | os.PathLike[str]) -> dict[str, Path]:
-        """Write result.json, report.html and, where there is one, posterior.nc.
+        """Write result.json, report.html and, if there is one, posterior.nc.
 
         Args:
-            fit: A fit that succeeded, or its id.
-            directory: Where to; it is made if it is not there.
+            fit: Succeeded fit, or its id.
+            directory: Output directory; created if missing.
 
         Returns:
             Path of each file by `result`, `report` and `posterior`.
@@ -256,51 +256,51 @@ class Client:
         if "posterior" in shown.content["links"]:
             files["posterior"] = self.fetch_posterior(shown, posterior)
         else:
-            # One of an earlier fit would not belong to this result.
+            # The posterior of an earlier fit does not belong to this result.
             posterior.unlink(missing_ok=True)
         return files
 
     def fetch_report(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
-        """Write the report of a fit that succeeded; gives the path."""
+        """Write the report of a succeeded fit; return the path."""
         return self._fetched(f"/fits/{_id(fit)}/report", Path(path))
 
     def fetch_posterior(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
-        """Write the posterior of a fit that sampled one; gives the path."""
+        """Write the posterior of a succeeded fit that was sampled; return the path."""
         return self._fetched(f"/fits/{_id(fit)}/posterior", Path(path))
 
     def fetch_table(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
-        """Write the results of a batch, in the form that the path ends with.
+        """Write the results table of a batch in the format given by the suffix of the path.
 
         Args:
             batch: The batch, or its id.
-            path: A name that ends with ``.csv``, ``.json`` or ``.parquet``.
+            path: File name that ends with ``.csv``, ``.json`` or ``.parquet``.
         """
         target = Path(path)
         if target.suffix not in _TABLES:
             raise ValueError(
-                f"{target.name!r} names no form of a table; expected a name that ends with "
+                f"{target.name!r} has no suffix of a table format; expected a name that ends with "
                 f"{', '.join(_TABLES)}"
             )
         return self._fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
 
     def fetch_fleet(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
-        """Write the fleet page of a batch; gives the path."""
+        """Write the fleet page of a batch; return the path."""
         return self._fetched(f"/batches/{_id(batch)}/report", Path(path))
 
     def show_run(self, run: Run | str) -> Run:
-        """A run as it is stored."""
+        """Stored run."""
         return Run.of(self._get(f"/runs/{_id(run)}"))
 
     def show_fit(self, fit: Fit | str) -> Fit:
-        """A fit as it is now, with its result once it succeeded."""
+        """Current state of a fit, with its result once it has succeeded."""
         return Fit.of(self._get(f"/fits/{_id(fit)}"))
 
     def show_batch(self, batch: Batch | str) -> Batch:
-        """A batch as it is now, with the state of each of its fits."""
+        """Current state of a batch and of each of its fits."""
         return Batch.of(self._get(f"/batches/{_id(batch)}"))
 
     def runs(self, *, motor: str | None = None) -> Iterator[Run]:
-        """All runs, newest first, page by page as they are asked for."""
+        """All runs, newest first; pages are requested on demand."""
         return map(Run.of, self._listed("/runs", motor=motor))
 
     def fits(self, *, status: str | None = None, motor: str | None = None) -> Iterator[Fit]:
@@ -312,30 +312,30 @@ class Client:
         return map(Batch.of, self._listed("/batches"))
 
     def cancel(self, fit: Fit | str) -> Fit:
-        """Cancel a fit that has not ended; one that has stays as it is.
+        """Cancel an unfinished fit; an ended one is left unchanged.
 
-        A fit that ends in the moment between the look and the call is removed by it.
+        A fit that ends between the two requests is removed.
         """
         return until_cancelled(
             lambda: self.show_fit(fit), lambda: self._delete_once(f"/fits/{_id(fit)}")
         )
 
     def cancel_batch(self, batch: Batch | str) -> Batch:
-        """Cancel the fits of a batch that have not ended; those that have stay as they are."""
+        """Cancel the unfinished fits of a batch; ended ones are left unchanged."""
         return until_cancelled(
             lambda: self.show_batch(batch), lambda: self._delete_once(f"/batches/{_id(batch)}")
         )
 
     def delete_run(self, run: Run | str) -> None:
-        """Remove a run; it is no error where it is gone already."""
+        """Remove a run; a missing run is not an error."""
         self._deleted(f"/runs/{_id(run)}")
 
     def delete_fit(self, fit: Fit | str) -> None:
-        """Remove a fit with its outputs, and cancel it before where it has not ended."""
+        """Remove a fit with its outputs; an unfinished one is cancelled first."""
         self._deleted(f"/fits/{_id(fit)}")
 
     def delete_batch(self, batch: Batch | str) -> None:
-        """Remove a batch with its fits, and cancel them before where they have not ended."""
+        """Remove a batch with its fits; unfinished ones are cancelled first."""
         self._deleted(f"/batches/{_id(batch)}")
 
     def _get(self, path: str, **parameters: Any) -> dict[str, Any]:
@@ -354,7 +354,7 @@ class Client:
             yield from page["items"]
 
     def _delete_once(self, path: str) -> None:
-        # Not sent again by itself: a second one would remove what the first one cancelled.
+        # Not repeated: a second call would remove the fit that the first one cancelled.
         self._transport.call("DELETE", path, repeat=False)
 
     def _deleted(self, path: str) -> None:

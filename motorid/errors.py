@@ -1,16 +1,16 @@
-"""What can go wrong between a script and the service, as one tree.
+"""Errors of the client, as one tree.
 
     ClientError
-    ├── Unreachable        no answer, however often it was tried
-    ├── WaitedTooLong      the fit or the batch did not end in the time that was given
+    ├── Unreachable        no response, in spite of retries
+    ├── WaitedTooLong      the fit or batch did not end within the time limit
     ├── FitFailed          the fit ended without a result
     └── Problem            the service refused: status, code, detail, file, row, column
-        ├── BadKey         no key, or one that is not valid
-        ├── NotFound       no such thing, or it is another workspace's
-        ├── Refused        the request, a field or a run file is not accepted
-        └── Busy           not now: too many calls, or the service starts, stops or is full
+        ├── BadKey         missing or invalid key
+        ├── NotFound       no such item in the workspace of the key
+        ├── Refused        request, field or run file not accepted
+        └── Busy           temporary: too many calls, or the service starts, stops or is full
 
-A `Problem` holds what RFC 9457 puts into the body, and the words of the service are its message.
+A `Problem` holds the members of the RFC 9457 body; its message is the `detail` of the service.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ __all__ = [
 
 
 class ClientError(Exception):
-    """Base of all errors of the client."""
+    """Base class."""
 
 
 class Unreachable(ClientError):
-    """The service gave no answer in the time over which calls are repeated."""
+    """The service did not respond within the time over which calls are repeated."""
 
 
 class WaitedTooLong(ClientError):
-    """Something did not end in the time that was given; it goes on at the service."""
+    """A fit or batch did not end within the time limit; it continues at the service."""
 
 
 class FitFailed(ClientError):
     """A fit ended without a result.
 
     Args:
-        fit_id: The fit.
+        fit_id: ID of the fit.
         status: ``failed`` or ``cancelled``.
-        error: The member `error` of the fit: why it failed; empty where it was cancelled.
+        error: Member `error` of the fit with the reason; empty if the fit was cancelled.
     """
 
     def __init__(self, fit_id: str, status: str, error: Mapping[str, Any] | None) -> None:
@@ -71,7 +71,7 @@ class Problem(ClientError):
 
     Args:
         status: HTTP status.
-        body: The problem as the service told it.
+        body: Problem details from the service.
     """
 
     def __init__(self, status: int, body: Mapping[str, Any]) -> None:
@@ -89,30 +89,30 @@ class Problem(ClientError):
 
 
 class BadKey(Problem):
-    """The call carried no key, or one that is not valid."""
+    """The call carried missing or invalid key."""
 
 
 class NotFound(Problem):
-    """There is no such thing in the workspace of the key."""
+    """No such item in the workspace of the key."""
 
 
 class Refused(Problem):
-    """The request is at fault, and the same request would be refused again."""
+    """Fault of the request; the same request would be refused again."""
 
 
 class Busy(Problem):
-    """The service cannot answer now and may be able to later."""
+    """Temporary refusal; a later retry may succeed."""
 
 
 _KINDS: dict[int, type[Problem]] = {401: BadKey, 404: NotFound, 429: Busy, 503: Busy, 507: Busy}
 
 
 def problem_from(status: int, body: object) -> Problem:
-    """The error of an answer.
+    """Error of a response.
 
     Args:
         status: HTTP status.
-        body: Content of the answer, where it was JSON.
+        body: Body of the response if it is JSON, else None.
     """
     kind = _KINDS.get(status, Refused if 400 <= status < 500 else Problem)
     return kind(status, body if isinstance(body, Mapping) else {})

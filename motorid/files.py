@@ -1,4 +1,4 @@
-"""What is sent from files and what is written into them."""
+"""Files to upload, and atomic writing of fetched files."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from typing import IO
 __all__ = ["Source", "opened", "replacing"]
 
 Source = str | os.PathLike[str] | bytes
-"""A run: the path of a file, or its content."""
+"""Run as the path of a file or as its content."""
 
 
 def opened(source: Source, name: str | None) -> tuple[str, Callable[[], IO[bytes]]]:
-    """The name of a run and what opens it, from its beginning each time.
+    """Name of a run, and a function that opens it at its start.
 
     Args:
         source: Path or content.
-        name: What to call it; the name of the file where not given.
+        name: Name of the run; default: the name of the file.
     """
     if isinstance(source, bytes):
         content = source
@@ -32,7 +32,7 @@ def opened(source: Source, name: str | None) -> tuple[str, Callable[[], IO[bytes
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A file to write to, which takes the name of `path` in one step when all went well."""
+    """Temporary file that atomically replaces `path` at the end of a block without error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     neighbour = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:

@@ -1,6 +1,6 @@
-"""Runs, fits and batches as the service tells of them.
+"""Runs, fits and batches in responses of the service.
 
-Each holds what scripts ask for most as an attribute, and all that the service said as `content`.
+The members that scripts need most are attributes; `content` holds the complete response.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any, Self
 __all__ = ["ENDED", "Batch", "Fit", "Run"]
 
 ENDED = ("succeeded", "failed", "cancelled", "partial")
-"""States of a fit or a batch that are not left."""
+"""Final states of a fit or a batch."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is stored.
+    """Stored run.
 
     Args:
-        id: Its name at the service.
-        sha256: Hash of its bytes.
+        id: ID at the service.
+        sha256: SHA-256 of the uploaded bytes.
         rows: Number of samples.
-        file: What it was called.
-        motor: Which motor it is of, or None.
-        content: All that the service says about it.
+        file: File name given at the upload.
+        motor: Name of the motor, or None.
+        content: Complete response.
     """
 
     id: str
@@ -37,7 +37,7 @@ class Run:
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
-        """A run from an answer."""
+        """Build a run from a response."""
         return cls(
             id=content["id"],
             sha256=content["sha256"],
@@ -50,17 +50,17 @@ class Run:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit as it was when the service was asked.
+    """Fit at the time of the request.
 
     Args:
-        id: Its name at the service.
+        id: ID at the service.
         status: queued, running, succeeded, failed or cancelled.
-        stage: What is being done.
-        fraction: Share of the whole that is done.
-        motor: Which motor it is of, or None.
-        result: Content of result.json where it succeeded and was asked for by its id, else None.
-        error: Why it failed, or None.
-        content: All that the service says about it.
+        stage: Current stage.
+        fraction: Completed fraction.
+        motor: Name of the motor, or None.
+        result: Content of result.json of a succeeded fit requested by its id, else None.
+        error: Reason of a failure, or None.
+        content: Complete response.
     """
 
     id: str
@@ -74,7 +74,7 @@ class Fit:
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
-        """A fit from an answer."""
+        """Build a fit from a response."""
         progress = content["progress"]
         return cls(
             id=content["id"],
@@ -89,22 +89,22 @@ class Fit:
 
     @property
     def has_ended(self) -> bool:
-        """Whether its state will not change any more."""
+        """Whether the state is final."""
         return self.status in ENDED
 
 
 @dataclass(frozen=True)
 class Batch:
-    """A batch as it was when the service was asked.
+    """Batch at the time of the request.
 
     Args:
-        id: Its name at the service.
+        id: ID at the service.
         status: queued, running, succeeded, partial, failed or cancelled.
-        fraction: Share of the whole that is done.
+        fraction: Completed fraction.
         counts: Number of its fits in each state.
         fits: For each motor `fit`, `motor`, `status`, `progress` and `error`; empty in lists.
-        name: What lists show, or None.
-        content: All that the service says about it.
+        name: Name in lists, or None.
+        content: Complete response.
     """
 
     id: str
@@ -117,7 +117,7 @@ class Batch:
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
-        """A batch from an answer."""
+        """Build a batch from a response."""
         return cls(
             id=content["id"],
             status=content["status"],

@@ -1,9 +1,8 @@
-"""Calls that are repeated until they are answered.
+"""HTTP calls with retries.
 
-A call is sent again where no answer came, or one that says "not now" (429, 502, 503, 504): after
-the time that `Retry-After` names, else after a pause that doubles and is drawn at random, so that
-many clients of a service that comes back do not all knock at once.  Only calls may be repeated
-that do the same when they are sent twice; who calls says so.
+A call without a response, or with a temporary error (429, 502, 503, 504), is repeated: after the
+time in `Retry-After`, else with exponential backoff and jitter, so that the clients of a restarted
+service do not all call at once.  Only idempotent calls may be repeated; the caller decides.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ _LASTING = ("file_lost", "database_damaged")
 
 
 class Transport:
-    """A connection to one service.
+    """Connection to one service.
 
     Args:
-        url: Address of the service, with or without ``/api/v1``.
-        key: Key to show, or None.
+        url: URL of the service, with or without ``/api/v1``.
+        key: API key, or None.
         patience_s: Time over which a call is repeated [s].
-        timeout_s: Time to wait for each part of an answer [s].
+        timeout_s: Time limit for each part of a response [s].
     """
 
     def __init__(self, url: str, key: str | None, patience_s: float, timeout_s: float) -> None:
@@ -51,7 +50,7 @@ class Transport:
         )
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._http.close()
 
     def call(
@@ -63,18 +62,18 @@ class Transport:
         repeat: bool = True,
         **words: Any,
     ) -> httpx.Response:
-        """The answer of a call.
+        """Send a call and return its response.
 
         Args:
-            method: Such as ``GET``.
-            path: Behind ``/api/v1``.
-            content: Makes what is sent, anew for each try: a file is read from its beginning.
-            repeat: Whether the call may be sent again.
-            **words: For `httpx.Client.request`.
+            method: HTTP method.
+            path: Path below ``/api/v1``.
+            content: Creates the request body, anew for each attempt: a file is read from its start.
+            repeat: Whether the call may be repeated.
+            **words: Further arguments of `httpx.Client.request`.
 
         Raises:
-            Problem: The service refused.
-            Unreachable: There was no answer.
+            Problem: The service refused the call.
+            Unreachable: The service did not respond.
         """
 
         def send() -> httpx.Response:
@@ -84,11 +83,11 @@ class Transport:
         return self._answered(send, self._patience_s if repeat else 0.0)
 
     def copy(self, path: str, headers: dict[str, str], file: IO[bytes]) -> None:
-        """Write the content of an answer to a file, piece by piece.
+        """Write the body of a response to a file, block by block.
 
         Raises:
-            Problem: The service refused.
-            Unreachable: There was no answer.
+            Problem: The service refused the call.
+            Unreachable: The service did not respond.
         """
 
         def send() -> httpx.Response:
@@ -117,7 +116,7 @@ class Transport:
             except httpx.TransportError as error:
                 reason = Unreachable(
                     f"{self.url} does not answer ({_words(error)}), tried {tried} times; "
-                    "is the service running, and is the address right?"
+                    "check that the service runs and that its URL is right"
                 )
                 reason.__cause__ = error
             is_lasting = getattr(reason, "code", None) in _LASTING
@@ -130,10 +129,10 @@ class Transport:
 
 
 def content_of(answer: httpx.Response) -> dict[str, Any]:
-    """The JSON object of an answer.
+    """JSON object in a response.
 
     Raises:
-        Unreachable: It is something else, so another program answers at this address.
+        Unreachable: The body is something else, so another program answers at this URL.
     """
     try:
         content = answer.json()
@@ -141,29 +140,29 @@ def content_of(answer: httpx.Response) -> dict[str, Any]:
         content = None
     if not isinstance(content, dict):
         raise Unreachable(
-            f"{answer.url} answers with {answer.headers.get('content-type', 'no content')}; is "
-            "this the address of motorid?"
+            f"{answer.url} answers with {answer.headers.get('content-type', 'no content')}; "
+            "expected the URL of motorid"
         )
     return content
 
 
 def pause_s(tried: int, answer: httpx.Response | None = None) -> float:
-    """Time to wait before the next try [s].
+    """Time to wait before the next attempt [s].
 
     Args:
-        tried: How often the call was sent.
-        answer: What came, whose `Retry-After` is obeyed; None where nothing came.
+        tried: Number of attempts so far.
+        answer: Response with an optional `Retry-After`, or None without a response.
     """
     asked = _retry_after(answer.headers.get("retry-after")) if answer is not None else None
     if asked is not None:
         return asked
     longest = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** min(tried - 1, 10))
-    # Not cryptography: it only keeps clients from knocking in step.
+    # Not for cryptography: the jitter only keeps clients from calling at once.
     return random.uniform(0.5, 1.0) * longest
 
 
 def _retry_after(text: str | None) -> float | None:
-    """Seconds of a `Retry-After` header, which is a number or a date."""
+    """Time in a `Retry-After` header, which is a number or a date [s]."""
     if text is None:
         return None
     try:

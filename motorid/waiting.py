@@ -1,4 +1,4 @@
-"""Waiting for what takes minutes: looking again and again, ever less often."""
+"""Polling of fits and batches with increasing intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from motorid.transport import pause_s
 __all__ = ["Tell", "until_cancelled", "until_ended"]
 
 Tell = Callable[[str, float], None]
-"""Told what is being done and the share of the whole that is done."""
+"""Progress callback with the current stage and the completed fraction."""
 
 _FIRST_LOOK_S = 0.1
 _SLOWEST_LOOK_S = 2.0
@@ -28,16 +28,16 @@ def until_ended(
     timeout_s: float | None,
     progress: Tell | None,
 ) -> _Waited:
-    """What `look` shows once it has ended.
+    """Poll a fit or a batch until it has ended, and return it.
 
     Args:
-        look: Asks the service.
-        told: What to say of it.
-        timeout_s: Longest time to wait [s]; None for as long as it takes.
-        progress: Told whenever that changes.
+        look: Requests the current state.
+        told: Stage and fraction of a state.
+        timeout_s: Time limit [s]; None for no limit.
+        progress: Called when stage or fraction change.
 
     Raises:
-        WaitedTooLong: The time is over.
+        WaitedTooLong: The time limit is exceeded.
     """
     began = time.monotonic()
     pause = _FIRST_LOOK_S
@@ -52,22 +52,22 @@ def until_ended(
         left = pause if timeout_s is None else began + timeout_s - time.monotonic()
         if left <= 0.0:
             raise WaitedTooLong(
-                f"{now.id} is {now.status} after {timeout_s:g} s; it goes on, and can be waited "
-                "for again by its id"
+                f"{now.id} is {now.status} after {timeout_s:g} s; it continues at "
+                "the service; wait for it again by its id"
             )
         time.sleep(min(pause, left))
         pause = min(1.3 * pause, _SLOWEST_LOOK_S)
 
 
 def until_cancelled(look: Callable[[], _Waited], cancel: Callable[[], None]) -> _Waited:
-    """What `look` shows once it has ended, by itself or because it was cancelled.
+    """Cancel a fit or a batch, poll it until it has ended, and return it.
 
     Args:
-        look: Asks the service.
-        cancel: Cancels once.  Where its answer is lost, the next look tells whether it came.
+        look: Requests the current state.
+        cancel: Sends one cancellation.  If its response is lost, the next state shows the effect.
 
     Raises:
-        Unreachable: There was no answer.
+        Unreachable: The service did not respond.
         Busy: The service cannot answer now.
     """
     tried = 0
@@ -78,6 +78,6 @@ def until_cancelled(look: Callable[[], _Waited], cancel: Callable[[], None]) -> 
         except (Unreachable, Busy):
             if tried == _MOST_TRIES:
                 raise
-        # A batch ends fit by fit; a look right behind the call may still see one that runs.
+        # A batch ends fit by fit; a request right after the call may still see a running one.
         time.sleep(0.0 if tried == 1 else pause_s(tried))
     return now

@@ -48,13 +48,14 @@ class Quotas:
         number, stored = session.execute(query.where(RunRow.workspace == workspace)).one()
         if self.runs and number >= self.runs:
             raise RunsQuota(
-                f"the workspace has {number} runs of {self.runs} that it may keep; delete some "
-                "that no fit needs, or have MOTORID_QUOTA_RUNS raised"
+                f"the workspace has {number} runs of {self.runs} allowed; delete runs that no "
+                "fit needs, or ask the operator to raise MOTORID_QUOTA_RUNS"
             )
         if self.stored_bytes and stored + size > self.stored_bytes:
             raise BytesQuota(
-                f"the workspace keeps {stored} bytes of {self.stored_bytes} that it may, and the "
-                f"run has {size}; delete some runs, or have MOTORID_QUOTA_BYTES raised"
+                f"the runs of the workspace have {stored} bytes of {self.stored_bytes} allowed, "
+                f"and the new run has {size}; delete runs, or ask the operator to raise "
+                "MOTORID_QUOTA_BYTES"
             )
 
     def check_fits(self, session: Session, workspace: str, number: int) -> None:
@@ -69,17 +70,17 @@ class Quotas:
         if number > self.waiting_fits:
             raise BatchQuota(
                 f"the batch has {number} motors, and {self.waiting_fits} fits of the workspace may "
-                "wait; send the motors as smaller batches, or have MOTORID_QUOTA_WAITING_FITS "
-                "raised"
+                "wait; send the motors as smaller batches, or ask the operator to raise "
+                "MOTORID_QUOTA_WAITING_FITS"
             )
         _hold(session, workspace)
         query = select(func.count()).where(FitRow.status == "queued", FitRow.workspace == workspace)
         waiting = session.execute(query).scalar_one()
         if waiting + number > self.waiting_fits:
             raise WaitingQuota(
-                f"{waiting} fits of the workspace wait and {number} more would be "
-                f"{waiting + number} of {self.waiting_fits} that may; let some end, or have "
-                "MOTORID_QUOTA_WAITING_FITS raised"
+                f"{waiting} fits of the workspace wait and {number} more exceed the quota "
+                f"of {self.waiting_fits}; wait until some have ended, or ask the operator to raise "
+                "MOTORID_QUOTA_WAITING_FITS"
             )
 
 

@@ -128,7 +128,7 @@ class AccessService:
                 key = repository.key_by_digest(session, _digest(secret), time.time())
             if key is not None:
                 return self._caller(key)
-        raise BadKey("the key is not valid; make one with `motorid keys create`")
+        raise BadKey("the key is not valid; create one with `motorid keys create`")
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:
         """Subset of the keys that are neither revoked nor expired."""
@@ -173,7 +173,7 @@ class AccessService:
                 key = repository.key_by_session(session, _digest(token), time.time())
             if key is not None:
                 return self._caller(key)
-        raise BadKey("the session has ended; show the key again")
+        raise BadKey("the session has ended; sign in again with the key")
 
     def write_uses(self) -> None:
         """Store the times at which keys were last used.

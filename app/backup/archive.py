@@ -162,14 +162,14 @@ def target(path: Path) -> AbstractTarget:
     is_empty = path.is_dir() and not any(path.iterdir())
     if (path.exists() or path.is_symlink()) and (path.suffix == ".tar" or not is_empty):
         raise OptionError(
-            f"{path} is there already, and a backup overwrites nothing; name another",
+            f"{path} is there already, and a backup overwrites nothing; choose another path",
             value=str(path),
         )
     try:
         return _Tar(path) if path.suffix == ".tar" else _Folder(path)
     except OSError as error:
         raise OptionError(
-            f"{path}: cannot be written ({error.strerror}); name another place", value=str(path)
+            f"{path}: cannot be written ({error.strerror}); choose another path", value=str(path)
         ) from error
 
 
@@ -188,7 +188,9 @@ def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
         with tarfile.open(path, mode="r:") as tar:
             yield _files_of_tar(tar, path)
     except tarfile.TarError as error:
-        raise InputError("is no complete .tar file of 'motorid backup'", file=str(path)) from error
+        raise InputError(
+            "is not a complete .tar file of 'motorid backup'", file=str(path)
+        ) from error
     except OSError as error:
         if is_full(error):
             # The restore target is full; the backup is not at fault.
@@ -202,7 +204,7 @@ def opened(path: Path) -> Iterator[Iterator[tuple[str, BinaryIO]]]:
 def _files_of_folder(folder: Path) -> Iterator[tuple[str, BinaryIO]]:
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise InputError("is no ordinary file; a backup has no others", file=str(path))
+            raise InputError("is no ordinary file; a backup contains no others", file=str(path))
         if path.is_file():
             with path.open("rb") as file:
                 yield path.relative_to(folder).as_posix(), file
@@ -213,7 +215,7 @@ def _files_of_tar(tar: tarfile.TarFile, path: Path) -> Iterator[tuple[str, Binar
         file = tar.extractfile(member) if member.isreg() and not member.issparse() else None
         if file is None:
             raise InputError(
-                f"{member.name[:200]!r} is no ordinary file; a backup has no others",
+                f"{member.name[:200]!r} is no ordinary file; a backup contains no others",
                 file=str(path),
             )
         with file:

@@ -71,7 +71,7 @@ def _faults(
         outputs = expected_outputs(directory / own)
         wrong += [f"{own}/{name}" for name in sorted(outputs) if f"{own}/{name}" not in found]
     if wrong:
-        yield f"{wrong[0]} is not what the database says; take another backup"
+        yield f"{wrong[0]} is not what the database says; use another backup"
 
 
 def _strange_schema(database: sqlite3.Connection) -> Iterator[str]:
@@ -82,7 +82,7 @@ def _strange_schema(database: sqlite3.Connection) -> Iterator[str]:
         # SQLite creates indexes for keys; an older motorid may have created fewer of its own.
         is_index = kind == "index" and (name in indexes or name.startswith("sqlite_autoindex_"))
         if not is_index and (kind != "table" or name not in missing):
-            yield f"{DATABASE} has a {kind} {name[:100]!r} that motorid does not make"
+            yield f"{DATABASE} has an unexpected {kind} {name[:100]!r}"
         missing.discard(name)
     if missing:
         yield f"{DATABASE} has no table {min(missing)}"
@@ -95,10 +95,10 @@ def _strange_values(database: sqlite3.Connection) -> Iterator[str]:
             if value is None and column == "batch_id":
                 continue
             if not (isinstance(value, str) and is_id(kind, value)):
-                yield f"{DATABASE} has {_shown(value)} for the id of a {kind} in {table}"
+                yield f"{DATABASE} has {_shown(value)} as the id of a {kind} in {table}"
     for (value,) in database.execute("SELECT attempt FROM fits"):
         if not (isinstance(value, int) and value >= 0):
-            yield f"{DATABASE} has {_shown(value)} for the number of an attempt"
+            yield f"{DATABASE} has {_shown(value)} as the number of an attempt"
 
 
 def _shown(value: object) -> str:

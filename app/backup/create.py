@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from app.backup.archive import DATABASE, AbstractTarget, target
 from app.damage import DamagedDatabase, check_present, is_damaged
@@ -42,6 +44,13 @@ class Saved:
     runs: int
     fits: int
     files: int
+
+    @classmethod
+    def of(cls, names: Collection[str]) -> Self:
+        """Count the files of a backup by their names."""
+        runs = sum(name.startswith("runs/") for name in names)
+        fits = len({name.split("/")[1] for name in names if name.startswith("fits/")})
+        return cls(runs, fits, len(names))
 
 
 def database_file(settings: Settings) -> Path:
@@ -76,7 +85,7 @@ def back_up(settings: Settings, place: Path) -> Saved:
     check_present(source, storage.stored())
     if not source.is_file():
         raise OptionError(
-            f"data_dir: there is no {DATABASE} in {settings.data_dir}; name the directory that "
+            f"data_dir: there is no {DATABASE} in {settings.data_dir}; choose the directory that "
             "the service uses"
         )
     into = target(place)
@@ -86,9 +95,7 @@ def back_up(settings: Settings, place: Path) -> Saved:
         # Clean up, so that the same command can be repeated after the cause is fixed.
         into.discard()
         raise
-    runs = sum(name.startswith("runs/") for name in sums)
-    fits = len({name.split("/")[1] for name in sums if name.startswith("fits/")})
-    return Saved(runs=runs, fits=fits, files=len(sums))
+    return Saved.of(sums)
 
 
 def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str]:
@@ -156,7 +163,7 @@ class _Files:
             return
         if digest != sha256:
             raise InputError(
-                "is not what was uploaded: its SHA-256 has changed; restore it by uploading the "
+                "differs from the upload: its SHA-256 has changed; restore it by uploading the "
                 f"same file again, or delete the run {run_id}",
                 file=str(path),
             )
@@ -176,7 +183,7 @@ class _Files:
                 self._strike("fits", fit_id, path)
             if digest is not None and written.get(output, digest) != digest:
                 raise InputError(
-                    "is not what was written: its SHA-256 has changed; restore it from an older "
+                    "was changed: its SHA-256 differs; restore it from an older "
                     f"backup, or delete {fit_id} over HTTP and fit again",
                     file=str(path),
                 )
@@ -211,8 +218,8 @@ class _Files:
             is_known = live.execute(query, (row_id,)).fetchone() is not None
         if is_known:
             raise InputError(
-                f"is gone, and the database still has {row_id}; restore it from an older backup, "
-                "or delete it over HTTP (a run comes back when the same file is uploaded again)",
+                f"is gone, and the database still has {row_id}; restore it from a backup, "
+                "or delete it over HTTP (uploading the same file again restores a run)",
                 file=str(path),
             )
         self._copy.execute(f"DELETE FROM {table} WHERE id = ?", (row_id,))  # noqa: S608

@@ -50,8 +50,8 @@ def restore(settings: Settings, backup: Path) -> Saved:
         partial.mkdir(parents=True, mode=0o700)
     except OSError as error:
         raise OptionError(
-            f"{partial}: cannot be made ({error.strerror}); remove what an interrupted restore "
-            "left there, or name another --data-dir",
+            f"{partial}: cannot be created ({error.strerror}); remove the rest of an interrupted "
+            "restore, or choose another --data-dir",
             value=str(partial),
         ) from error
     try:
@@ -73,10 +73,10 @@ def _check_empty(place: Path, besides: Path | None = None) -> None:
     ):
         state = "is not empty"
         if besides is None and (place / RESTORING).exists():
-            state = f"holds what an interrupted restore left ({RESTORING}, and what lies beside it)"
+            state = f"holds what an interrupted restore left ({RESTORING} and other entries)"
         raise OptionError(
-            f"data_dir: {place} {state}, and restoring overwrites nothing; name another "
-            "directory with --data-dir, or move away what is in this one",
+            f"data_dir: {place} {state}, and a restore overwrites nothing; choose another "
+            "directory with --data-dir, or move its content away",
             value=str(place),
         )
 
@@ -115,23 +115,25 @@ def _fill(directory: Path, backup: Path) -> Saved:
                 write.flush()
                 os.fsync(write.fileno())
     if sums is None:
-        raise InputError(f"has no {SUMS}: it was interrupted; take another", file=str(backup))
+        raise InputError(
+            f"has no {SUMS}, so it is incomplete; use another backup", file=str(backup)
+        )
     _compare(found, sums, backup)
     check_database(directory / DATABASE, found, backup)
     for part in ("incoming", "runs", "fits", "nodes"):
         (directory / part).mkdir(exist_ok=True, mode=0o700)
         sync_directory(directory / part)
     sync_directory(directory)
-    runs = sum(name.startswith("runs/") for name in found)
-    fits = len({name.split("/")[1] for name in found if name.startswith("fits/")})
-    return Saved(runs=runs, fits=fits, files=len(found))
+    return Saved.of(found)
 
 
 def _read_sums(content: bytes, backup: Path) -> dict[str, str]:
     lines = content.decode("ascii", "replace").splitlines()
     pairs = [_SUM.fullmatch(line) for line in lines]
     if None in pairs:
-        raise InputError(f"has a broken {SUMS}", file=str(backup), row=pairs.index(None) + 1)
+        raise InputError(
+            f"has a malformed line in {SUMS}", file=str(backup), row=pairs.index(None) + 1
+        )
     return {pair.group(2): pair.group(1) for pair in pairs if pair}
 
 
@@ -139,11 +141,11 @@ def _compare(found: dict[str, str], sums: dict[str, str], backup: Path) -> None:
     missing, strange = sorted(sums.keys() - found.keys()), sorted(found.keys() - sums.keys())
     if missing or strange or DATABASE not in found:
         name = (missing or strange or [DATABASE])[0]
-        state = "misses" if name not in found else "has, besides what its sums name,"
-        raise InputError(f"{state} {name}; take another backup", file=str(backup))
+        state = "lacks" if name not in found else f"contains, in addition to the files in {SUMS},"
+        raise InputError(f"{state} {name}; use another backup", file=str(backup))
     changed = sorted(name for name, digest in found.items() if sums[name] != digest)
     if changed:
         raise InputError(
-            f"{changed[0]} is not what was saved: its SHA-256 differs; take another backup",
+            f"{changed[0]} was changed: its SHA-256 differs; use another backup",
             file=str(backup),
         )

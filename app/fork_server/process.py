@@ -118,7 +118,7 @@ class _RequestLoop:
             child = os.fork()
         except OSError as error:
             os.close(task)
-            refused = json.dumps({"refused": f"no process to be had ({error.strerror})"})
+            refused = json.dumps({"refused": f"no process available ({error.strerror})"})
             self._ends[answer] = f"{refused}\n".encode()
             return
         if child == 0:
