@@ -122,15 +122,9 @@ class Settings(BaseSettings):
         default=10_000_000, ge=10, description="Maximum number of samples of a run."
     )
     upload_idle_s: float = Field(
-        default=60.0,
-        gt=0,
-        description="Time without data after which an upload is aborted [s].",
+        default=60.0, gt=0, description="Time without data after which an upload is aborted [s]."
     )
-    upload_s: float = Field(
-        default=3600.0,
-        gt=0,
-        description="Time limit of an upload [s].",
-    )
+    upload_s: float = Field(default=3600.0, gt=0, description="Time limit of an upload [s].")
     request_s: float = Field(
         default=20.0,
         gt=0,
@@ -162,14 +156,10 @@ class Settings(BaseSettings):
         default=3.0, gt=0, description="Interval between two renewals of a lease [s]."
     )
     checkpoint_s: float = Field(
-        default=10.0,
-        ge=0,
-        description="Minimum interval between two checkpoints of a chain [s].",
+        default=10.0, ge=0, description="Minimum interval between two checkpoints of a chain [s]."
     )
     session_s: float = Field(
-        default=12 * 3600.0,
-        gt=0,
-        description="Lifetime of a browser session [s].",
+        default=12 * 3600.0, gt=0, description="Lifetime of a browser session [s]."
     )
     secure_cookies: bool = Field(
         default=False,
@@ -187,9 +177,7 @@ class Settings(BaseSettings):
         description="Time limit for open requests at the shutdown of the service [s].",
     )
     rate_per_s: float = Field(
-        default=50.0,
-        ge=0,
-        description="Average number of calls per second and key; 0: unlimited.",
+        default=50.0, ge=0, description="Average number of calls per second and key; 0: unlimited."
     )
     rate_burst: int = Field(
         default=500, ge=1, description="Number of calls per key in one burst (token bucket size)."

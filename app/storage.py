@@ -23,6 +23,7 @@ import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Literal
 
 from app.disk import is_full, open_regular, remove_entry, sha256_of, sync_directory
 from app.errors import StorageFull
@@ -117,10 +118,7 @@ class Storage:
 
     def stored(self) -> int:
         """Number of runs and fits that have files."""
-        runs, fits = (_entries(self.directory / name) for name in ("runs", "fits"))
-        return sum(is_id("run", entry.name) for entry in runs) + sum(
-            is_id("fit", entry.name) for entry in fits
-        )
+        return len(self._stored("run")) + len(self._stored("fit"))
 
     def new_incoming(self) -> Path:
         """New unused path for an upload."""
@@ -227,15 +225,19 @@ class Storage:
         if not runs and not fits:
             # An empty database next to stored files indicates a wrong database URL.
             return removed
-        for entry in _entries(self.directory / "runs"):
-            if is_id("run", entry.name) and entry.name not in runs and _is_old(entry, now):
-                remove_entry(entry)
-                removed += 1
-        for entry in _entries(self.directory / "fits"):
-            if is_id("fit", entry.name) and entry.name not in fits and _is_old(entry, now):
-                remove_entry(entry)
-                removed += 1
-        return removed
+        left = [
+            entry
+            for known, stored in ((runs, self._stored("run")), (fits, self._stored("fit")))
+            for entry in stored
+            if entry.name not in known and _is_old(entry, now)
+        ]
+        for entry in left:
+            remove_entry(entry)
+        return removed + len(left)
+
+    def _stored(self, kind: Literal["run", "fit"]) -> list[Path]:
+        """Files of all runs, or directories of all fits."""
+        return [e for e in _entries(self.directory / f"{kind}s") if is_id(kind, e.name)]
 
     def _sweep_scratch(self, now: float) -> int:
         left = [

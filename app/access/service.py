@@ -90,9 +90,7 @@ class AccessService:
             name=name,
             digest=_digest(secret),
             created_at=now,
-            revoked_at=None,
             expires_at=None if days is None else now + days * 86_400.0,
-            last_used_at=None,
         )
         with self._database.writing() as session:
             repository.add_key(session, key)

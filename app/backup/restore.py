@@ -146,6 +146,5 @@ def _compare(found: dict[str, str], sums: dict[str, str], backup: Path) -> None:
     changed = sorted(name for name, digest in found.items() if sums[name] != digest)
     if changed:
         raise InputError(
-            f"{changed[0]} was changed: its SHA-256 differs; use another backup",
-            file=str(backup),
+            f"{changed[0]} was changed: its SHA-256 differs; use another backup", file=str(backup)
         )

@@ -8,18 +8,10 @@ from sqlalchemy import case, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
-from app.fits.repository import ENDED
+from app.fits.repository import ENDED, RELEASED
 from app.tables import BatchRow, FitRow
 
-__all__ = [
-    "add",
-    "cancel",
-    "counts",
-    "earlier",
-    "fit_ids",
-    "fractions",
-    "remove",
-]
+__all__ = ["add", "cancel", "counts", "earlier", "fit_ids", "fractions", "remove"]
 
 
 def add(session: Session, row: BatchRow) -> None:
@@ -62,8 +54,7 @@ def cancel(session: Session, batch_id: str, now: float) -> int:
             version=FitRow.version + 1,
             status="cancelled",
             ended_at=now,
-            owner=None,
-            lease_until=None,
+            **RELEASED,
         )
         .returning(FitRow.id)
     )

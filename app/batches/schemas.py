@@ -46,7 +46,7 @@ class BatchCreate(Received):
                     ],
                 }
             ]
-        },
+        }
     )
 
     motors: list[BatchItem] = Field(min_length=1, max_length=MOST_MOTORS)

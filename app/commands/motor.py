@@ -30,7 +30,6 @@ __all__ = [
     "feedback",
     "fit",
     "fit_options",
-    "identify_into",
     "mapping_of",
     "motor_of",
     "predict",
@@ -104,14 +103,14 @@ def fit(
         ComputationError: The computation failed.
     """
     with console.progress_bar(show.quiet) as progress:
-        result = identify_into(out, training, validation, options, mapping, progress)
+        result = _identified(out, training, validation, options, mapping, progress)
     if show.as_json:
         console.print_json(console.fit_summary(result, out))
     elif not show.quiet:
         console.print_fit(result, out)
 
 
-def identify_into(
+def _identified(
     out: Path,
     training: Sequence[Path],
     validation: Sequence[Path],
@@ -119,11 +118,7 @@ def identify_into(
     mapping: Mapping[str, object] | None,
     progress: console.Progress,
 ) -> dict[str, Any]:
-    """Read runs, identify the motor and write its files.
-
-    Returns:
-        Content of result.json.
-    """
+    """Read runs, identify the motor, write its files and return the content of result.json."""
     # Local imports, here and below: reading, fitting and plotting modules take seconds to load.
     from identification.ingest import read_run
 
@@ -162,11 +157,7 @@ def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], train
 
 
 def predict(
-    result: Path,
-    run: Path,
-    out: Path,
-    declared: bool,
-    mapping: Mapping[str, object] | None,
+    result: Path, run: Path, out: Path, declared: bool, mapping: Mapping[str, object] | None
 ) -> None:
     """Simulate a run with the model of a result and write the table.
 

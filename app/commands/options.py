@@ -120,8 +120,7 @@ SetAside = Annotated[
     ),
 ]
 Force = Annotated[
-    bool,
-    typer.Option("--force", help="Fit in spite of contradictory runs, and mark the result."),
+    bool, typer.Option("--force", help="Fit in spite of contradictory runs, and mark the result.")
 ]
 Known = Annotated[
     list[str] | None,
@@ -171,13 +170,11 @@ DataDir = Annotated[
     typer.Option(help="Directory of the database, the runs and the results of the service."),
 ]
 Hold = Annotated[
-    str,
-    typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh."),
+    str, typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh.")
 ]
 Host = Annotated[str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")]
 Port = Annotated[
-    int | None,
-    typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]"),
+    int | None, typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]")
 ]
 Parameters = Annotated[
     list[str] | None,

@@ -27,7 +27,7 @@ _EVENTS: dict[int | str, dict[str, Any]] = {
                 "example": "event: progress\nid: 7\n"
                 'data: {"id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi", "status": "running", '
                 '"progress": {"stage": "posterior", "fraction": 0.42}, "attempt": 1, '
-                '"error": null}\n\n',
+                '"error": null}\n\n'
             }
         },
     },

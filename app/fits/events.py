@@ -85,11 +85,7 @@ class EventStream(StreamingResponse):
 
 
 async def stream(
-    listener: Listener,
-    *,
-    version: int,
-    keep_alive_s: float,
-    is_stopping: Callable[[], bool],
+    listener: Listener, *, version: int, keep_alive_s: float, is_stopping: Callable[[], bool]
 ) -> AsyncIterator[str]:
     """Events of a fit until it ends, is deleted, or the service stops."""
     yield f"retry: {_RETRY_MS}\n\n"

@@ -20,6 +20,7 @@ from app.tables import FitRow
 
 __all__ = [
     "ENDED",
+    "RELEASED",
     "add",
     "all_ids",
     "cancel",
@@ -42,6 +43,9 @@ __all__ = [
 
 ENDED = ("succeeded", "failed", "cancelled")
 """Final states of a fit."""
+
+RELEASED: dict[str, Any] = {"owner": None, "lease_until": None}
+"""Columns of a fit that no server holds."""
 
 
 def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
@@ -78,8 +82,7 @@ def cancel(session: Session, fit_id: str, now: float) -> bool:
         and_(FitRow.id == fit_id, FitRow.status.not_in(ENDED)),
         status="cancelled",
         ended_at=now,
-        owner=None,
-        lease_until=None,
+        **RELEASED,
     )
 
 
@@ -168,8 +171,7 @@ def finish(
         status=status,
         error=error,
         ended_at=now,
-        owner=None,
-        lease_until=None,
+        **RELEASED,
         **values,
     )
     return is_done or _has_ended_so(session, fit_id, attempt, status)
@@ -190,8 +192,7 @@ def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
         status="queued",
         stage="queued",
         attempt=attempt - 1,
-        owner=None,
-        lease_until=None,
+        **RELEASED,
     )
 
 
@@ -207,8 +208,7 @@ def put_back(
         fraction=0.0,
         failures=failures,
         interruptions=FitRow.interruptions + interruptions,
-        owner=None,
-        lease_until=None,
+        **RELEASED,
     )
 
 

@@ -68,15 +68,9 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
         attempt=0,
         failures=0,
         interruptions=0,
-        owner=None,
-        lease_until=None,
         error=None,
         created_at=time.time(),
-        started_at=None,
-        ended_at=None,
-        idempotency_key=None,
         request_sha256=request_hash(request),
-        batch_id=None,
         position=0,
     )
 

@@ -142,7 +142,7 @@ class FitCreate(Received):
                     "motor": "bench 4, motor 17",
                 }
             ]
-        },
+        }
     )
 
     training: list[RunId] = Field(

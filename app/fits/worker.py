@@ -26,12 +26,7 @@ from app.fits.job import LOG, FitJob, RunFile
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
 from app.storage import CHECKPOINTS
-from identification.errors import (
-    ComputationError,
-    ContradictoryRuns,
-    InputError,
-    RunFileError,
-)
+from identification.errors import ComputationError, ContradictoryRuns, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint

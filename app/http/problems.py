@@ -1,13 +1,4 @@
-"""RFC 9457 problem responses: the table from error class to HTTP status, and the error handlers.
-
-HTTP/1.1 422
-Content-Type: application/problem+json
-
-{"type": "urn:motorid:problem:not_a_number", "title": "Unprocessable Entity", "status": 422,
- "detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; ...",
- "code": "not_a_number", "file": "run3.csv", "row": 412, "column": "current_A",
- "request_id": "4be1f2d0c5a94b6e"}
-"""
+"""RFC 9457 problem responses: the table from error class to HTTP status, and the error handlers."""
 
 from __future__ import annotations
 

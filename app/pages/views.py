@@ -13,12 +13,7 @@ from app.runs.schemas import RunOut, RunWarningOut
 
 __all__ = ["batch_view", "fit_view", "outcome_view", "run_view"]
 
-_CHANNELS = {
-    "voltage_V": "V",
-    "current_A": "A",
-    "speed_rad_s": "rad/s",
-    "temperature_degC": "°C",
-}
+_CHANNELS = {"voltage_V": "V", "current_A": "A", "speed_rad_s": "rad/s", "temperature_degC": "°C"}
 _NONE = "–"
 
 

@@ -10,16 +10,7 @@ from sqlalchemy.orm import Session
 from app.database import portions
 from app.tables import FitRow, FitRunRow, RunRow
 
-__all__ = [
-    "add",
-    "all_ids",
-    "by_content",
-    "hashes",
-    "note_sent",
-    "remove",
-    "totals",
-    "waiting_fit",
-]
+__all__ = ["add", "all_ids", "by_content", "hashes", "note_sent", "remove", "totals", "waiting_fit"]
 
 
 def add(session: Session, row: RunRow) -> None:

@@ -107,7 +107,6 @@ class RunService:
             channels=found["channels"],
             warnings=found["warnings"],
             created_at=time.time(),
-            sent_at=None,
         )
         # Store the file first: a sweep deletes a file without a row, but a row without a
         # file is a loss.
