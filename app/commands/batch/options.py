@@ -21,10 +21,11 @@ separate the entries.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
+
+from pydantic import Field, TypeAdapter, ValidationError
 
 from identification.errors import InputError
 from identification.numerals import decimal_of, whole_of
@@ -45,16 +46,23 @@ class Place(Protocol):
         """Return an error for this location."""
 
 
+class _Option(NamedTuple):
+    expected: str
+    of_word: Callable[[str], object]
+    accepted: TypeAdapter[Any]
+
+
 def option_of(name: str, word: str, place: Place) -> object:
     """Parse the text of a CSV cell as the value of an option.
 
     Raises:
         InputError: The text is not a value of this option.
     """
+    option = _OPTIONS[name]
     try:
-        return _OF_WORD[name](word)
+        return option.of_word(word)
     except (ValueError, KeyError):
-        raise place.wrong(f"{word[:60]!r} is not valid; expected {_EXPECTED[name]}") from None
+        raise place.wrong(f"{word[:60]!r} is not valid; expected {option.expected}") from None
 
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
@@ -65,9 +73,9 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
     """
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name not in _EXPECTED:
+        if name not in _OPTIONS:
             raise place.wrong(
-                f"has the unknown option {name!r}; expected one of {', '.join(_EXPECTED)}"
+                f"has the unknown option {name!r}; expected one of {', '.join(_OPTIONS)}"
             )
         values[name] = _checked(name, value, place)
     try:
@@ -83,60 +91,44 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
 
 def _checked(name: str, value: object, place: Place) -> object:
     """Check the type of a value; convert lists to tuples, and integers to floats where needed."""
-    expected = _EXPECTED[name]
-    match name, value:
-        case ("posterior" | "effects" | "set_aside" | "force", bool()) | (
-            "hold" | "effort" | "nameplate",
-            str(),
-        ):
-            return value
-        case "time_limit", int() | float() if _is_number(value):
-            return float(value)
-        case "seed", int() if not isinstance(value, bool):
-            return value
-        case "temperatures", list() | tuple() if value and all(map(_is_number, value)):
-            with contextlib.suppress(OverflowError):  # integer too large for a float
-                return tuple(float(one) for one in value)
-        case "controllers", list() | tuple() if value and all(isinstance(v, str) for v in value):
-            return tuple(value)
-        case "known", list() | tuple() if all(isinstance(v, str) for v in value):
-            return tuple(value)
-    raise place.at(name).wrong(f"{str(value)[:60]!r} is not valid; expected {expected}")
+    option = _OPTIONS[name]
+    try:
+        found: object = option.accepted.validate_python(value, strict=True)
+    except ValidationError:
+        raise place.at(name).wrong(
+            f"{str(value)[:60]!r} is not valid; expected {option.expected}"
+        ) from None
+    return tuple(found) if isinstance(found, list) else found
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _parts(word: str) -> Sequence[str]:
+def _parts(word: str) -> list[str]:
     return [part.strip() for part in word.split(";") if part.strip()]
 
 
-_OF_WORD: dict[str, Callable[[str], object]] = {
-    "seed": whole_of,
-    "posterior": lambda word: _TRUTH[word.lower()],
-    "effects": lambda word: _TRUTH[word.lower()],
-    "hold": str,
-    "effort": str,
-    "time_limit": decimal_of,
-    "temperatures": lambda word: tuple(decimal_of(part) for part in _parts(word)),
-    "controllers": lambda word: tuple(_parts(word)),
-    "set_aside": lambda word: _TRUTH[word.lower()],
-    "force": lambda word: _TRUTH[word.lower()],
-    "known": lambda word: tuple(_parts(word)),
-    "nameplate": str,
-}
-_EXPECTED = {
-    "seed": "an integer",
-    "posterior": "true or false",
-    "effects": "true or false",
-    "hold": "auto, zoh or foh",
-    "effort": "quick, normal or thorough",
-    "time_limit": "a positive number of seconds",
-    "temperatures": "temperatures in degC",
-    "controllers": "controllers such as P:1 or PI:2,0.5",
-    "set_aside": "true or false",
-    "force": "true or false",
-    "known": "known values such as Kt25=0.048+-5% or L=2.9e-3",
-    "nameplate": "nameplate data such as voltage=12;no_load_speed=3000rpm",
+_FLAG = _Option("true or false", lambda word: _TRUTH[word.lower()], TypeAdapter(bool))
+_OPTIONS = {
+    "seed": _Option("an integer", whole_of, TypeAdapter(int)),
+    "posterior": _FLAG,
+    "effects": _FLAG,
+    "hold": _Option("auto, zoh or foh", str, TypeAdapter(str)),
+    "effort": _Option("quick, normal or thorough", str, TypeAdapter(str)),
+    "time_limit": _Option("a positive number of seconds", decimal_of, TypeAdapter(float)),
+    "temperatures": _Option(
+        "temperatures in degC",
+        lambda word: [decimal_of(part) for part in _parts(word)],
+        TypeAdapter(Annotated[list[float], Field(min_length=1)]),
+    ),
+    "controllers": _Option(
+        "controllers such as P:1 or PI:2,0.5",
+        _parts,
+        TypeAdapter(Annotated[list[str], Field(min_length=1)]),
+    ),
+    "set_aside": _FLAG,
+    "force": _FLAG,
+    "known": _Option(
+        "known values such as Kt25=0.048+-5% or L=2.9e-3", _parts, TypeAdapter(list[str])
+    ),
+    "nameplate": _Option(
+        "nameplate data such as voltage=12;no_load_speed=3000rpm", str, TypeAdapter(str)
+    ),
 }
