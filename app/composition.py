@@ -100,10 +100,10 @@ class Services:
                 does not respond.
             DamagedDatabase: The database file is damaged or missing.
         """
-        if self.storage.is_locked:
+        if self.storage.lock.is_held:
             return
         self.storage.prepare()
-        self.storage.lock()
+        self.storage.lock.take()
         file = self.settings.sqlite_file
         try:
             if file is not None:
@@ -112,7 +112,7 @@ class Services:
             self.database.migrate()
         except BaseException:
             self.database.close()
-            self.storage.unlock()
+            self.storage.lock.release()
             raise
 
     def start(self) -> None:
@@ -137,7 +137,7 @@ class Services:
         self.supervisor.stop()
         self.fork_server.stop()
         self.database.close()
-        self.storage.unlock()
+        self.storage.lock.release()
 
 
 def _engine(settings: Settings, storage: Storage) -> AbstractEngine:

@@ -46,7 +46,7 @@ _TRIED_BYTES = 1 << 16
 
 
 class Storage:
-    """Paths of one data directory, and its lock.
+    """Paths of one data directory, and the lock that its server holds.
 
     Args:
         directory: Data directory; created if missing.
@@ -56,7 +56,7 @@ class Storage:
     def __init__(self, directory: Path, node: str) -> None:
         self.directory = directory.absolute()
         self.node = re.sub(r"[^A-Za-z0-9.-]", "_", node).lstrip(".") or "node"
-        self._lock = NodeLock(self.directory / "nodes" / f"{self.node}.lock")
+        self.lock = NodeLock(self.directory / "nodes" / f"{self.node}.lock")
 
     @property
     def incoming(self) -> Path:
@@ -86,27 +86,9 @@ class Storage:
             ) from error
 
     @property
-    def is_locked(self) -> bool:
-        """True if this process holds the lock of the data directory."""
-        return self._lock.is_held
-
-    def lock(self) -> None:
-        """Lock the data directory for the life of this process.
-
-        Raises:
-            OptionError: Another server on this machine holds the lock, or the lock file is not a
-                regular file.
-        """
-        self._lock.take()
-
-    @property
     def place(self) -> str:
         """Identifier of this machine and data directory, the same at each start."""
-        return f"{self.node}-{self._lock.name}"
-
-    def unlock(self) -> None:
-        """Release the lock of the data directory."""
-        self._lock.release()
+        return f"{self.node}-{self.lock.name}"
 
     def is_writable(self) -> bool:
         """Return True if 64 KiB can be written, as the journal of a transaction requires."""

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import os
 import threading
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,35 +49,27 @@ def compute(fields: dict[str, Any], data_dir: str) -> None:
     """
     worker = get_worker()
     key = str(worker.get_current_task())
-    log = _EventLog(worker, key)
+    report = partial(_report, worker, key)
     job = _placed(FitJob.of(fields), Path(data_dir))
     if not _begin(Path(job.directory)):
-        log.send([], has_ended=True)
+        report([], has_ended=True)
         return
-    log.send([])
+    report([])
     task = _fork_server(job.pipeline, worker).fork(asdict(job))
     try:
         while not task.has_ended and _is_wanted(worker, key):
             if messages := task.messages(wait_s=_LOOK_S):
-                log.send(messages)
+                report(messages)
     finally:
         task.kill()
-        log.send([], has_ended=True)
+        report([], has_ended=True)
 
 
-@dataclass(frozen=True)
-class _EventLog:
-    worker: Worker
-    key: str
-
-    def send(self, messages: list[dict[str, Any]], *, has_ended: bool = False) -> None:
-        event = {
-            "key": self.key,
-            "worker": self.worker.address,
-            "messages": messages,
-            "has_ended": has_ended,
-        }
-        self.worker.log_event(TOPIC, event)
+def _report(
+    worker: Worker, key: str, messages: list[dict[str, Any]], *, has_ended: bool = False
+) -> None:
+    event = {"key": key, "worker": worker.address, "messages": messages, "has_ended": has_ended}
+    worker.log_event(TOPIC, event)
 
 
 def _begin(directory: Path) -> bool:

@@ -25,7 +25,7 @@ from typing import Any, Literal
 from sqlalchemy.orm import Session
 
 from app.database import Database
-from app.fits import repository, roles
+from app.fits import repository
 from app.fits.job import FitJob, RunFile
 from app.storage import Storage
 from app.tables import FitRow
@@ -171,7 +171,7 @@ class FitQueue:
         def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
             return tuple(
                 RunFile(str(self._storage.run(run.id)), run.file, run.mapping, run.sha256)
-                for run in roles.runs_of(session, row.id, role)
+                for run in repository.runs_of(session, row.id, role)
             )
 
         return FitJob(

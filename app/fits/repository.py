@@ -8,15 +8,14 @@ overwrite the state of its successor.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
-from sqlalchemy import and_, delete, func, or_, select, update
+from sqlalchemy import and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
-from app.fits import roles
 from app.fits.request import FitRequest
-from app.tables import FitRow
+from app.tables import FitRow, FitRunRow, RunRow
 
 __all__ = [
     "ENDED",
@@ -37,6 +36,8 @@ __all__ = [
     "put_back",
     "remove",
     "renew",
+    "run_ids",
+    "runs_of",
     "unclaim",
     "waiting",
 ]
@@ -52,7 +53,44 @@ def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
     """Insert fits with the assignment of their runs."""
     session.add_all(row for row, _ in fits)
     session.flush()
-    roles.add(session, ((row.id, request) for row, request in fits))
+    # Use plain rows: ORM objects would hold the write lock many times as long.
+    rows = [
+        {"fit_id": row.id, "role": role, "position": position, "run_id": run_id}
+        for row, request in fits
+        for role, ids in (("training", request.training), ("validation", request.validation))
+        for position, run_id in enumerate(ids)
+    ]
+    session.connection().execute(insert(FitRunRow), rows)
+
+
+def run_ids(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, list[str]]]:
+    """IDs of the runs of several fits, in order, by fit and role."""
+    found: dict[str, dict[str, list[str]]] = {
+        fit_id: {"training": [], "validation": []} for fit_id in fit_ids
+    }
+    for some in portions(fit_ids):
+        # Select columns: a page of fits can have 100,000 runs, too many for ORM objects.
+        query = (
+            select(FitRunRow.fit_id, FitRunRow.role, FitRunRow.run_id)
+            .where(FitRunRow.fit_id.in_(some))
+            .order_by(FitRunRow.fit_id, FitRunRow.role, FitRunRow.position)
+        )
+        for fit_id, role, run_id in session.execute(query):
+            found[fit_id][role].append(run_id)
+    return found
+
+
+def runs_of(
+    session: Session, fit_id: str, role: Literal["training", "validation"]
+) -> Sequence[RunRow]:
+    """Runs of a fit in one role, in order."""
+    query = (
+        select(RunRow)
+        .join(FitRunRow, FitRunRow.run_id == RunRow.id)
+        .where(FitRunRow.fit_id == fit_id, FitRunRow.role == role)
+        .order_by(FitRunRow.position)
+    )
+    return session.scalars(query).all()
 
 
 def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:

@@ -16,7 +16,7 @@ from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.errors import FileLost, NotReady
-from app.fits import repository, roles
+from app.fits import repository
 from app.fits.outputs import expected_outputs, open_output, read_result
 from app.fits.request import FitRequest, check_runs, checked_key, new_row
 from app.fits.supervisor import Supervisor
@@ -114,7 +114,7 @@ class FitService:
                 status=status,
                 motor=motor,
             )
-            ids = roles.ids_of(session, [row.id for row in rows])
+            ids = repository.run_ids(session, [row.id for row in rows])
         return [self._fit(row, ids[row.id]) for row in rows], following
 
     def get(self, caller: Caller, fit_id: str) -> StoredFit:
@@ -126,7 +126,7 @@ class FitService:
         """
         with self._database.reading() as session:
             row = queries.known(session, FitRow, caller.workspace, fit_id)
-            ids = roles.ids_of(session, [row.id])[row.id]
+            ids = repository.run_ids(session, [row.id])[row.id]
         result = None
         if row.status == "succeeded":
             try:

@@ -157,11 +157,11 @@ def test_address_is_shown_by_the_server_that_has_the_directory(
     """Whoever reads an address takes it that somebody is going to answer there."""
     monkeypatch.setattr("app.server.configure_logging", lambda level: None)
     first = Storage(data, load_settings(data_dir=data).node)
-    first.lock()
+    first.lock.take()
 
     status = main(["serve", "--port", "0", "--no-auth", "--data-dir", str(data)])
 
-    first.unlock()
+    first.lock.release()
     shown = capsys.readouterr().err
     assert status == 2
     assert "another server already uses" in shown

@@ -36,13 +36,13 @@ def test_data_directory_has_one_server(tmp_path: Path) -> None:
     """The second is refused while the first has it, and not afterwards."""
     first, second = (Storage(tmp_path, "bench") for _ in range(2))
     first.prepare()
-    first.lock()
+    first.lock.take()
 
     with pytest.raises(OptionError, match="another server already uses"):
-        second.lock()
-    first.unlock()
-    second.lock()
-    second.unlock()
+        second.lock.take()
+    first.lock.release()
+    second.lock.take()
+    second.lock.release()
 
 
 def test_servers_of_two_machines_may_share_a_directory(tmp_path: Path) -> None:
@@ -50,12 +50,12 @@ def test_servers_of_two_machines_may_share_a_directory(tmp_path: Path) -> None:
     first, second = (Storage(tmp_path, name) for name in ("one", "two"))
     first.prepare()
     second.prepare()
-    first.lock()
-    second.lock()
+    first.lock.take()
+    second.lock.take()
 
     assert first.incoming != second.incoming
-    first.unlock()
-    second.unlock()
+    first.lock.release()
+    second.lock.release()
 
 
 def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> None:
@@ -98,17 +98,17 @@ def test_uploads_of_a_container_that_is_gone_are_removed(tmp_path: Path) -> None
     gone, running, own = (Storage(tmp_path, name) for name in ("gone", "running", "own"))
     for storage in (gone, running, own):
         storage.prepare()
-        storage.lock()
+        storage.lock.take()
     files = [storage.new_incoming() for storage in (gone, gone, running, own)]
     for file in files:
         file.write_bytes(b"half of a ru")
     for file in (files[0], *files[2:]):
         aged(file)
-    gone.unlock()
+    gone.lock.release()
 
     removed = own.sweep(set(), set(), time.time())
     for storage in (running, own):
-        storage.unlock()
+        storage.lock.release()
 
     assert removed == 1
     assert [file.exists() for file in files] == [False, True, True, True]
@@ -174,9 +174,9 @@ def test_place_is_the_same_at_each_start_and_another_in_another_directory(tmp_pa
     for directory in ("a", "a", "b"):
         storage = Storage(tmp_path / directory, "bench")
         storage.prepare()
-        storage.lock()
+        storage.lock.take()
         places.append(storage.place)
-        storage.unlock()
+        storage.lock.release()
 
     assert places[0] == places[1] != places[2]
     assert all(place.startswith("bench-") and "/" not in place for place in places)
@@ -188,10 +188,10 @@ def test_lock_file_that_was_damaged_gets_a_new_name(tmp_path: Path, content: byt
     storage, again = (Storage(tmp_path, "bench") for _ in range(2))
     storage.prepare()
     (tmp_path / "nodes" / "bench.lock").write_bytes(content)
-    storage.lock()
+    storage.lock.take()
 
     assert re.fullmatch("bench-[0-9a-f]{16}", storage.place)
-    storage.unlock()
+    storage.lock.release()
     assert again.place == storage.place
 
 
@@ -203,7 +203,7 @@ def test_lock_that_is_no_file_is_named(tmp_path: Path, make: Callable[[Path], No
     make(tmp_path / "nodes" / "bench.lock")
 
     with pytest.raises(OptionError, match=r"bench\.lock .*it holds no data"):
-        storage.lock()
+        storage.lock.take()
 
 
 def test_folders_in_the_place_of_files_are_swept(storage: Storage) -> None:

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from app.commands.batch.options import option_of, options_with
+from app.commands.batch.options import Place, option_of, options_with
 from identification.errors import InputError, UnreadableFile
 from identification.options import FitOptions
 
@@ -119,7 +119,7 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
     for row, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
-        place = _Place(path, row)
+        place = Place(path, row)
         if len(cells) > len(header):
             raise place.wrong(f"has {len(cells)} cells; expected at most {len(header)}")
         entry: dict[str, Any] = dict.fromkeys(header, "") | {
@@ -154,11 +154,11 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
         raise InputError(
             "has no list `motors`; expected a list with one entry per motor", file=str(path)
         )
-    above = _Place(path, None)
+    above = Place(path, None)
     above.only(content, ("motors", "options"))
     shared = options_with(defaults, _mapping(content.get("options"), above), above)
     for number, entry in enumerate(content["motors"], start=1):
-        place = _Place(path, None, f"motor {number} of the list")
+        place = Place(path, None, f"motor {number} of the list")
         if not isinstance(entry, Mapping):
             raise place.wrong(f"is {str(entry)[:60]!r}; expected `motor` and `training`")
         place.only(entry, (*_FIELDS, "options"))
@@ -167,29 +167,7 @@ def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int,
         yield number, _motor({**entry, **listed, "options": options}, place, shared)
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Source location of an error in a manifest."""
-
-    path: Path
-    row: int | None
-    entry: str = ""
-    column: str | None = None
-
-    def at(self, column: str) -> _Place:
-        return replace(self, column=column)
-
-    def wrong(self, message: str) -> InputError:
-        text = f"{self.entry}: {message}" if self.entry else message
-        return InputError(text, file=str(self.path), row=self.row, column=self.column)
-
-    def only(self, entry: Mapping[Any, Any], known: Sequence[str]) -> None:
-        for name in entry:
-            if name not in known:
-                raise self.wrong(f"has {str(name)[:60]!r}; expected only {', '.join(known)}")
-
-
-def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Motor:
+def _motor(entry: Mapping[str, Any], place: Place, defaults: FitOptions) -> Motor:
     name = str(entry.get("motor") or "")
     if not _NAME.fullmatch(name):
         raise place.at("motor").wrong(
@@ -214,14 +192,14 @@ def _motor(entry: Mapping[str, Any], place: _Place, defaults: FitOptions) -> Mot
     return Motor(name, training, validation, options, mapped)
 
 
-def _path(folder: Path, file: str, place: _Place) -> Path:
+def _path(folder: Path, file: str, place: Place) -> Path:
     """Path of a file named in the manifest; names with NUL or lone surrogates are rejected."""
     if "\0" in file or any("\ud800" <= letter <= "\udfff" for letter in file):
         raise place.wrong(f"{ascii(file)[:60]} is not a valid path; expected a file name")
     return folder / file
 
 
-def _files(value: object, role: str, place: _Place) -> list[str]:
+def _files(value: object, role: str, place: Place) -> list[str]:
     if value is None:
         return []
     if isinstance(value, str):
@@ -231,7 +209,7 @@ def _files(value: object, role: str, place: _Place) -> list[str]:
     raise place.at(role).wrong(f"is {str(value)[:60]!r}; expected a list of run files")
 
 
-def _mapping(value: object, place: _Place) -> Mapping[str, Any]:
+def _mapping(value: object, place: Place) -> Mapping[str, Any]:
     if value is None:
         return {}
     if isinstance(value, Mapping):

@@ -21,9 +21,10 @@ separate the entries.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Annotated, Any, NamedTuple, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -31,19 +32,34 @@ from identification.errors import InputError
 from identification.numerals import decimal_of, whole_of
 from identification.options import FitOptions
 
-__all__ = ["option_of", "options_with"]
+__all__ = ["Place", "option_of", "options_with"]
 
 _TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
-class Place(Protocol):
-    """Source location of an option value in a manifest."""
+@dataclass(frozen=True)
+class Place:
+    """Source location of an error in a manifest."""
+
+    path: Path
+    row: int | None
+    entry: str = ""
+    column: str | None = None
 
     def at(self, column: str) -> Place:
         """Return the same location with a column name."""
+        return replace(self, column=column)
 
     def wrong(self, message: str) -> InputError:
         """Return an error for this location."""
+        text = f"{self.entry}: {message}" if self.entry else message
+        return InputError(text, file=str(self.path), row=self.row, column=self.column)
+
+    def only(self, entry: Mapping[Any, Any], known: Sequence[str]) -> None:
+        """Reject an entry with unknown names."""
+        for name in entry:
+            if name not in known:
+                raise self.wrong(f"has {str(name)[:60]!r}; expected only {', '.join(known)}")
 
 
 class _Option(NamedTuple):

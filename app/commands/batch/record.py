@@ -16,7 +16,6 @@ import re
 import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,7 +30,6 @@ __all__ = [
     "finish",
     "kept_result",
     "make_way",
-    "now_text",
     "previous_refit",
     "record_of",
     "remember",
@@ -122,11 +120,6 @@ def previous_refit(motor: str, out: Path) -> Refit | None:
             # Not a history file of this program; try the next older file.
             continue
     return None
-
-
-def now_text() -> str:
-    """Current time in UTC, ISO 8601."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
 
 def _stored(out: Path) -> dict[str, Any] | None:

@@ -12,14 +12,16 @@ A child that exits without `done` or `failed` has crashed.
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.commands.batch.record import finish, make_way, now_text
+from app.commands.batch.record import finish, make_way
 from app.commands.exits import TRACEBACK
 from app.fork_server.child import Answers, pipeline_of
 from app.logging import warnings_logged
+from app.texts import moment
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
 from identification.options import FitOptions
@@ -72,4 +74,4 @@ def _fit(task: dict[str, Any], progress: Callable[[str, float], None]) -> None:
     # The previous result is kept until the new fit has succeeded.
     make_way(out)
     identification.write(out)
-    finish(out, task["record"], now_text())
+    finish(out, task["record"], moment(time.time()))

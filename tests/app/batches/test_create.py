@@ -16,7 +16,7 @@ from app.batches import MOST_RUNS
 from app.batches.service import BatchService
 from app.database import Database
 from app.errors import FieldRefused, KeyReused, NotFound, WaitingQuota
-from app.fits import roles
+from app.fits import repository
 from app.fits.request import FitRequest
 from app.fits.supervisor import Supervisor
 from app.identifiers import new_id
@@ -73,7 +73,7 @@ def test_fits_of_a_batch_keep_their_order_and_runs(
     made = batches.create(ALICE, requests, "fleet", None)
 
     with database.reading() as session:
-        kept = roles.ids_of(session, [fit.id for fit in made.fits])
+        kept = repository.run_ids(session, [fit.id for fit in made.fits])
     assert [fit.motor for fit in made.fits] == [request.motor for request in requests]
     assert [kept[fit.id] for fit in made.fits] == [
         {"training": list(request.training), "validation": list(request.validation)}
