@@ -14,8 +14,7 @@ from identification.ingest.file import Limits, RunFile
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.read import FEWEST_ROWS, READERS, read_run
 from identification.ingest.reader import ArrayTable, Reader, Samples, SourceTable
-from identification.ingest.run import Run, RunWarning
-from identification.ingest.write import write_run
+from identification.ingest.run import Run, RunWarning, write_run
 
 __all__ = [
     "FEWEST_ROWS",

@@ -87,7 +87,7 @@ def assign_channels(
             continue
         candidates = _candidates(name, free)
         if candidates:
-            found[name] = _only(name, candidates)
+            found[name] = _unambiguous(name, candidates)
         elif name not in OPTIONAL_CHANNELS:
             missing.append(name)
     if missing:
@@ -108,7 +108,7 @@ def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
 
 def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
     title = entry.column or ""
-    matches = [column for column in columns if column.is_called(title)]
+    matches = [column for column in columns if column.has_name(title)]
     if not matches:
         raise MappingError(
             f"there is no column {quoted(title)}, to which the mapping assigns {entry.channel}; "
@@ -154,7 +154,7 @@ def _candidates(name: str, columns: Sequence[Column]) -> list[Column]:
     return sure or named
 
 
-def _only(name: str, candidates: list[Column]) -> Channel:
+def _unambiguous(name: str, candidates: list[Column]) -> Channel:
     if len(candidates) > 1:
         if len({column.title for column in candidates}) == 1:
             raise _duplicate(candidates)
@@ -170,7 +170,7 @@ def _unit(name: str, column: Column) -> Unit:
     """Unit from the header of a column, checked against the quantity of the channel."""
     quantity = CHANNEL_QUANTITIES[name]
     accepted = accepted_spellings(quantity)
-    if column.has_disputed_unit:
+    if column.has_contradictory_units:
         raise AmbiguousUnit(
             f"the header gives two units, {listed(column.unit_texts)}; "
             f"choose one with a mapping such as {_example(name, column)}",
@@ -231,9 +231,9 @@ def _missing(names: list[str], free: list[Column], columns: Sequence[Column]) ->
 
 
 def _duplicate(columns: Sequence[Column]) -> RunFileError:
-    places = ", ".join(str(column.index + 1) for column in columns)
+    positions = ", ".join(str(column.index + 1) for column in columns)
     return DuplicateColumn(
-        f"the columns {places} have the same name; rename all except the one to use",
+        f"the columns {positions} have the same name; rename all except the one to use",
         column=columns[0].label,
     )
 

@@ -15,38 +15,37 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.ingest.place import Places
-from identification.ingest.run import RunWarning
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["find_clipped"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SHORTEST_STAY = 5
+_SHORTEST_PLATEAU = 5
 _FEWEST_SAMPLES = 10
 _SHARE_BELOW_LIMIT = 0.2
-_STAY_RATIO = 3
-_REST = 0.02
-_JOLT = 0.3
-_MANY_STAYS = 10
+_PLATEAU_RATIO = 3
+_STANDSTILL = 0.02
+_ENTRY_STEP = 0.3
+_MANY_PLATEAUS = 10
 _ORDER = 8
 _GROWTH = 1.5
 _OMITTED = "probably because the sensor saturates; these samples are omitted"
 _TREATMENTS = {
-    "voltage_V": "probably because the drive is at its limit; the samples are used as logged",
+    "voltage_V": "probably because the drive is at its limit; the samples are used as logged"
 }
 """End of the warning for channels whose clipped samples are not left out of the fit."""
 
 
 def find_clipped(
-    channels: dict[str, Array], places: Places
+    channels: dict[str, Array], locator: SourceLocator
 ) -> tuple[dict[str, Mask], list[RunWarning]]:
     """Find samples at the limit of a sensor.
 
     Args:
         channels: Channel name to (n_sample,), in SI units.
-        places: Source locations of the samples.
+        locator: Source positions of the samples.
 
     Returns:
         Channel name to boolean (n_sample,), True at the limit, for channels with such samples; and
@@ -61,7 +60,7 @@ def find_clipped(
                 continue
             clipped[name] = clipped.get(name, np.zeros(signal.size, dtype=bool)) | at_limit
             warnings.append(
-                places.warning(
+                locator.warning(
                     "clipped_channel",
                     f"stays at its {word} value {limit:.6g} in {int(at_limit.sum())} samples, "
                     f"{_TREATMENTS.get(name, _OMITTED)}",
@@ -77,24 +76,24 @@ def _is_clipped(name: str, signal: Array, at_limit: Mask) -> bool:
     span = float(np.ptp(signal))
     limit = float(signal[int(np.argmax(at_limit))])
     below = int(signal.size - at_limit.sum())
-    stays = _stays(at_limit)
-    long = stays[stays[:, 1] - stays[:, 0] >= _SHORTEST_STAY]
+    plateaus = _plateaus(at_limit)
+    long = plateaus[plateaus[:, 1] - plateaus[:, 0] >= _SHORTEST_PLATEAU]
     if not long.size or int((long[:, 1] - long[:, 0]).sum()) < _FEWEST_SAMPLES:
         return False
-    if below < _SHARE_BELOW_LIMIT * signal.size or abs(limit) <= _REST * span:
+    if below < _SHARE_BELOW_LIMIT * signal.size or abs(limit) <= _STANDSTILL * span:
         return False
     usual = _longest_repeat(signal, at_limit)
     lengths = long[:, 1] - long[:, 0]
     longer = int(np.count_nonzero(lengths > usual))
-    if int(lengths.max()) <= _STAY_RATIO * usual and longer < _MANY_STAYS:
+    if int(lengths.max()) <= _PLATEAU_RATIO * usual and longer < _MANY_PLATEAUS:
         return False
     if _has_noise(signal):
         return True
-    return name != "voltage_V" and _arrives_with_a_jolt(signal, at_limit, long)
+    return name != "voltage_V" and _enters_with_a_step(signal, at_limit, long)
 
 
-def _stays(flags: Mask) -> NDArray[np.intp]:
-    """Index ranges of consecutive True values, first and one past the last, (n_stay, 2)."""
+def _plateaus(flags: Mask) -> NDArray[np.intp]:
+    """Index ranges of consecutive True values, first and one past the last, (n_plateau, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return edges.reshape(-1, 2)
 
@@ -106,9 +105,9 @@ def _longest_repeat(signal: Array, at_limit: Mask) -> int:
     other = np.min(signal) if at_limit[int(np.argmax(signal))] else np.max(signal)
     same &= signal[1:] != other
     # Exclude standstill, where an encoder reads exactly zero.
-    same &= np.abs(signal[1:]) > _REST * np.ptp(signal)
-    stays = _stays(same)
-    return 1 + (int((stays[:, 1] - stays[:, 0]).max()) if stays.size else 0)
+    same &= np.abs(signal[1:]) > _STANDSTILL * np.ptp(signal)
+    plateaus = _plateaus(same)
+    return 1 + (int((plateaus[:, 1] - plateaus[:, 0]).max()) if plateaus.size else 0)
 
 
 def _has_noise(signal: Array) -> bool:
@@ -129,11 +128,11 @@ def _has_noise(signal: Array) -> bool:
     return bool(noise > np.min(levels))
 
 
-def _arrives_with_a_jolt(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:
+def _enters_with_a_step(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:
     """Return True if the median step into the limit is comparable to the usual step."""
     step = np.abs(np.diff(signal))
     moving = step[~at_limit[1:] & (step > 0.0)]
     entries = long[long[:, 0] > 0, 0]
     if not entries.size or not moving.size:
         return False
-    return bool(np.median(step[entries - 1]) > _JOLT * np.median(moving))
+    return bool(np.median(step[entries - 1]) > _ENTRY_STEP * np.median(moving))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,11 +51,11 @@ class Column:
         return units.pop() if len(units) == 1 else None
 
     @property
-    def has_disputed_unit(self) -> bool:
+    def has_contradictory_units(self) -> bool:
         """True if the name and the units row give different units."""
         return len({find_unit(text) for text in self.unit_texts}) > 1
 
-    def is_called(self, title: str) -> bool:
+    def has_name(self, title: str) -> bool:
         """Return True if `title` in a mapping refers to this column."""
         wanted = " ".join(title.split())
         return any(" ".join(text.split()) == wanted for text in (*self.texts, self.title))
@@ -92,31 +93,15 @@ def describe_column(index: int, names: Sequence[str], units: Sequence[str] = ())
         The column; its unit decides between the quantities that the names may stand for.
     """
     texts = tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
-    said = [read_header(text) for text in texts]
-    named = [header for header in said if header.quantities]
+    parsed = [read_header(text) for text in texts]
+    named = [header for header in parsed if header.quantities]
     quantities = frozenset.intersection(*(h.quantities for h in named)) if named else frozenset()
-    written = [header.unit_text for header in said if header.unit_text]
+    written = [header.unit_text for header in parsed if header.unit_text]
     below = [unbracketed(unit.strip()) for unit in units]
     unit_texts = dict.fromkeys([*written, *(u for u in below if u.casefold() not in _NO_UNIT)])
-    column = Column(
-        index=index,
-        texts=texts,
-        quantities=quantities,
-        unit_texts=tuple(unit_texts),
-        canonical=next((header.canonical for header in said if header.canonical), None),
-    )
-    return _decided_by_unit(column)
-
-
-def _decided_by_unit(column: Column) -> Column:
-    """Resolve a name with several quantities by its unit."""
+    canonical = next((header.canonical for header in parsed if header.canonical), None)
+    column = Column(index, texts, quantities, tuple(unit_texts), canonical)
     unit = column.unit
-    if unit is None or unit.quantity not in column.quantities or len(column.quantities) == 1:
+    if unit is None or unit.quantity not in quantities:
         return column
-    return Column(
-        column.index,
-        column.texts,
-        frozenset({unit.quantity}),
-        column.unit_texts,
-        column.canonical,
-    )
+    return dataclasses.replace(column, quantities=frozenset({unit.quantity}))

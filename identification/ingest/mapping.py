@@ -105,11 +105,11 @@ def _validated(content: object, run: str | None) -> dict[str, ChannelMapping]:
             f"files is {_shown(files)}; expected a mapping for each file name, such as "
             '{"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}'
         )
-    single = {str(name): _channels(said) for name, said in files.items()}
-    for said in single.values():
-        _refuse_shared_columns(shared | said)
+    of_files = {str(name): _channels(entries) for name, entries in files.items()}
+    for entries in of_files.values():
+        _refuse_shared_columns(shared | entries)
     _refuse_shared_columns(shared)
-    return shared | single.get(run or "", {})
+    return shared | of_files.get(run or "", {})
 
 
 def _channels(content: Mapping[object, object]) -> dict[str, ChannelMapping]:
@@ -209,8 +209,7 @@ def _number(channel: str, key: str, value: object) -> float:
         wanted = "a finite number other than 0" if key == "scale" else "a finite number"
         wanted += ", of at least 2.2e-308 in magnitude" if is_denormal else ""
         raise MappingError(
-            f"{channel} has the {key} {_shown(value)}; expected {wanted}",
-            value=value,
+            f"{channel} has the {key} {_shown(value)}; expected {wanted}", value=value
         )
     return number
 

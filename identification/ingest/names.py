@@ -65,7 +65,7 @@ NAMES = {
 NEUTRAL_WORDS = frozenset(
     "motor mot dc armature terminal winding shaft rotor sensor measured meas actual act ist".split()
 )
-_OTHER_SIGNAL = frozenset(
+_SETPOINT_WORDS = frozenset(
     "set setpoint target ref reference command cmd demand desired soll error limit max min".split()
 )
 
@@ -118,11 +118,11 @@ def read_header(text: str) -> HeaderText:
     # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
     if whole is not None and len(text) > 1:
         return HeaderText(frozenset({whole.quantity}), text, whole)
-    for form in (_bracketed, _worded, _suffixed, _stroked):
+    for form in (_in_brackets, _after_word, _as_suffix, _after_slash):
         found = form(text)
         if found is not None:
             return found
-    return HeaderText(_named(text))
+    return HeaderText(_quantities_of(text))
 
 
 def is_channel_name(text: str) -> bool:
@@ -150,7 +150,7 @@ def similar_to(text: str, quantity: str) -> bool:
     measurement.
     """
     words = _words(text[:LONGEST_CELL])
-    if _OTHER_SIGNAL.intersection(words) or any(word.startswith("set") for word in words):
+    if _SETPOINT_WORDS.intersection(words) or any(word.startswith("set") for word in words):
         return False
     wanted = [name for name in NAMES[quantity] if len(name) > 2]
     if any(word.startswith(name) for word in words for name in wanted):
@@ -168,7 +168,7 @@ _FRAGMENTS = {
 }
 
 
-def _bracketed(text: str) -> HeaderText | None:
+def _in_brackets(text: str) -> HeaderText | None:
     parts = _cut_at_brackets(text)
     return None if parts is None or not parts[0] else _with_unit(*parts)
 
@@ -191,7 +191,7 @@ def _cut_at_brackets(text: str) -> tuple[str, str] | None:
     return inner[:opening].rstrip(" _"), inner[opening + 1 :].strip()
 
 
-def _worded(text: str) -> HeaderText | None:
+def _after_word(text: str) -> HeaderText | None:
     for sign in (" in ", ","):
         # The name has at least one character.
         at = text.find(sign, 1)
@@ -201,7 +201,7 @@ def _worded(text: str) -> HeaderText | None:
     return None
 
 
-def _suffixed(text: str) -> HeaderText | None:
+def _as_suffix(text: str) -> HeaderText | None:
     """Longest suffix that is a unit, after a prefix that is an accepted name.
 
     A suffix that is a unit only in another case is kept, so that the error can name it.
@@ -210,16 +210,16 @@ def _suffixed(text: str) -> HeaderText | None:
     for boundary in _BOUNDARY.finditer(text):
         name, unit = text[: boundary.start()], text[boundary.end() :]
         # Test the unit first: few suffixes are units, and a name costs time linear in its length.
-        if find_unit(unit) is not None and _named(name):
+        if find_unit(unit) is not None and _quantities_of(name):
             return _with_unit(name, unit)
-        if wrong_case is None and unit_in_another_case(unit) is not None and _named(name):
+        if wrong_case is None and unit_in_another_case(unit) is not None and _quantities_of(name):
             wrong_case = _with_unit(name, unit)
     return wrong_case
 
 
-def _stroked(text: str) -> HeaderText | None:
+def _after_slash(text: str) -> HeaderText | None:
     name, stroke, unit = text.partition("/")
-    if not stroke or not _named(name):
+    if not stroke or not _quantities_of(name):
         return None
     return _with_unit(name, unit.strip().strip("()"))
 
@@ -228,13 +228,13 @@ def _with_unit(name: str, unit_text: str) -> HeaderText | None:
     """Combine a name and a unit; the unit resolves a name with several quantities."""
     unit_text = unit_text.strip()
     unit = find_unit(unit_text)
-    quantities = _named(name)
+    quantities = _quantities_of(name)
     if unit is not None and unit.quantity in quantities:
         quantities = frozenset({unit.quantity})
     return HeaderText(quantities, unit_text or None, unit)
 
 
-def _named(text: str) -> frozenset[str]:
+def _quantities_of(text: str) -> frozenset[str]:
     words = _words(text)
     short = [word for word in words if word not in NEUTRAL_WORDS]
     for candidate in (words, short):

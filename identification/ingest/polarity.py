@@ -16,14 +16,13 @@ derivative and reduce the noise; two window lengths cover fast and slow motors.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.ingest.place import Places
-from identification.ingest.run import RunWarning
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["check_polarity"]
 
@@ -38,7 +37,7 @@ _FEWEST_WINDOWS = 15
 # Largest opposite-sign share of the peak for a channel to count as one-signed.
 _REVERSAL = 0.1
 # Valid runs leave a smaller share of the mean square unexplained; a magnitude leaves more.
-_MISSED = 0.05
+_LEAST_UNEXPLAINED = 0.05
 _BETTER = 0.75
 # Smallest contribution to the voltage (rms ratio) and smallest number of standard errors for a
 # coefficient to count as negative.
@@ -46,25 +45,27 @@ _LEAST_SHARE = 0.05
 _LEAST_ERRORS = 10.0
 _MOST_UNEXPLAINED = 0.3
 # If current and speed are proportional, the fit cannot separate their shares of the voltage.
-_MOST_ALIKE = 0.95
+_MOST_COLLINEAR = 0.95
 
 
-def check_polarity(channels: dict[str, Array], time: Array, places: Places) -> list[RunWarning]:
+def check_polarity(
+    channels: dict[str, Array], time: Array, locator: SourceLocator
+) -> Iterator[RunWarning]:
     """Check the signs of voltage, current and speed for consistency.
 
     Args:
         channels: Channel name to (n_sample,), in SI units.
         time: (n_sample,) strictly increasing [s].
-        places: Source locations of the samples.
+        locator: Source positions of the samples.
 
-    Returns:
+    Yields:
         Warnings.
     """
     time = time[:_SAMPLES]
     names = ("voltage_V", "current_A", "speed_rad_s")
     voltage, current, speed = (channels[name][:_SAMPLES] for name in names)
     if not (np.ptp(voltage) and np.ptp(current) and np.ptp(speed)):
-        return []
+        return
     lengths = {_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, time.size // _WINDOWS)}
     balances = [
         _Balance(_Windows(time, length), voltage, current, speed)
@@ -72,28 +73,23 @@ def check_polarity(channels: dict[str, Array], time: Array, places: Places) -> l
         if time.size > _FEWEST_WINDOWS * length
     ]
     unsigned = {name for balance in balances for name in balance.unsigned()}
-    if unsigned:
-        return [_unsigned_warning(name, places) for name in channels if name in unsigned]
-    turned = {name for balance in balances for name in balance.reversed()}
-    return [_reversed_warning(name, places) for name in channels if name in turned]
-
-
-def _unsigned_warning(name: str, places: Places) -> RunWarning:
-    return places.warning(
-        "unsigned_channel",
-        "keeps one sign while the voltage reverses, and agrees with the other channels only with "
-        "the sign restored; log the signed value, a motor cannot be identified from magnitudes",
-        name,
-    )
-
-
-def _reversed_warning(name: str, places: Places) -> RunWarning:
-    return places.warning(
-        "opposite_signs",
-        "has the wrong sign according to the voltage and the other channel; "
-        "check the polarity of the three sensors",
-        name,
-    )
+    turned = set() if unsigned else {name for balance in balances for name in balance.reversed()}
+    for name in channels:
+        if name in unsigned:
+            yield locator.warning(
+                "unsigned_channel",
+                "keeps one sign while the voltage reverses, and agrees with the other channels "
+                "only with the sign restored; log the signed value, a motor cannot be identified "
+                "from magnitudes",
+                name,
+            )
+        if name in turned:
+            yield locator.warning(
+                "opposite_signs",
+                "has the wrong sign according to the voltage and the other channel; "
+                "check the polarity of the three sensors",
+                name,
+            )
 
 
 class _Windows:
@@ -131,19 +127,16 @@ class _Balance:
         sign = np.sign(self.voltage)
         if not _reverses(self.current):
             speed = self.speed if _reverses(self.speed) else sign * self.speed
-            if _fits_better(
-                self._voltage_missed, (self.current, speed), (sign * self.current, speed)
-            ):
+            as_logged, with_sign = (self.current, speed), (sign * self.current, speed)
+            if _fits_better(self._unexplained_voltage, as_logged, with_sign):
                 found.append("current_A")
         if not _reverses(self.speed):
             current = self.current if _reverses(self.current) else sign * self.current
+            as_logged = (current, self.speed)
+            by_voltage, by_current = sign * self.speed, np.sign(current) * self.speed
             if _fits_better(
-                self._voltage_missed, (current, self.speed), (current, sign * self.speed)
-            ) or _fits_better(
-                self._current_missed,
-                (current, self.speed),
-                (current, np.sign(current) * self.speed),
-            ):
+                self._unexplained_voltage, as_logged, (current, by_voltage)
+            ) or _fits_better(self._unexplained_current, as_logged, (current, by_current)):
                 found.append("speed_rad_s")
         return found
 
@@ -152,7 +145,9 @@ class _Balance:
         current, speed = self.windows.mean(self.current), self.windows.mean(self.speed)
         target = self.windows.mean(self.voltage)
         fit = _fit(target, current, speed, self.windows.rate(self.current))
-        if fit is None or fit.missed > _MOST_UNEXPLAINED or _alike(current, speed) > _MOST_ALIKE:
+        if fit is None or fit.unexplained > _MOST_UNEXPLAINED:
+            return []
+        if _collinearity(current, speed) > _MOST_COLLINEAR:
             return []
         return [
             name
@@ -161,14 +156,14 @@ class _Balance:
             and fit.values[k] * _rms(signal) < -_LEAST_SHARE * _rms(target)
         ]
 
-    def _voltage_missed(self, current: Array, speed: Array) -> float:
+    def _unexplained_voltage(self, current: Array, speed: Array) -> float:
         w = self.windows
         fit = _fit(w.mean(self.voltage), w.mean(current), w.mean(speed), w.rate(current))
-        return fit.missed if fit else 0.0
+        return fit.unexplained if fit else 0.0
 
-    def _current_missed(self, current: Array, speed: Array) -> float:
+    def _unexplained_current(self, current: Array, speed: Array) -> float:
         fit = _fit(self.windows.mean(current), self.windows.mean(speed), self.windows.rate(speed))
-        return fit.missed if fit else 0.0
+        return fit.unexplained if fit else 0.0
 
 
 def _reverses(signal: Array) -> bool:
@@ -177,13 +172,13 @@ def _reverses(signal: Array) -> bool:
 
 
 def _fits_better(
-    missed: Callable[[Array, Array], float],
+    unexplained: Callable[[Array, Array], float],
     as_logged: tuple[Array, Array],
     with_sign: tuple[Array, Array],
 ) -> bool:
     """Return True if the residual is large as logged and much smaller with the sign restored."""
-    before = missed(*as_logged)
-    return before > _MISSED and missed(*with_sign) < _BETTER * before
+    before = unexplained(*as_logged)
+    return before > _LEAST_UNEXPLAINED and unexplained(*with_sign) < _BETTER * before
 
 
 @dataclass(frozen=True)
@@ -192,7 +187,7 @@ class _Fit:
 
     values: Array
     errors: Array
-    missed: float
+    unexplained: float
 
 
 def _fit(target: Array, *regressors: Array) -> _Fit | None:
@@ -202,16 +197,18 @@ def _fit(target: Array, *regressors: Array) -> _Fit | None:
     power = float(target @ target)
     if power == 0.0 or not np.all(scale > 0.0):
         return None
-    values, _, rank, _ = np.linalg.lstsq(matrix / scale, target, rcond=1e-9)
+    scaled = matrix / scale
+    values, _, rank, _ = np.linalg.lstsq(scaled, target, rcond=1e-9)
     if rank < len(regressors):
         return None
-    rest = target - matrix / scale @ values
-    spread = float(rest @ rest) / target.size
-    errors = np.sqrt(spread * np.diag(np.linalg.pinv((matrix / scale).T @ (matrix / scale))))
-    return _Fit(values / scale, errors / scale, float(rest @ rest) / power)
+    residual = target - scaled @ values
+    squares = float(residual @ residual)
+    errors = np.sqrt(squares / target.size * np.diag(np.linalg.pinv(scaled.T @ scaled)))
+    return _Fit(values / scale, errors / scale, squares / power)
 
 
-def _alike(first: Array, second: Array) -> float:
+def _collinearity(first: Array, second: Array) -> float:
+    """Absolute cosine of the angle between two signals."""
     lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
     return abs(float(first @ second)) / lengths if lengths else 1.0
 

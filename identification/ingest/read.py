@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +25,9 @@ from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.file import Limits, RunFile, naming, open_run_file
 from identification.ingest.mapping import MappingLike, read_mapping
-from identification.ingest.place import Places
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import Reader, Samples, blank_cell, not_finite
-from identification.ingest.run import Run, RunWarning, Source
+from identification.ingest.run import Run, RunWarning, Source, SourceLocator
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
@@ -106,22 +105,22 @@ def _run(
 ) -> Run:
     """Convert to SI units and check."""
     labels = {name: channel.column.label for name, channel in channels.items()}
-    places = Places(file.name, labels, samples.row)
+    locator = SourceLocator(file.name, labels, samples.row)
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
     clock = samples.cells["time_s"]
     for name, channel in channels.items():
-        filled, notes = _filled(channel, samples.cells.pop(name), clock, places)
+        filled, notes = _filled(channel, samples.cells.pop(name), clock, locator)
         warnings += notes
         if filled is not None:
-            values[name] = _in_si(filled, channel, places)
+            values[name] = _in_si(filled, channel, locator)
     time = values.pop("time_s")
-    check_time(time, places)
-    segments, notes = find_segments(time, places)
+    check_time(time, locator)
+    segments, notes = find_segments(time, locator)
     warnings += notes
-    warnings += check_values(values, time, places)
+    warnings += check_values(values, time, locator)
     measured = {name: values[name] for name in ("voltage_V", "current_A", "speed_rad_s")}
-    clipped, notes = find_clipped(measured, places)
+    clipped, notes = find_clipped(measured, locator)
     run = Run(
         name=file.name,
         sha256=file.sha256(),
@@ -138,12 +137,12 @@ def _run(
             for name, channel in channels.items()
         },
     )
-    about_file = (*_header_warnings(columns, channels, run, places), *samples.warnings)
+    about_file = (*_header_warnings(columns, channels, run, locator), *samples.warnings)
     return dataclasses.replace(run, warnings=(*about_file, *warnings, *notes))
 
 
 def _filled(
-    channel: Channel, cells: Array, clock: Array, places: Places
+    channel: Channel, cells: Array, clock: Array, locator: SourceLocator
 ) -> tuple[Array | None, list[RunWarning]]:
     """Fill the blanks of a channel logged at a lower rate by linear interpolation over time.
 
@@ -158,7 +157,7 @@ def _filled(
     faulty = np.flatnonzero(~finite & ~blank if channel.may_be_blank else ~finite)
     if faulty.size:
         sample = int(faulty[0])
-        row = places.line(sample)
+        row = locator.row(sample)
         if blank[sample]:
             raise blank_cell(channel, row)
         raise not_finite(str(cells[sample]), channel, row)
@@ -166,7 +165,7 @@ def _filled(
     if not known.size:
         return None, []
     return np.interp(clock, clock[known], cells[known]), [
-        places.warning(
+        locator.warning(
             "interpolated_temperature",
             f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is interpolated "
             f"linearly between the {known.size} logged values",
@@ -176,7 +175,7 @@ def _filled(
     ]
 
 
-def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
+def _in_si(cells: Array, channel: Channel, locator: SourceLocator) -> Array:
     """Value in SI units, ``(cell * scale + offset + shift) * factor``.
 
     Identity operations are skipped, which keeps canonical files exact to the last bit.
@@ -193,7 +192,7 @@ def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         sample = int(wrong[0])
-        raise places.error(
+        raise locator.error(
             AbsurdValue,
             f"{cells[sample]:.6g} is too large after scaling; check the scale in the mapping",
             channel.name,
@@ -204,56 +203,38 @@ def _in_si(cells: Array, channel: Channel, places: Places) -> Array:
 
 
 def _header_warnings(
-    columns: Sequence[Column], channels: dict[str, Channel], run: Run, places: Places
-) -> list[RunWarning]:
+    columns: Sequence[Column], channels: dict[str, Channel], run: Run, locator: SourceLocator
+) -> Iterator[RunWarning]:
     used = {channel.column.index for channel in channels.values()}
     spare = [column for column in columns if column.index not in used and column.texts]
-    warnings = []
     if run.temperature is None:
         similar = similar_columns("temperature_degC", spare)
         found = listed(column.title for column in similar) if similar else "no similar column"
         blank = "temperature_degC" in channels
         why = "all temperatures are blank" if blank else f"no temperature column ({found})"
-        warnings.append(
-            places.warning(
-                "no_temperature",
-                f"{why}; the run is used at one unknown temperature, and the temperature "
-                "coefficients are not identifiable from it",
-            )
+        yield locator.warning(
+            "no_temperature",
+            f"{why}; the run is used at one unknown temperature, and the temperature "
+            "coefficients are not identifiable from it",
         )
     if spare:
         titles = listed(column.title for column in spare)
-        warnings.append(places.warning("unused_columns", f"columns not used: {titles}"))
-    return warnings + _override_warnings(channels, places) + _gain_warnings(channels, places)
-
-
-def _override_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
-    """Warn if a mapping gives another unit than the header."""
-    return [
-        places.warning(
-            "unit_overridden",
-            f"the header gives {header.name} and the mapping {channel.unit.name}; "
-            "the mapping is used",
-            name,
-        )
-        for name, channel in channels.items()
-        if (header := channel.column.unit) is not None
-        and header != channel.unit
-        and channel.scale == 1.0
-    ]
-
-
-def _gain_warnings(channels: dict[str, Channel], places: Places) -> list[RunWarning]:
-    """Warn that the gain of a current sensor comes from the mapping alone."""
+        yield locator.warning("unused_columns", f"columns not used: {titles}")
+    for name, channel in channels.items():
+        header = channel.column.unit
+        if header is not None and header != channel.unit and channel.scale == 1.0:
+            yield locator.warning(
+                "unit_overridden",
+                f"the header gives {header.name} and the mapping {channel.unit.name}; "
+                "the mapping is used",
+                name,
+            )
     header, unit = channels["current_A"].column.unit, channels["current_A"].unit
-    if header is None or header.quantity == unit.quantity:
-        return []
-    return [
-        places.warning(
+    if header is not None and header.quantity != unit.quantity:
+        yield locator.warning(
             "unknown_gain",
             f"the header gives {header.name}, and the mapping alone gives {unit.name}: the gain of "
             "a current sensor is not identifiable, so an error of this gain scales Ra25, L, J, b "
             "and the torques",
             "current_A",
         )
-    ]

@@ -1,4 +1,4 @@
-"""Measured run of one motor, in SI units, checked.
+"""Measured run of one motor, in SI units, checked; its warnings, source positions and writer.
 
 All later stages take a `Run` and rely on the properties documented here; none of them parses,
 converts or repairs data.
@@ -6,15 +6,21 @@ converts or repairs data.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Run", "RunWarning", "Source"]
+from identification.errors import RunFileError
+
+__all__ = ["Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
 Array = NDArray[np.float64]
+Error = TypeVar("Error", bound=RunFileError)
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,45 @@ class RunWarning:
         column.
         """
         return f"{self.file}{f', column {self.column}' if self.column else ''}: {self.message}"
+
+
+@dataclass(frozen=True)
+class SourceLocator:
+    """Source position (file, row, column) of a channel and a sample, for errors and warnings.
+
+    Args:
+        file: Name of the file in messages.
+        columns: Channel name to header text.
+        row: Function from sample index to row in the file.
+    """
+
+    file: str
+    columns: Mapping[str, str]
+    row: Callable[[int], int]
+
+    def error(
+        self, kind: type[Error], message: str, channel: str, sample: int, value: object
+    ) -> Error:
+        """Make an error of class `kind` located at one cell."""
+        return kind(
+            message,
+            file=self.file,
+            row=self.row(sample),
+            column=self.columns.get(channel, channel),
+            value=value,
+        )
+
+    def warning(
+        self, code: str, message: str, channel: str | None = None, sample: int | None = None
+    ) -> RunWarning:
+        """Make a warning located at a file, a column or one cell."""
+        return RunWarning(
+            code=code,
+            message=message,
+            file=self.file,
+            row=None if sample is None else self.row(sample),
+            column=None if channel is None else self.columns.get(channel, channel),
+        )
 
 
 @dataclass(frozen=True)
@@ -96,3 +141,26 @@ class Run:
     def sample_rate_hz(self) -> float:
         """Sampling frequency, from the median sampling interval [Hz]."""
         return float(1.0 / np.median(np.diff(self.time)))
+
+
+def write_run(run: Run, path: str | os.PathLike[str]) -> None:
+    """Write a run in canonical columns and SI units; the values read back bit for bit.
+
+    Args:
+        run: Run to write; segments, clipped samples and warnings are recomputed on reading.
+        path: File to write.
+    """
+    columns = {
+        "time_s": run.time,
+        "voltage_V": run.voltage,
+        "current_A": run.current,
+        "speed_rad_s": run.speed,
+        "temperature_degC": run.temperature,
+        "position_rad": run.position,
+    }
+    present = {name: values.tolist() for name, values in columns.items() if values is not None}
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(present)
+        # Python writes the shortest decimal that reads back as the same float.
+        writer.writerows(zip(*present.values(), strict=True))

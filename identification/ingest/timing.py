@@ -7,12 +7,13 @@ continuous motor state.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import BackwardTime, RepeatedTime
-from identification.ingest.place import Places
-from identification.ingest.run import RunWarning
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["GAP_FACTOR", "check_time", "find_segments"]
 
@@ -29,12 +30,12 @@ _SLOW_S = 0.5
 _FAST_S = 1e-7
 
 
-def check_time(time: Array, places: Places) -> None:
+def check_time(time: Array, locator: SourceLocator) -> None:
     """Reject a time that does not increase strictly.
 
     Args:
         time: (n_sample,) [s].
-        places: Source locations of the samples.
+        locator: Source positions of the samples.
 
     Raises:
         RepeatedTime: A time equals the previous one.
@@ -46,7 +47,7 @@ def check_time(time: Array, places: Places) -> None:
     sample = int(wrong[0]) + 1
     now, before = float(time[sample]), float(time[sample - 1])
     if now == before:
-        raise places.error(
+        raise locator.error(
             RepeatedTime,
             f"the time {now:.9g} s is repeated ({wrong.size} such samples); "
             "log the time with more digits or remove the repeated rows",
@@ -54,7 +55,7 @@ def check_time(time: Array, places: Places) -> None:
             sample,
             now,
         )
-    raise places.error(
+    raise locator.error(
         BackwardTime,
         f"the time decreases from {before:.9g} s to {now:.9g} s; "
         "a file is one run in order of time; cut it here, or correct the overflow of the counter",
@@ -65,13 +66,13 @@ def check_time(time: Array, places: Places) -> None:
 
 
 def find_segments(
-    time: Array, places: Places
+    time: Array, locator: SourceLocator
 ) -> tuple[tuple[tuple[int, int], ...], list[RunWarning]]:
     """Split a run at its gaps and check the regularity of its sampling.
 
     Args:
         time: (n_sample,) strictly increasing [s].
-        places: Source locations of the samples.
+        locator: Source positions of the samples.
 
     Returns:
         Half-open sample ranges of the segments, and warnings.
@@ -81,53 +82,41 @@ def find_segments(
     gaps = np.flatnonzero(interval > GAP_FACTOR * median)
     if gaps.size > _MOST_GAPS * interval.size:
         gaps = gaps[:0]
-    warnings = [_gap_warning(interval, gaps, median, places)] if gaps.size else []
-    warnings += _jitter_warning(np.delete(interval, gaps), gaps, median, places)
-    warnings += _rate_warning(median, places)
     edges = [0, *(int(gap) + 1 for gap in gaps), time.size]
+    warnings = list(_timing_warnings(interval, gaps, median, locator))
     return tuple(zip(edges[:-1], edges[1:], strict=True)), warnings
 
 
-def _gap_warning(interval: Array, gaps: NDArray[np.intp], median: float, at: Places) -> RunWarning:
-    longest = int(gaps[np.argmax(interval[gaps])])
-    return at.warning(
-        "gap",
-        f"{gaps.size} gap(s), the longest is {interval[longest]:.4g} s at a sample interval of "
-        f"{median:.4g} s; the run is divided into {gaps.size + 1} records",
-        "time_s",
-        longest + 1,
-    )
-
-
-def _jitter_warning(
-    interval: Array, gaps: NDArray[np.intp], median: float, places: Places
-) -> list[RunWarning]:
-    deviation = interval / median - 1.0
+def _timing_warnings(
+    interval: Array, gaps: NDArray[np.intp], median: float, locator: SourceLocator
+) -> Iterator[RunWarning]:
+    if gaps.size:
+        longest = int(gaps[np.argmax(interval[gaps])])
+        yield locator.warning(
+            "gap",
+            f"{gaps.size} gap(s), the longest is {interval[longest]:.4g} s at a sample interval of "
+            f"{median:.4g} s; the run is divided into {gaps.size + 1} records",
+            "time_s",
+            longest + 1,
+        )
+    regular = np.delete(interval, gaps)
+    deviation = regular / median - 1.0
     worst = int(np.argmax(np.abs(deviation)))
     rms = float(np.sqrt(np.mean(deviation**2)))
-    if rms <= _RMS_JITTER and abs(float(deviation[worst])) <= _LARGEST_JITTER:
-        return []
-    # `deviation` omits the gaps; add those before the worst interval to get its sample index.
-    sample = worst + int(np.searchsorted(gaps - np.arange(gaps.size), worst, side="right")) + 1
-    return [
-        places.warning(
+    if rms > _RMS_JITTER or abs(float(deviation[worst])) > _LARGEST_JITTER:
+        # `regular` omits the gaps; add those before the worst interval to get its sample index.
+        before = int(np.searchsorted(gaps - np.arange(gaps.size), worst, side="right"))
+        yield locator.warning(
             "irregular_sampling",
             f"sample intervals vary by {100 * rms:.2g} % (rms) around {median:.4g} s, the most "
-            f"extreme is {interval[worst]:.4g} s; each sample is used at its logged time",
+            f"extreme is {regular[worst]:.4g} s; each sample is used at its logged time",
             "time_s",
-            sample,
+            worst + before + 1,
         )
-    ]
-
-
-def _rate_warning(median: float, places: Places) -> list[RunWarning]:
-    if _FAST_S <= median <= _SLOW_S:
-        return []
-    return [
-        places.warning(
+    if not _FAST_S <= median <= _SLOW_S:
+        yield locator.warning(
             "suspicious_value",
             f"the sample interval is {median:.4g} s, unusual for a run of a motor; "
             "check the unit of the time",
             "time_s",
         )
-    ]

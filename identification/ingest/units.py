@@ -89,12 +89,7 @@ UNITS = (
     ),
     Unit("uA", "current", 1e-6, symbols=("µA",), words=("microamp", "microamps")),
     Unit("kA", "current", 1e3),
-    Unit(
-        "rad/s",
-        "speed",
-        symbols=("rad_s", "rad_per_s", "rads-1", "rad.s-1"),
-        words=("rad/sec",),
-    ),
+    Unit("rad/s", "speed", symbols=("rad_s", "rad_per_s", "rads-1", "rad.s-1"), words=("rad/sec",)),
     Unit("deg/s", "speed", _TURN / 360.0, symbols=("°/s", "deg_s", "deg_per_s")),
     Unit("rev/s", "speed", _TURN, symbols=("rev_s",), words=("rps",)),
     Unit(

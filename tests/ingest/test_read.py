@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identification.errors import AmbiguousUnit, MissingColumn, NotANumber, NotFinite, WrongUnit
 from identification.ingest import file, read_run
 from identification.ingest.text import table
-from identification.ingest.text.scan import CellReader
+from identification.ingest.text.cell_reader import CellReader
 from tests.ingest.samples import CANONICAL, Dialect, channels, record, renamed, with_cell, write
 
 Array = NDArray[np.float64]

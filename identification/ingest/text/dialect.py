@@ -15,14 +15,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from identification.errors import (
-    EmptyFile,
-    FileTooLarge,
-    NoRows,
-    NoTable,
-    NotANumber,
-    RunFileError,
-)
+from identification.errors import EmptyFile, FileTooLarge, NoRows, NoTable, NotANumber, RunFileError
 from identification.ingest.display import listed, quoted
 from identification.ingest.file import Limits
 from identification.ingest.names import is_channel_name
@@ -30,7 +23,7 @@ from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import is_clock, is_number, is_number_word, split_cells
 from identification.ingest.text.header_rows import HeaderRows, Line
 
-__all__ = ["COMMENT_MARKS", "Layout", "sniff"]
+__all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
 COMMENT_MARKS = ("#", "%", "//")
 
@@ -61,7 +54,7 @@ class Layout:
     first_line: int
 
 
-def sniff(block: Block, limits: Limits) -> Layout:
+def detect_layout(block: Block, limits: Limits) -> Layout:
     """Detect the layout from the first block of a file.
 
     Args:

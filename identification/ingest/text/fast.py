@@ -24,10 +24,7 @@ Array = NDArray[np.float64]
 
 
 def read_clean(
-    text: bytes,
-    layout: Layout,
-    channels: Sequence[Channel],
-    decimal: str,
+    text: bytes, layout: Layout, channels: Sequence[Channel], decimal: str
 ) -> list[Array] | None:
     """Parse whole lines that contain nothing but numbers.
 

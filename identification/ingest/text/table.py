@@ -15,10 +15,10 @@ from identification.ingest.file import RunFile
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, read_blocks
+from identification.ingest.text.cell_reader import CellReader, SampleLines
 from identification.ingest.text.cells import number_text
-from identification.ingest.text.dialect import Layout, sniff
+from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.fast import read_clean
-from identification.ingest.text.scan import CellReader, SampleLines
 
 __all__ = ["TextReader", "TextTable"]
 
@@ -45,7 +45,7 @@ class TextReader:
         """Detect the layout of the table."""
         blocks = read_blocks(file)
         first = next(blocks)
-        layout = sniff(first, file.limits)
+        layout = detect_layout(first, file.limits)
         first = first.from_line(layout.first_line)
         return TextTable(layout, itertools.chain([first], blocks), file.name)
 

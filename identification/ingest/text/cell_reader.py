@@ -113,10 +113,7 @@ class CellReader:
 
     def _check_fields(self, line: str, cells: list[str], number: int) -> None:
         if line.count('"') % 2:
-            raise UnclosedQuote(
-                "a quotation mark is not closed on its line; remove it",
-                row=number,
-            )
+            raise UnclosedQuote("a quotation mark is not closed on its line; remove it", row=number)
         if len(cells) != self._layout.fields:
             raise RaggedRow(
                 f"the line has {len(cells)} fields, expected {self._layout.fields} as in the first "
