@@ -15,11 +15,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.run import Array, RunWarning, SourceLocator
 
 __all__ = ["find_clipped"]
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _SHORTEST_PLATEAU = 5
@@ -42,10 +41,6 @@ def find_clipped(
     channels: dict[str, Array], locator: SourceLocator
 ) -> tuple[dict[str, Mask], list[RunWarning]]:
     """Find samples at the limit of a sensor.
-
-    Args:
-        channels: Channel name to (n_sample,), in SI units.
-        locator: Source positions of the samples.
 
     Returns:
         Channel name to boolean (n_sample,), True at the limit, for channels with such samples; and

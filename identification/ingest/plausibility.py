@@ -14,15 +14,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import AbsurdValue
 from identification.ingest.polarity import check_polarity
-from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.run import Array, RunWarning, SourceLocator
 
 __all__ = ["BOUNDS", "Bounds", "check_values"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,15 +65,7 @@ _RATIO_TOLERANCE = 0.03
 def check_values(
     channels: dict[str, Array], time: Array, locator: SourceLocator
 ) -> Iterator[RunWarning]:
-    """Reject impossible values and warn of unusual ones.
-
-    Args:
-        channels: Channel name to (n_sample,), in SI units, without time.
-        time: (n_sample,) strictly increasing [s].
-        locator: Source positions of the samples.
-
-    Yields:
-        Warnings.
+    """Reject impossible values and warn of unusual ones, for all channels except time, in SI units.
 
     Raises:
         AbsurdValue: A value is outside the possible range, or two channels contradict each other.

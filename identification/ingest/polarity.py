@@ -20,13 +20,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.run import Array, RunWarning, SourceLocator
 
 __all__ = ["check_polarity"]
-
-Array = NDArray[np.float64]
 
 # A sensor keeps its polarity within a run, so the beginning of a long run is sufficient.
 _SAMPLES = 200_000
@@ -51,16 +48,7 @@ _MOST_COLLINEAR = 0.95
 def check_polarity(
     channels: dict[str, Array], time: Array, locator: SourceLocator
 ) -> Iterator[RunWarning]:
-    """Check the signs of voltage, current and speed for consistency.
-
-    Args:
-        channels: Channel name to (n_sample,), in SI units.
-        time: (n_sample,) strictly increasing [s].
-        locator: Source positions of the samples.
-
-    Yields:
-        Warnings.
-    """
+    """Warn of inconsistent signs of voltage, current and speed, in SI units."""
     time = time[:_SAMPLES]
     names = ("voltage_V", "current_A", "speed_rad_s")
     voltage, current, speed = (channels[name][:_SAMPLES] for name in names)

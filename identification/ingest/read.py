@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import AbsurdValue, FileTooLarge, RaggedRow, TooFewRows
 from identification.ingest.channels import Channel, assign_channels, similar_columns
@@ -27,13 +26,11 @@ from identification.ingest.file import Limits, RunFile, naming, open_run_file
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import Reader, Samples, blank_cell, not_finite
-from identification.ingest.run import Run, RunWarning, Source, SourceLocator
+from identification.ingest.run import Array, Run, RunWarning, Source, SourceLocator
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
 __all__ = ["FEWEST_ROWS", "READERS", "read_run"]
-
-Array = NDArray[np.float64]
 
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""

@@ -11,19 +11,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identification.errors import MissingValue, NotFinite
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.display import quoted
 from identification.ingest.file import RunFile
-from identification.ingest.run import RunWarning
+from identification.ingest.run import Array, RunWarning
 
 __all__ = ["ArrayTable", "Reader", "Samples", "SourceTable", "blank_cell", "not_finite"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from identification.errors import RunFileError
 
-__all__ = ["Run", "RunWarning", "Source", "SourceLocator", "write_run"]
+__all__ = ["Array", "Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
 Array = NDArray[np.float64]
+"""Samples of one channel, (n_sample,), unless another shape is given."""
+
 Error = TypeVar("Error", bound=RunFileError)
 
 

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import BackwardTime, RepeatedTime
-from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.run import Array, RunWarning, SourceLocator
 
 __all__ = ["GAP_FACTOR", "check_time", "find_segments"]
-
-Array = NDArray[np.float64]
 
 GAP_FACTOR = 5.0
 """An interval longer than this multiple of the median interval is a gap."""
@@ -31,11 +29,7 @@ _FAST_S = 1e-7
 
 
 def check_time(time: Array, locator: SourceLocator) -> None:
-    """Reject a time that does not increase strictly.
-
-    Args:
-        time: (n_sample,) [s].
-        locator: Source positions of the samples.
+    """Reject a time [s] that does not increase strictly.
 
     Raises:
         RepeatedTime: A time equals the previous one.
@@ -68,15 +62,7 @@ def check_time(time: Array, locator: SourceLocator) -> None:
 def find_segments(
     time: Array, locator: SourceLocator
 ) -> tuple[tuple[tuple[int, int], ...], list[RunWarning]]:
-    """Split a run at its gaps and check the regularity of its sampling.
-
-    Args:
-        time: (n_sample,) strictly increasing [s].
-        locator: Source positions of the samples.
-
-    Returns:
-        Half-open sample ranges of the segments, and warnings.
-    """
+    """Half-open sample ranges between the gaps of a time [s], and warnings about its sampling."""
     interval = np.diff(time)
     median = float(np.median(interval))
     gaps = np.flatnonzero(interval > GAP_FACTOR * median)

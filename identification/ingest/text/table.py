@@ -6,14 +6,13 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
 from identification.ingest.columns import read_columns
 from identification.ingest.file import RunFile
 from identification.ingest.reader import Samples
-from identification.ingest.run import RunWarning
+from identification.ingest.run import Array, RunWarning
 from identification.ingest.text.blocks import Block, read_blocks
 from identification.ingest.text.cell_reader import CellReader, SampleLines
 from identification.ingest.text.cells import number_text
@@ -22,8 +21,6 @@ from identification.ingest.text.fast import read_clean
 
 __all__ = ["TextReader", "TextTable"]
 
-
-Array = NDArray[np.float64]
 
 # Lines before an unterminated last line that determine the usual length of its last cell.
 _LINES_BEFORE = 20
