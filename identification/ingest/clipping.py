@@ -31,10 +31,7 @@ _MANY_PLATEAUS = 10
 _ORDER = 8
 _GROWTH = 1.5
 _OMITTED = "probably because the sensor saturates; these samples are omitted"
-_TREATMENTS = {
-    "voltage_V": "probably because the drive is at its limit; the samples are used as logged"
-}
-"""End of the warning for channels whose clipped samples are not left out of the fit."""
+_USED = "probably because the drive is at its limit; the samples are used as logged"
 
 
 def find_clipped(
@@ -49,42 +46,34 @@ def find_clipped(
     clipped: dict[str, Mask] = {}
     warnings = []
     for name, signal in channels.items():
+        treatment = _USED if name == "voltage_V" else _OMITTED
         for limit, word in ((float(np.max(signal)), "highest"), (float(np.min(signal)), "lowest")):
             at_limit = signal == limit
-            if not _is_clipped(name, signal, at_limit):
-                continue
-            clipped[name] = clipped.get(name, np.zeros(signal.size, dtype=bool)) | at_limit
-            warnings.append(
-                locator.warning(
-                    "clipped_channel",
-                    f"stays at its {word} value {limit:.6g} in {int(at_limit.sum())} samples, "
-                    f"{_TREATMENTS.get(name, _OMITTED)}",
-                    name,
-                    int(np.argmax(at_limit)),
-                )
-            )
+            if _is_clipped(name, signal, limit, at_limit):
+                clipped[name] = clipped[name] | at_limit if name in clipped else at_limit
+                count, first = int(at_limit.sum()), int(np.argmax(at_limit))
+                message = f"stays at its {word} value {limit:.6g} in {count} samples, {treatment}"
+                warnings.append(locator.warning("clipped_channel", message, name, first))
     return clipped, warnings
 
 
-def _is_clipped(name: str, signal: Array, at_limit: Mask) -> bool:
+def _is_clipped(name: str, signal: Array, limit: float, at_limit: Mask) -> bool:
     """Return True if the samples at one extreme look like sensor saturation."""
-    span = float(np.ptp(signal))
-    limit = float(signal[int(np.argmax(at_limit))])
-    below = int(signal.size - at_limit.sum())
     plateaus = _plateaus(at_limit)
-    long = plateaus[plateaus[:, 1] - plateaus[:, 0] >= _SHORTEST_PLATEAU]
-    if not long.size or int((long[:, 1] - long[:, 0]).sum()) < _FEWEST_SAMPLES:
+    lengths = plateaus[:, 1] - plateaus[:, 0]
+    long = lengths >= _SHORTEST_PLATEAU
+    if int(lengths[long].sum()) < _FEWEST_SAMPLES:
         return False
-    if below < _SHARE_BELOW_LIMIT * signal.size or abs(limit) <= _STANDSTILL * span:
+    below = int(signal.size - at_limit.sum())
+    if below < _SHARE_BELOW_LIMIT * signal.size or abs(limit) <= _STANDSTILL * np.ptp(signal):
         return False
     usual = _longest_repeat(signal, at_limit)
-    lengths = long[:, 1] - long[:, 0]
-    longer = int(np.count_nonzero(lengths > usual))
+    longer = int(np.count_nonzero(lengths[long] > usual))
     if int(lengths.max()) <= _PLATEAU_RATIO * usual and longer < _MANY_PLATEAUS:
         return False
     if _has_noise(signal):
         return True
-    return name != "voltage_V" and _enters_with_a_step(signal, at_limit, long)
+    return name != "voltage_V" and _enters_with_a_step(signal, at_limit, plateaus[long])
 
 
 def _plateaus(flags: Mask) -> NDArray[np.intp]:

@@ -11,6 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from identification.errors import MissingValue, NotFinite
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
@@ -81,12 +84,15 @@ class ArrayTable:
     """
 
     columns: Sequence[Column]
-    cells: Sequence[Array]
+    cells: Sequence[ArrayLike]
     first_row: int = 1
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Select the arrays of the channels."""
-        cells = {channel.name: self.cells[channel.column.index] for channel in channels}
+        cells = {
+            channel.name: np.asarray(self.cells[channel.column.index], dtype=np.float64)
+            for channel in channels
+        }
         return Samples(cells, lambda sample: self.first_row + sample)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from identification import errors
 from identification.ingest import ArrayTable, Limits, Reader, RunFile, describe_column, read_run
@@ -36,7 +37,7 @@ def json_lines(*, units: tuple[str, ...] = UNITS) -> list[str]:
 class ArrayReader:
     """Reader that ignores the file and returns the record, with changes."""
 
-    changes: dict[str, Array] = field(default_factory=dict)
+    changes: Mapping[str, ArrayLike] = field(default_factory=dict)
 
     def recognises(self, name: str, head: bytes) -> bool:
         """Recognise the file of these tests."""
@@ -44,7 +45,7 @@ class ArrayReader:
 
     def open(self, file: RunFile) -> ArrayTable:
         """Return the arrays; the first sample is on row 3."""
-        cells = record() | self.changes
+        cells: dict[str, ArrayLike] = {**record(), **self.changes}
         columns = [describe_column(k, [name]) for k, name in enumerate(cells)]
         return ArrayTable(columns, list(cells.values()), first_row=3)
 
@@ -154,6 +155,18 @@ def test_cells_of_every_reader_are_checked(
         read_run(path, readers=[ArrayReader(changes)], limits=Limits(rows=50))
 
     assert caught.value.file == "run"
+
+
+def test_integers_of_a_reader_become_floating_point_numbers(tmp_path: Path) -> None:
+    """The position is an array of integers; all channels of a run are float64."""
+    path = tmp_path / "run"
+    path.write_bytes(b"arrays")
+
+    run = read_run(path, readers=[ArrayReader({"position_rad": np.full(40, 3, dtype=np.int32)})])
+
+    assert run.position is not None
+    assert run.position.dtype == np.float64
+    assert np.all(run.position == 3.0)
 
 
 def test_digest_covers_bytes_that_a_reader_leaves_unread(tmp_path: Path) -> None:

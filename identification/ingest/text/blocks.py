@@ -1,6 +1,6 @@
 """Streaming line reader: a text file as blocks of whole lines, in bounded memory.
 
-Memory use is limited to about three chunks of 8 MiB and one partial line.  Number and length of the
+Memory use is limited to about two chunks of 8 MiB and one partial line.  Number and length of the
 lines are checked while reading, so that a file of zeros or a line of a gigabyte is rejected early.
 Line ends become line feeds and UTF-16 becomes UTF-8; other encodings pass unchanged.
 """

@@ -43,8 +43,9 @@ class TextReader:
         blocks = read_blocks(file)
         first = next(blocks)
         layout = detect_layout(first, file.limits)
-        first = first.from_line(layout.first_line)
-        return TextTable(layout, itertools.chain([first], blocks), file.name)
+        # The iterator, unlike the list, frees the first block once it has been read.
+        rest = iter([first.from_line(layout.first_line)])
+        return TextTable(layout, itertools.chain(rest, blocks), file.name)
 
 
 class TextTable:
