@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
-from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
 from identification.fit.temperature import with_own_temperatures
 from identification.ingest.run import Run
@@ -77,7 +76,7 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
     simulator = Simulator.fitting(model, records, values)
     states = fitted_initial_states(simulator, values, deviation)
     if model.terms:
-        simulator = accurate(simulator, values, states, deviation)
+        simulator = simulator.accurate(values, states, deviation)
     logged = simulator.logged(values[:, None], states)
     series = np.full((run.rows, 2), np.nan)
     for record, y in zip(records, logged, strict=True):

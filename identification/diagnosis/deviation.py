@@ -31,7 +31,6 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.scan import scan_of
-from identification.model.simulate import Simulator
 from identification.model.step import advance
 from identification.model.tangent import BLOCK, stretch, tangent_blocks
 from identification.model.term import (
@@ -181,12 +180,7 @@ def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
         position: (n_parameter,) search coordinates of the simulation; those of the fit if None.
     """
     if position is not None:
-        simulator = Simulator.fitting(
-            fit.simulator.model,
-            fit.simulator.records,
-            fit.coordinates.values(position),
-            fit.simulator.divisions,
-        )
+        simulator = fit.simulator.changed_to(fit.simulator.model, fit.coordinates.values(position))
         fit = replace(fit, position=position, simulator=simulator)
     simulator, noise = fit.simulator, _noise_unit(fit)
     spreads = [1.0 / state_precision(simulator, k) for k in range(len(simulator.records))]
@@ -237,7 +231,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     whole = ca.simplify(ca.densify(ca.substitute(whole, pushed, ca.SX.zeros(2))))
     entries = [whole[k % n, k // n] for k in range(n * (n + 4))]
     fixed = tuple(float(entry) if entry.is_constant() else None for entry in entries)
-    if simulator.divisions is not None:
+    if simulator.substeps is not None:
         # The matrices of the substeps are multiplied, so no entry is certain to stay constant.
         fixed = (None,) * len(entries)
     moving = [entry for entry, value in zip(entries, fixed, strict=True) if value is None]
@@ -255,10 +249,10 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
             part = slice(first, min(first + BLOCK, len(rows)))
             inputs, _ = stretch(simulator, k, part.start, part.stop)
             (carry,), (out,) = scan([inputs], values, [carry])
-            if simulator.divisions is None:
+            if simulator.substeps is None:
                 rows[part] = out[:, :, 0]
             else:
-                rows[part] = _composed(out[:, :, 0], n, simulator.divisions[k][part])
+                rows[part] = _composed(out[:, :, 0], n, simulator.substeps[k][part])
     return fixed, found
 
 

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from identification.feedback.controller import Controller
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
-from identification.model.step import advance, plan_for
+from identification.model.step import advance
+from identification.model.step_plan import plan_for
 from identification.model.term import AbstractTemperature, AbstractTerm, Expression
 
 __all__ = ["ClosedLoop", "LoopRun", "acting_terms", "simulated_loop"]

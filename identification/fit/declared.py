@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
-from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.solve import Fit, TerminationLimits, continued, optimised, renewed
 from identification.fit.start import starting_values
 from identification.fit.temperature import unlogged_of, with_expected
 from identification.model.composite import Hold, MotorModel
@@ -25,7 +25,7 @@ from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
-__all__ = ["fit_declared", "replanned", "settled"]
+__all__ = ["fit_declared", "settled"]
 
 Array = NDArray[np.float64]
 
@@ -80,28 +80,18 @@ def _is_sharp(fit: Fit) -> bool:
 
 
 def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -> Fit:
-    """Fit in legs of five steps, with an integrator plan chosen anew for each leg.
+    """Fit in legs of five steps, with a step plan renewed for each leg.
 
     Far from the start the inductance may be so small that the Taylor series of the plan fails.  The
     error of the series then acts as a barrier, along which the fit creeps until its step limit.
     """
-    fit = solve(simulator, coordinates, position, limits=TerminationLimits(steps=_LEG))
+    limits = TerminationLimits(steps=_LEG)
+    fit = optimised(simulator, coordinates, position, limits=limits)
     for _ in range(_LEGS):
         if fit.converged:
             break
-        model, records, plan = fit.simulator.model, fit.simulator.records, fit.simulator.plan
-        simulator = fit.simulator
-        if not plan.suits(Simulator.rate(model, records, fit.values)):
-            simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
-        fit = solve(
-            simulator,
-            coordinates,
-            fit.position,
-            fit.states,
-            fit.weighting,
-            TerminationLimits(steps=_LEG),
-        )
-    return replanned(fit)
+        fit = continued(replace(fit, simulator=fit.simulator.suited_to(fit.values)), limits)
+    return renewed(fit)
 
 
 def settled(fit: Fit) -> Fit:
@@ -110,37 +100,17 @@ def settled(fit: Fit) -> Fit:
     coordinates = linear_where_uncertain(fit.coordinates, fit.values, deviations)
     if coordinates.parameters == fit.coordinates.parameters:
         return fit
-    return solve(fit.simulator, coordinates, coordinates.of(fit.values), fit.states, fit.weighting)
-
-
-def replanned(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """Refit with an integrator plan that suits the optimum; unchanged if the plan already does."""
-    limits = limits or TerminationLimits()
-    for _ in range(3):
-        simulator = fit.simulator
-        model, records, plan = simulator.model, simulator.records, simulator.plan
-        rate = Simulator.rate(model, records, fit.values)
-        if plan.suits(rate) or limits.over:
-            return fit
-        simulator = Simulator.fitting(model, records, fit.values, simulator.divisions)
-        fit = solve(simulator, fit.coordinates, fit.position, fit.states, fit.weighting, limits)
-    return fit
+    return continued(replace(fit, coordinates=coordinates, position=coordinates.of(fit.values)))
 
 
 def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> list[Array]:
     """Starting vectors by simulation error, best first; diverging ones are dropped."""
-    simulator = _stiff_enough(model, records, candidates)
+    simulator = Simulator.fitting(model, records, candidates)
     states = [initial_states(model, record) for record in records]
     weighting = Weighting.white(records)
     cost = weighting.sized(simulator.misfit(candidates, states, weighting))[1]
     order = np.argsort(np.where(np.isfinite(cost), cost, np.inf))
     return [candidates[:, k] for k in order if np.isfinite(cost[k])]
-
-
-def _stiff_enough(model: MotorModel, records: Sequence[Record], candidates: Array) -> Simulator:
-    """Simulator whose integrator plan suits the stiffest candidate."""
-    plans = [Simulator.fitting(model, records, c).plan for c in candidates.T]
-    return Simulator(model, tuple(records), max(plans, key=lambda plan: plan.rate))
 
 
 def _bounded(simulator: Simulator, records: Sequence[Record], values: Array) -> Coordinates:

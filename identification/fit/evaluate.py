@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.accuracy import accurate
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
@@ -62,8 +61,8 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, fit.values, deviation, whole=whole)
-    if fit.simulator.divisions is not None:
-        simulator = accurate(simulator, fit.values, states, deviation)
+    if fit.simulator.substeps is not None:
+        simulator = simulator.accurate(fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
     return [
         Simulated(record, y[:, :, 0]) for record, y in zip(simulator.records, logged, strict=True)

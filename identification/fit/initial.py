@@ -33,8 +33,6 @@ _LEAST_HEAD: Final = 50
 _GROWING: Final = (0.1, 0.3, 1.0)
 """Fractions of a record that are fitted in turn; only the first one if the head is enough."""
 _STEPS: Final = 4
-_ROUGH: Final = 0.1
-"""Discretisation error of one interval of the head, over the noise."""
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 
 
@@ -76,8 +74,7 @@ def _fitted_to_heads(
     weighting = replace(Weighting.white(heads), deviation=deviation)
     centres = [initial_states(simulator.model, record) for record in heads]
     nothing = np.zeros((values.size, 0))
-    if simulator.model.terms:
-        short = short.divided_for(values, states, _ROUGH * deviation)
+    short = short.roughly_accurate(values, states, deviation)
     for _ in range(_STEPS):
         moves = []
         blocks = tangent_blocks(short, values, states, nothing, rows=None)
@@ -93,7 +90,7 @@ def _fitted_to_heads(
         trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
         # A record that began at rest may start with a jump after the step.
         moved = [trial[:, 0] for trial in trials]
-        short = short.divided_for(values, moved, _ROUGH * deviation, start=short.divisions)
+        short = short.roughly_accurate(values, moved, deviation)
         best = []
         for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
             record = heads[k]

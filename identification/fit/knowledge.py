@@ -22,13 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from identification.fit.declared import replanned
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, solve
 from identification.known import Prior
 from identification.linear import solution
 from identification.model.parameter import Coordinates, Parameter
-from identification.model.simulate import Simulator
 from identification.nameplate import NAMEPLATE
 from identification.quantities import DECLARED_PARAMETERS
 
@@ -230,12 +228,8 @@ def _refitted(fit: Fit, coordinates: Coordinates) -> Fit | None:
 
 def _refitted_from(fit: Fit, coordinates: Coordinates, values: Array) -> Fit:
     """Refit with other priors, starting from physical values."""
-    simulator = fit.simulator
-    model, records = simulator.model, simulator.records
-    if not simulator.plan.suits(Simulator.rate(model, records, values)):
-        simulator = Simulator.fitting(model, records, values, simulator.divisions)
-    position = coordinates.of(values)
-    return replanned(solve(simulator, coordinates, position, fit.states, fit.weighting))
+    simulator, position = fit.simulator.suited_to(values), coordinates.of(values)
+    return solve(simulator, coordinates, position, fit.states, fit.weighting)
 
 
 def _with_prior(parameter: Parameter, prior: Prior) -> Parameter:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
 
@@ -91,14 +91,7 @@ def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
     most = _tolerated_rise(fit) * plain.sums_of_squares(fit.residuals())
     changed = replace(latest, weighting=weighting)
     for _ in range(_LEGS):
-        changed = solve(
-            fit.simulator,
-            fit.coordinates,
-            changed.position,
-            changed.states,
-            changed.weighting,
-            TerminationLimits(_LEG),
-        )
+        changed = continued(changed, TerminationLimits(_LEG))
         if not np.all(plain.sums_of_squares(changed.residuals()) <= most):
             return fit
         if changed.converged:

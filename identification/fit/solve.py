@@ -14,6 +14,9 @@ If the best step gains far less than the quadratic model predicts, the valley is
 are then corrected to second order (geodesic acceleration), which replaces hundreds of short steps
 by a few.
 
+Step plan and substeps of the simulator stay fixed during an optimisation.  At its end the step plan
+is renewed if it does not suit the optimum, and the optimisation continues.
+
 Source: Transtrum and Sethna, arXiv preprint 1201.5885 (2012) (geodesic acceleration).
 """
 
@@ -32,7 +35,7 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 from identification.work import Budget
 
-__all__ = ["Fit", "TerminationLimits", "solve"]
+__all__ = ["Fit", "TerminationLimits", "continued", "optimised", "renewed", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -52,6 +55,8 @@ _TRIED: Final = 3
 _OPTIMISM: Final = 5.0
 """Largest gain until the optimum, over the predicted gain of one step."""
 _PROBE: Final = 0.1
+_RENEWALS: Final = 3
+"""Renewals of the step plan at most."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,7 @@ def solve(
     weighting: Weighting | None = None,
     limits: TerminationLimits | None = None,
 ) -> Fit:
-    """Fit parameters and initial states to the records of `simulator`.
+    """Fit parameters and initial states, with a step plan that suits the optimum.
 
     Args:
         simulator: Model and records.
@@ -158,11 +163,44 @@ def solve(
         position: (n_parameter,) start in search coordinates.
         states: Initial states to start from; taken from the first samples if absent.
         weighting: Noise model; white with unknown deviations if absent.
-        limits: Termination limits.
+        limits: Termination limits, of each optimisation.
 
     Returns:
         The optimum; `converged` is False if the fit stopped before it.  The cost is infinite if the
         model cannot be simulated from the start.
+    """
+    fit = optimised(simulator, coordinates, position, states, weighting, limits)
+    return renewed(fit, limits)
+
+
+def continued(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+    """Continue a fit from its present point, with its present step plan and substeps."""
+    return optimised(
+        fit.simulator, fit.coordinates, fit.position, fit.states, fit.weighting, limits
+    )
+
+
+def renewed(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+    """Continue a fit until its step plan suits the optimum; unchanged if the plan already does."""
+    for _ in range(_RENEWALS):
+        simulator = fit.simulator.suited_to(fit.values)
+        if simulator is fit.simulator or (limits is not None and limits.over):
+            break
+        fit = continued(replace(fit, simulator=simulator), limits)
+    return fit
+
+
+def optimised(
+    simulator: Simulator,
+    coordinates: Coordinates,
+    position: Array,
+    states: Sequence[Array] | None = None,
+    weighting: Weighting | None = None,
+    limits: TerminationLimits | None = None,
+) -> Fit:
+    """Optimum with the step plan and the substeps of the simulator.
+
+    The arguments are those of `solve`.
     """
     records = simulator.records
     weighting = weighting or Weighting.white(records)

@@ -41,8 +41,6 @@ _ROUNDS: Final = 5
 """Grid refinements; each shrinks the range to 2/15, the last to about a hundredth of a kelvin."""
 _AGAIN: Final = 3
 """Rounds in which temperature, warming and initial state are fitted in turn, the others held."""
-_ROUGH: Final = 0.1
-"""Discretisation error of one interval, over the noise."""
 
 
 def unlogged_of(records: Sequence[Record]) -> Unlogged:
@@ -115,8 +113,7 @@ def _temperature(
         start = Simulator.fitting(model, here, values)
         states = fitted_initial_states(start, values, deviation, whole=whole)
         simulator = Simulator.fitting(free, records, tried[:, 0])
-        if model.terms:
-            simulator = simulator.divided_for(tried[:, 0], states, _ROUGH * deviation)
+        simulator = simulator.roughly_accurate(tried[:, 0], states, deviation)
         for row, own in reversed(list(zip(at, unlogged, strict=True))):
             half = _WIDEST * own.scale
             for _ in range(_ROUNDS):

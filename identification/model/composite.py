@@ -51,14 +51,14 @@ INPUTS: Final = (
     "time",
     "run",
     "peak_temperature",
-    "part",
-    "parts",
+    "substep",
+    "substeps",
     "temperature_rate",
 )
 """Inputs of one sample interval, in the column order of `Record.inputs`.
 
-A sample interval may be integrated in several equal substeps (`division.py`): `part` is the index
-of the substep from zero, `parts` the number of substeps."""
+A sample interval may be integrated in several equal substeps (`substeps.py`): `substep` is
+the index from zero, `substeps` the number."""
 
 
 @dataclass(frozen=True)

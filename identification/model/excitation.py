@@ -183,8 +183,8 @@ def _record(
         "time": time,
         "run": np.full(time.size, float(number)),
         "peak_temperature": highest[span],
-        "part": np.zeros(time.size),
-        "parts": np.ones(time.size),
+        "substep": np.zeros(time.size),
+        "substeps": np.ones(time.size),
         "temperature_rate": _rate(run, time, temperature[span]),
     }
     clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]

@@ -77,8 +77,8 @@ def remembered(
     Returns:
         History (n_memory,) at the end of the substep, and readings (2,) at its start.
     """
-    part, count = (inputs[0][INPUTS.index(name)] for name in ("part", "parts"))
-    begins, ends = part < 0.5, part > count - 1.5
+    index, count = (inputs[0][INPUTS.index(name)] for name in ("substep", "substeps"))
+    begins, ends = index < 0.5, index > count - 1.5
     interval = inputs[0][0] * count
     # The last interval of a record has zero length.
     inverse = ca.if_else(interval > 0, 1 / interval, 0)

@@ -7,6 +7,7 @@ interpolated (see `loop.py`).  If all samples have unit weight, no weights are r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.division import Counts, begins
 from identification.model.excitation import Record
 from identification.model.loop import STRIDE
 from identification.model.scan import Scan, scan_of
-from identification.model.step import Plan, step_function, transition_functions
+from identification.model.step import step_function, transition_functions
+from identification.model.step_plan import StepPlan
+from identification.model.substeps import Counts, first_rows
+from identification.model.weighting import Weighting
 
-__all__ = ["MisfitLoop", "is_slow", "misfit_loop"]
+__all__ = ["MisfitLoop", "compared", "is_slow", "misfit_loop"]
 
 Array = NDArray[np.float64]
 
@@ -64,14 +67,53 @@ class MisfitLoop:
         if counts is None:
             return np.column_stack([inputs[:, self.columns], compared])
         is_sample = np.zeros(inputs.shape[0])
-        is_sample[begins(counts)] = 1.0
+        is_sample[first_rows(counts)] = 1.0
         repeated = np.repeat(compared, counts, axis=0)
         return np.column_stack([inputs[:, self.columns], repeated, is_sample])
 
 
+def compared(
+    model: MotorModel,
+    plan: StepPlan,
+    records: Sequence[Record],
+    inputs: Sequence[Array],
+    substeps: Sequence[Counts] | None,
+    weighting: Weighting,
+) -> tuple[MisfitLoop, list[Array]]:
+    """Misfit loop for a noise model, and its input rows for each record.
+
+    The state transition is interpolated for the nominal model without substeps, if all records are
+    sampled uniformly and their smoothed temperature is nearly linear between the computed
+    transitions.
+
+    Args:
+        model: The model.
+        plan: Step plan.
+        records: Records that drive the model.
+        inputs: For each record (n_row, n_input).
+        substeps: For each record (n_sample,) rows of each sample interval; None for one each.
+        weighting: Noise model.
+    """
+    weights = [weighting.sample_weights(k) for k in range(len(records))]
+    is_plain = not model.terms and substeps is None
+    loop = misfit_loop(
+        model,
+        plan,
+        tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
+        weighted=any(np.any(weight != 1.0) for weight in weights),
+        interpolated=is_plain and all(is_slow(record) for record in records),
+        divided=substeps is not None,
+    )
+    counts: Sequence[Counts | None] = substeps or [None] * len(records)
+    return loop, [
+        loop.rows(row, record.measured, weight, count)
+        for row, record, weight, count in zip(inputs, records, weights, counts, strict=True)
+    ]
+
+
 def misfit_loop(
     model: MotorModel,
-    plan: Plan,
+    plan: StepPlan,
     whitening: tuple[tuple[float, ...], ...],
     *,
     weighted: bool,
@@ -82,7 +124,7 @@ def misfit_loop(
 
     Args:
         model: The model.
-        plan: Settings of the integration step.
+        plan: Step plan.
         whitening: Coefficients of the whitening filter of each channel.
         weighted: Whether samples have weights.
         interpolated: Whether the transition is interpolated; for the nominal model only.
@@ -131,7 +173,7 @@ def is_slow(record: Record) -> bool:
 
 
 def _reduced(
-    model: MotorModel, plan: Plan, interpolated: bool
+    model: MotorModel, plan: StepPlan, interpolated: bool
 ) -> tuple[tuple[int, ...], ca.Function, ca.Function | None]:
     """Input columns in use, and step and preparation as functions of these columns only."""
     functions = [step_function(model, plan)]

@@ -1,9 +1,14 @@
-"""Simulation of a model over records for many parameter vectors at once.
+"""Output-error simulation of a model over records, for many parameter vectors at once.
 
     simulator = Simulator.fitting(model, records, values)
-    simulator.logged(lanes, states)         simulated sensor readings
+    fine = simulator.accurate(values, states, noise)
+    fine.logged(lanes, states)              simulated sensor readings
 
 Parameters are physical values: `values` is (n_parameter,), `lanes` is (n_parameter, n_lane).
+
+The simulator owns its accuracy: the step plan (`step_plan.py`) and the substeps (`substeps.py`).
+Both are fixed during an optimisation, so that the cost is a smooth function of the parameters.
+`suited_to` renews the step plan and `accurate` the substeps, at the values that a fit has reached.
 """
 
 from __future__ import annotations
@@ -18,24 +23,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.division import (
-    Counts,
-    begins,
-    divided,
-    evenly,
-    halves,
-    more_parts,
-)
 from identification.model.excitation import Record
 from identification.model.memory import memory_start
-from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
-from identification.model.rate import rate_of
+from identification.model.misfit import MisfitLoop, compared
 from identification.model.scan import Effort, Scan, scan_of
-from identification.model.step import (
-    Plan,
-    advance,
-    plan_for,
-    step_function,
+from identification.model.step import advance, step_function, symbols
+from identification.model.step_plan import StepPlan, plan_for, stiffness
+from identification.model.substeps import (
+    Counts,
+    divided,
+    error_scan,
+    evenly,
+    first_rows,
+    refined_counts,
 )
 from identification.model.weighting import Weighting
 
@@ -43,8 +43,17 @@ __all__ = ["Simulator", "initial_states"]
 
 Array = NDArray[np.float64]
 
-_SAMPLED: Final = 100
-_LOOKS: Final = 6
+_MARGIN: Final = 1.5
+"""Stiffness that a step plan covers, over the stiffness at the values it is made for."""
+_ROUGH: Final = 0.1
+"""Error of one sample interval over the noise, where starting points are compared."""
+_LOCAL: Final = 0.02
+"""Error of one sample interval over the noise, from which accurate substeps are searched."""
+_TOTAL: Final = 0.05
+"""RMS discretisation error over the noise [-] that is accepted; it raises a residual by 0.1 %."""
+_FINER: Final = 8.0
+_ATTEMPTS: Final = 3
+_ROUNDS: Final = 6
 _STRUCTURES: Final = 128
 
 
@@ -64,14 +73,6 @@ def initial_states(model: MotorModel, record: Record) -> Array:
     return np.array([current, speed, *own])
 
 
-def _symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
-    return (
-        ca.SX.sym("x", len(model.state_names)),
-        ca.SX.sym("u", len(INPUTS)),
-        ca.SX.sym("p", len(model.parameters)),
-    )
-
-
 @dataclass(frozen=True)
 class Simulator:
     """Model prepared for simulation over records.
@@ -79,34 +80,34 @@ class Simulator:
     Args:
         model: The model.
         records: Records that drive the model.
-        plan: Settings of the integration step; see `plan_for`.
-        divisions: For each record (n_sample,) substeps of each sample interval; None for one each.
+        plan: Step plan; see `plan_for`.
+        substeps: For each record (n_sample,) substeps of each sample interval; None for one each.
     """
 
     model: MotorModel
     records: tuple[Record, ...]
-    plan: Plan
-    divisions: tuple[Counts, ...] | None = None
+    plan: StepPlan
+    substeps: tuple[Counts, ...] | None = None
 
     @cached_property
     def inputs(self) -> list[Array]:
         """Inputs of each record (n_row, n_input), one row per substep."""
         shifted = [self._shifted(record.inputs) for record in self.records]
-        if self.divisions is None:
+        if self.substeps is None:
             return shifted
-        pairs = zip(shifted, self.divisions, strict=True)
+        pairs = zip(shifted, self.substeps, strict=True)
         return [divided(inputs, counts, self.model.held) for inputs, counts in pairs]
 
     @cached_property
-    def begins(self) -> list[NDArray[np.intp]] | None:
+    def first_rows(self) -> list[NDArray[np.intp]] | None:
         """Row index of each sample, for each record; None if every row is a sample."""
-        return None if self.divisions is None else [begins(c) for c in self.divisions]
+        return None if self.substeps is None else [first_rows(c) for c in self.substeps]
 
     def _sampled(self, rows: list[Array]) -> list[Array]:
         """Select the rows at samples from arrays with one row per substep."""
-        if self.begins is None:
+        if self.first_rows is None:
             return rows
-        return [y[at] for y, at in zip(rows, self.begins, strict=True)]
+        return [y[at] for y, at in zip(rows, self.first_rows, strict=True)]
 
     def _shifted(self, inputs: Array) -> Array:
         """Inputs with the voltage advanced by `model.advance` samples."""
@@ -137,70 +138,107 @@ class Simulator:
         model: MotorModel,
         records: Sequence[Record],
         values: Array,
-        divisions: tuple[Counts, ...] | None = None,
-        margin: float = 1.5,
+        substeps: tuple[Counts, ...] | None = None,
     ) -> Simulator:
-        """Simulator with an integration plan for `values`.
+        """Simulator with a step plan for `values`.
 
-        The plan covers `margin` times the largest spectral radius of h df/dx at `values`.  The edge
-        samples that the model cannot predict lose their weight.
+        The edge samples that the model cannot predict lose their weight.
+
+        Args:
+            model: The model.
+            records: Records that drive the model.
+            values: (n_parameter,) or (n_parameter, n_lane); the plan covers the stiffest lane.
+            substeps: For each record (n_sample,) substeps of each sample interval.
         """
-        rate = Simulator.rate(model, records, values)
-        plan = plan_for(margin * rate, linear=not model.terms)
+        states = [initial_states(model, record) for record in records]
+        lanes = values.reshape(values.shape[0], -1).T
+        stiffest = max(stiffness(model, records, lane, states) for lane in lanes)
         known = tuple(record.within(model.edges) for record in records)
-        return Simulator(model, known, plan, divisions)
+        plan = plan_for(_MARGIN * stiffest, linear=not model.terms)
+        return Simulator(model, known, plan, substeps)
 
-    def divided_for(
-        self,
-        values: Array,
-        states: Sequence[Array],
-        tolerance: Array,
-        looks: int = _LOOKS,
-        start: tuple[Counts, ...] | None = None,
+    def changed_to(self, model: MotorModel, values: Array) -> Simulator:
+        """Simulator of another model over the same records, with the same substeps.
+
+        Its step plan is for `values`, (n_parameter,) or (n_parameter, n_lane).
+        """
+        return Simulator.fitting(model, self.records, values, self.substeps)
+
+    def suited_to(self, values: Array) -> Simulator:
+        """Simulator whose step plan suits `values`; this one if its plan does."""
+        states = [initial_states(self.model, record) for record in self.records]
+        if self.plan.suits(stiffness(self.model, self.records, values, states)):
+            return self
+        return self.changed_to(self.model, values)
+
+    def roughly_accurate(
+        self, values: Array, states: Sequence[Array], deviation: Array
+    ) -> Simulator:
+        """Simulator with an error below a tenth of the noise in each sample interval.
+
+        This is sufficient to compare starting points.  The arguments are those of `accurate`.
+        """
+        return self.with_tolerance(values, states, _ROUGH * deviation) if self.model.terms else self
+
+    def accurate(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
+        """Simulator with the fewest substeps whose discretisation error the noise hides.
+
+        A single interval may be wrong by a fiftieth of the noise.  How such errors accumulate is
+        measured against a simulation with an eight times smaller tolerance.  If the two differ, the
+        finer simulation takes over and is tested in the same way, up to three times.
+
+        Args:
+            values: (n_parameter,) physical values.
+            states: For each record (n_state,) at its first sample.
+            deviation: (2,) noise of current and speed [A, rad/s].
+        """
+        tolerance = _LOCAL
+        coarse = self.with_tolerance(values, states, tolerance * deviation)
+        for _ in range(_ATTEMPTS):
+            tolerance /= _FINER
+            fine = coarse.with_tolerance(values, states, tolerance * deviation, rounds=1)
+            if not coarse.differs_from(fine, values, states, deviation):
+                return coarse
+            coarse = fine
+        return coarse
+
+    def differs_from(
+        self, other: Simulator, values: Array, states: Sequence[Array], deviation: Array
+    ) -> bool:
+        """Whether a channel differs by an RMS of more than a twentieth of the noise."""
+        mine, others = (one.logged(values[:, None], states) for one in (self, other))
+        squares, counts = np.zeros(2), np.zeros(2)
+        for record, a, b in zip(self.records, mine, others, strict=True):
+            squares += np.sum(record.weight * (a - b)[:, :, 0] ** 2, axis=0)
+            counts += record.weight.sum(axis=0)
+        return not np.all(np.sqrt(squares / np.maximum(counts, 1.0)) < _TOTAL * deviation)
+
+    def with_tolerance(
+        self, values: Array, states: Sequence[Array], tolerance: Array, rounds: int = _ROUNDS
     ) -> Simulator:
         """Refine the substeps until each sample interval meets the tolerance at `values`.
-
-        The error of a substep is the change of current and speed when it is halved.
 
         Args:
             values: (n_parameter,) physical.
             states: For each record (n_state,) at its first sample.
             tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
-            looks: Largest number of error measurements.
-            start: Substep counts to start from; one each if absent.
+            rounds: Largest number of error measurements.
         """
-        divisions = start or evenly([record.rows for record in self.records], 1)
-        for _ in range(looks):
-            simulator = replace(self, divisions=divisions)
-            errors = simulator._errors_of_parts(values, states)
-            more = tuple(
-                more_parts(counts, error, tolerance)
-                for counts, error in zip(divisions, errors, strict=True)
-            )
-            if all(np.array_equal(a, b) for a, b in zip(more, divisions, strict=True)):
-                break
-            divisions = more
-        if all((counts == 1).all() for counts in divisions):
-            return replace(self, divisions=None)
-        return replace(self, divisions=divisions)
-
-    def _errors_of_parts(self, values: Array, states: Sequence[Array]) -> list[Array]:
-        """For each record (n_row, 2) change of current and speed when each substep is halved."""
+        substeps = self.substeps or evenly([record.rows for record in self.records], 1)
         carries = [_lanes(state, 1) for state in states]
-        errors = _errors_scan(self.model, self.plan)(self.inputs, values[:, None], carries)[1]
-        return [error[:, :, 0] for error in errors]
-
-    @staticmethod
-    def rate(model: MotorModel, records: Sequence[Record], values: Array) -> float:
-        """Largest spectral radius of h df/dx along the measured current and speed [-]."""
-        states = []
-        for record in records:
-            rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
-            start = initial_states(model, record)
-            points = np.repeat(start[None, :], rows.size, axis=0)
-            points[:, :2] = record.measured[rows]
-            states.append(points)
-        return rate_of(model, records, values, states)
+        for _ in range(rounds):
+            inputs = replace(self, substeps=substeps).inputs
+            errors = error_scan(self.model, self.plan)(inputs, values[:, None], carries)[1]
+            more = tuple(
+                refined_counts(counts, error[:, :, 0], tolerance)
+                for counts, error in zip(substeps, errors, strict=True)
+            )
+            if all(np.array_equal(a, b) for a, b in zip(more, substeps, strict=True)):
+                break
+            substeps = more
+        if all((counts == 1).all() for counts in substeps):
+            return replace(self, substeps=None)
+        return replace(self, substeps=substeps)
 
     @property
     def n_state(self) -> int:
@@ -256,42 +294,15 @@ class Simulator:
         key = (weighting.records, weighting.robust, weighting.whitening)
         kept = self._kept.get("compared")
         if kept is None or any(a is not b for a, b in zip(kept[0], key, strict=True)):
-            weights = [weighting.sample_weights(k) for k in range(len(self.records))]
-            loop = misfit_loop(
-                self.model,
-                self.plan,
-                tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
-                weighted=any(np.any(weight != 1.0) for weight in weights),
-                interpolated=self._interpolates,
-                divided=self.divisions is not None,
+            found = compared(
+                self.model, self.plan, self.records, self.inputs, self.substeps, weighting
             )
-            rows = [
-                loop.rows(inputs, record.measured, weight, counts)
-                for inputs, record, weight, counts in zip(
-                    self.inputs,
-                    self.records,
-                    weights,
-                    self.divisions or [None] * len(self.records),
-                    strict=True,
-                )
-            ]
-            kept = self._kept["compared"] = (key, (loop, rows))
+            kept = self._kept["compared"] = (key, found)
         return kept[1]
 
     @cached_property
     def _kept(self) -> dict[str, tuple[tuple[object, ...], tuple[MisfitLoop, list[Array]]]]:
         return {}
-
-    @cached_property
-    def _interpolates(self) -> bool:
-        """Whether the state transition is interpolated between every few rows.
-
-        This holds for the nominal model without substeps, if all records are sampled uniformly and
-        their smoothed temperature is nearly linear between the computed transitions.
-        """
-        if self.model.terms or self.divisions is not None:
-            return False
-        return all(is_slow(record) for record in self.records)
 
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
         """State trajectories, for each record (n_sample, n_state, n_lane)."""
@@ -300,27 +311,15 @@ class Simulator:
 
 
 @lru_cache(_STRUCTURES)
-def _logged_scan(model: MotorModel, plan: Plan, effort: Effort) -> Scan:
+def _logged_scan(model: MotorModel, plan: StepPlan, effort: Effort) -> Scan:
     return scan_of(step_function(model, plan), effort=effort)
 
 
 @lru_cache(_STRUCTURES)
-def _states_scan(model: MotorModel, plan: Plan) -> Scan:
-    x, u, p = _symbols(model)
+def _states_scan(model: MotorModel, plan: StepPlan) -> Scan:
+    x, u, p = symbols(model)
     return scan_of(
         ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]), effort="once"
-    )
-
-
-@lru_cache(_STRUCTURES)
-def _errors_scan(model: MotorModel, plan: Plan) -> Scan:
-    """Loop that advances in half steps and outputs their difference from the whole step."""
-    x, u, p = _symbols(model)
-    step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
-    first, second = halves(u, model.held)
-    end = step(step(x, first, p), second, p)
-    return scan_of(
-        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
     )
 
 

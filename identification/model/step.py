@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
@@ -36,80 +35,25 @@ import casadi as ca
 
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.memory import memory_size, remembered
+from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
-__all__ = ["Plan", "advance", "plan_for", "step_function", "transition_functions"]
-
-TOLERANCE: Final = 1e-8
-"""Largest truncated term of the Taylor series, relative to the change over the interval.
-
-Sensors resolve 1e-2 to 1e-5 of the signal; this tolerance keeps the integration error far below
-that, even after accumulation over a time constant."""
+__all__ = ["advance", "step_function", "symbols", "transition_functions"]
 
 _STRUCTURES: Final = 128
 
-_LARGEST_ACTION: Final = 12.0
-"""Largest h |A| for which the Taylor series is applied to vectors."""
 
-_SCALED: Final = 0.3
-"""Largest h |A| after scaling; the series is summed at this size before the squarings."""
-
-_LARGEST_SERIES: Final = 5.0
-"""Value of both limits for the nominal model, in which a Taylor term costs two multiplications and
-a squaring ten times that.  At this size, cancellation costs two of sixteen digits."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Settings of the integration step for one sample interval.
-
-    Args:
-        terms: Number of terms of the Taylor series.
-        squarings: Number of squarings; 0 applies the series to vectors.
-        rate: Largest h |A| for which the plan is valid [-]; not compared, so that plans with the
-            same code are equal.
-    """
-
-    terms: int
-    squarings: int = 0
-    rate: float = field(default=1.0, compare=False)
-
-    def suits(self, rate: float) -> bool:
-        """Whether the plan covers h |A| of `rate` without covering more than five times that."""
-        return 0.2 * self.rate <= rate <= self.rate
-
-
-def plan_for(rate: float, *, linear: bool = False) -> Plan:
-    """Cheapest plan for a sample interval with h |A| up to `rate`.
-
-    Args:
-        rate: Largest h |A| [-].
-        linear: Whether the model is the nominal one, for which a Taylor term costs two
-            multiplications.
-    """
-    reach = _LARGEST_SERIES if linear else _LARGEST_ACTION
-    if math.isfinite(rate) and rate <= reach:
-        return Plan(_terms(rate), 0, rate)
-    bounded = min(rate, 1e12) if math.isfinite(rate) else 1e12
-    scaled = _LARGEST_SERIES if linear else _SCALED
-    doublings = max(1, math.ceil(math.log2(bounded / scaled)))
-    return Plan(_terms(bounded / 2**doublings), doublings, bounded)
-
-
-def _terms(z: float) -> int:
-    """Number of Taylor terms after which the next term is below the tolerance.
-
-    It is rounded up to an even number, so that slightly stiffer models reuse the same code.
-    """
-    size, k = 1.0, 1
-    while size > TOLERANCE or k < 3:
-        k += 1
-        size *= z / k
-    return k + k % 2
+def symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """State (n_state,), inputs (n_input,) and parameters (n_parameter,) of a model."""
+    return (
+        ca.SX.sym("x", len(model.state_names)),
+        ca.SX.sym("u", len(INPUTS)),
+        ca.SX.sym("p", len(model.parameters)),
+    )
 
 
 @lru_cache(_STRUCTURES)
-def step_function(model: MotorModel, plan: Plan) -> ca.Function:
+def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     """SX function (carry, inputs, parameter) -> (carry at the next sample, readings at this one).
 
     The carry is the state, followed by the history of delayed and averaged channels (`memory.py`).
@@ -135,7 +79,7 @@ def step_function(model: MotorModel, plan: Plan) -> ca.Function:
 
 def advance(
     model: MotorModel,
-    plan: Plan,
+    plan: StepPlan,
     state: Expression,
     inputs: Expression,
     parameter: Expression,
@@ -223,7 +167,7 @@ _Increments = tuple[
 """Functions of the increment h (phi1 f + phi2 h df/dt) and of the correction 2 h phi3 d."""
 
 
-def _by_action(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+def _by_action(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
     """Increments by Taylor series applied to vectors, with Horner's rule.
 
     `drift` is h df/dt, so the interval has the same power in both vectors.
@@ -246,7 +190,7 @@ def _by_action(matrix: Expression, interval: Expression, plan: Plan) -> _Increme
     return moves, corrects
 
 
-def _by_characteristic(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+def _by_characteristic(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
     """Increments for two states by the Cayley-Hamilton theorem, Z^2 = tr(Z) Z - det(Z).
 
     Every power of Z = h A, and so every truncated series, is a + b Z with two scalars; a term of
@@ -270,7 +214,7 @@ _Pair = tuple[Expression, Expression]
 
 
 def _pairs(
-    jacobian: Expression, interval: Expression, plan: Plan
+    jacobian: Expression, interval: Expression, plan: StepPlan
 ) -> tuple[Expression, _Pair, _Pair, _Pair, _Pair]:
     """Z = h A / 2^squarings, and phi0 to phi3 of h A, each as scalars a, b of a + b Z."""
     z = jacobian * (interval / 2.0**plan.squarings)
@@ -302,7 +246,7 @@ def _pairs(
     return z, phi0, phi1, phi2, phi3
 
 
-def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca.Function]:
+def transition_functions(model: MotorModel, plan: StepPlan) -> tuple[ca.Function, ca.Function]:
     """Step of the nominal model split into two functions, for an interpolated loop.
 
         x(t + h) = phi0(hA) x + h phi1(hA) g v + h phi2(hA) g (v(t + h) - v),    g = df/dv
@@ -311,11 +255,7 @@ def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca
     matrices, which vary slowly with the temperature.  The second function (state, inputs,
     transition) -> (state at the next sample, readings at this one) applies them at each sample.
     """
-    x, u, p = (
-        ca.SX.sym("x", 2),
-        ca.SX.sym("u", len(INPUTS)),
-        ca.SX.sym("p", len(model.parameters)),
-    )
+    x, u, p = symbols(model)
     now, _ = _inputs_within(model, u)
     rates = model.rates(x, u, p)
     column = INPUTS.index("voltage")
@@ -339,7 +279,7 @@ def transition_functions(model: MotorModel, plan: Plan) -> tuple[ca.Function, ca
     return prepare, ca.Function("step", [x, u, q], [following, x])
 
 
-def _by_squaring(matrix: Expression, interval: Expression, plan: Plan) -> _Increments:
+def _by_squaring(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
     """Increments by scaling and squaring of the matrix functions."""
     one = ca.SX.eye(matrix.shape[0])
     z = matrix * (interval / 2.0**plan.squarings)

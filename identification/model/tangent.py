@@ -22,7 +22,8 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.memory import memory_size
 from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
-from identification.model.step import Plan, step_function
+from identification.model.step import step_function
+from identification.model.step_plan import StepPlan
 
 __all__ = ["BLOCK", "TangentBlock", "stretch", "tangent", "tangent_blocks"]
 
@@ -140,16 +141,16 @@ def stretch(
         (n_row, n_input), and (n_sample,) row indices, None if every row is a sample.
     """
     inputs = simulator.inputs[k]
-    if simulator.begins is None:
+    if simulator.first_rows is None:
         return inputs[start:stop], None
-    begins = simulator.begins[k]
-    first = begins[start]
-    end = begins[stop] if stop < begins.size else inputs.shape[0]
-    return inputs[first:end], begins[start:stop] - first
+    rows = simulator.first_rows[k]
+    first = rows[start]
+    end = rows[stop] if stop < rows.size else inputs.shape[0]
+    return inputs[first:end], rows[start:stop] - first
 
 
 @lru_cache(_STRUCTURES)
-def _tangent_scan(model: MotorModel, plan: Plan) -> Scan:
+def _tangent_scan(model: MotorModel, plan: StepPlan) -> Scan:
     u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
     x = ca.SX.sym("x", len(model.state_names) + memory_size(model))
     dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())

@@ -39,14 +39,14 @@ def coarser(
         states: For each record (n_state,) at its first sample.
         deviation: (2,) noise of current and speed [A, rad/s].
     """
-    if fine.divisions is None:
+    if fine.substeps is None:
         return
     right = fine.logged(values[:, None], states)
     rows = _rows(fine)
     for tolerance in _TOLERANCES:
-        coarse = replace(fine, divisions=None)
+        coarse = replace(fine, substeps=None)
         if np.isfinite(tolerance):
-            coarse = coarse.divided_for(values, states, tolerance * deviation)
+            coarse = coarse.with_tolerance(values, states, tolerance * deviation)
         if _rows(coarse) > 0.8 * rows:
             return
         records = tuple(

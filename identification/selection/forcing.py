@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.division import Counts, begins
 from identification.model.parameter import Parameter
 from identification.model.scan import Scan, scan_of
-from identification.model.simulate import Simulator
-from identification.model.step import Plan, advance
+from identification.model.step import advance
+from identification.model.step_plan import StepPlan
+from identification.model.substeps import Counts, first_rows
 from identification.model.term import (
     AbstractTorque,
     AbstractVoltage,
@@ -77,18 +77,13 @@ def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iter
     Yields:
         For each record (n_kept, 2, n_lane) changes of current and speed [A, rad/s].
     """
-    simulator = Simulator.fitting(
-        fit.simulator.model.adding(_Push()),
-        fit.simulator.records,
-        fit.values,
-        fit.simulator.divisions,
-    )
+    simulator = fit.simulator.changed_to(fit.simulator.model.adding(_Push()), fit.values)
     n = len(fit.simulator.model.state_names)
     scan = _transitions(simulator.model, simulator.plan)
     for k, state in enumerate(fit.states):
         start = np.append(state, [0.0, 0.0])[:, None]
         output = scan(simulator.inputs[k : k + 1], fit.values[:, None], [start])[1][0]
-        counts = None if simulator.divisions is None else simulator.divisions[k]
+        counts = None if simulator.substeps is None else simulator.substeps[k]
         yield _response(output[:, :, 0], n, forces(k), counts, stride)
 
 
@@ -97,7 +92,7 @@ def _response(output: Array, n: int, force: Array, counts: Counts | None, stride
     charge(_PASSES * TOUCH * (output.size + force.size))
     transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
     logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
-    first = np.arange(force.shape[0]) if counts is None else begins(counts)
+    first = np.arange(force.shape[0]) if counts is None else first_rows(counts)
     kept = np.arange(0, force.shape[0], stride)
     # Rows between two kept samples are composed to one transition, for all such spans at once.
     starts = first[kept]
@@ -120,7 +115,7 @@ def _response(output: Array, n: int, force: Array, counts: Counts | None, stride
 
 
 @lru_cache(32)
-def _transitions(model: MotorModel, plan: Plan) -> Scan:
+def _transitions(model: MotorModel, plan: StepPlan) -> Scan:
     """Compiled loop that outputs the Jacobians of each step along the trajectory."""
     x = ca.SX.sym("x", len(model.state_names))
     u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))

@@ -9,9 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.accuracy import TOLERATED, accurate, change_between
-from identification.fit.declared import replanned
-from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
@@ -137,8 +135,8 @@ def _refitted(
     simulator, position, states = begun(fit, model, coordinates, starts, weighting)
     if finely:
         values = coordinates.values(position)
-        simulator = accurate(simulator, values, states, weighting.deviation, simulator.divisions)
-    return replanned(solve(simulator, coordinates, position, states, weighting, limits), limits)
+        simulator = simulator.accurate(values, states, weighting.deviation)
+    return solve(simulator, coordinates, position, states, weighting, limits)
 
 
 def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
@@ -156,16 +154,13 @@ def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     for _ in range(_ATTEMPTS):
         if limits.over:
             return fit
-        deviation = fit.weighting.deviation
-        states = fit.states
-        simulator = accurate(fit.simulator, fit.values, states, deviation, fit.simulator.divisions)
-        change = change_between(fit.simulator, simulator, fit.values, states)
-        if np.all(change < TOLERATED * deviation):
+        here = (fit.values, fit.states, fit.weighting.deviation)
+        simulator = fit.simulator.accurate(*here)
+        if not fit.simulator.differs_from(simulator, *here):
             return fit
         before = fit
-        fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, limits)
         # With finer substeps the fit may reach a stiffer motor than its step plan allows.
-        fit = replanned(fit, limits)
+        fit = renewed(continued(replace(fit, simulator=simulator), limits), limits)
         if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
             return fit
     return fit

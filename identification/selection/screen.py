@@ -28,7 +28,7 @@ from identification.fit.solve import Fit
 from identification.linear import least_squares, solution
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
-from identification.model.simulate import Simulator, initial_states
+from identification.model.simulate import initial_states
 from identification.selection.forcing import responses
 from identification.selection.recurring import recurring
 from identification.selection.score import Score, sized
@@ -47,7 +47,7 @@ changes the error by 2 % gains hundreds in log likelihood."""
 _PASSES = 6.0
 """Memory passes of a product over each deviation, for the operation count."""
 
-_PARTS = 2
+_SUBSTEPS = 2
 """Substeps of a sample interval at most.  Effects can be told apart without their fastest
 transients."""
 
@@ -67,7 +67,7 @@ def screened(fit: Fit, candidates: Sequence[Candidate]) -> list[Score]:
         for record, logged in zip(fit.simulator.records, fit.equations.logged, strict=True)
     ]
     fit = _rough(fit)
-    known = fit.equations.logged if fit.simulator.divisions is None else fit.simulated()
+    known = fit.equations.logged if fit.simulator.substeps is None else fit.simulated()
     scores: list[Score] = []
     forced = [candidate for candidate in candidates if isinstance(candidate.term, AbstractForced)]
     scores += _scores_of_forced(fit, [c for c in forced if not c.by_record], residuals)
@@ -109,7 +109,7 @@ def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Itera
         part = replace(
             fit.simulator,
             records=(record,),
-            divisions=fit.simulator.divisions and (fit.simulator.divisions[k],),
+            substeps=fit.simulator.substeps and (fit.simulator.substeps[k],),
         )
         states = part.states(fit.values[:, None], fit.states[k : k + 1])[0]
         force = np.zeros((record.rows, 2, sum(candidate.lanes for candidate in candidates)))
@@ -286,11 +286,11 @@ def _gain(square: Array, right: Array) -> tuple[float, Array]:
 
 def _rough(fit: Fit) -> Fit:
     """The fit with few substeps per sample interval, accurate enough for differences of models."""
-    divisions = fit.simulator.divisions
-    if divisions is None:
+    substeps = fit.simulator.substeps
+    if substeps is None:
         return fit
-    few = tuple(np.minimum(counts, _PARTS) for counts in divisions)
-    return replace(fit, simulator=replace(fit.simulator, divisions=few))
+    few = tuple(np.minimum(counts, _SUBSTEPS) for counts in substeps)
+    return replace(fit, simulator=replace(fit.simulator, substeps=few))
 
 
 def _deviations(fit: Fit, known: Sequence[Array], group: Sequence[Candidate]) -> list[list[Array]]:
@@ -308,9 +308,7 @@ def _deviations(fit: Fit, known: Sequence[Array], group: Sequence[Candidate]) ->
         own[:, end - candidate.lanes : end] = candidate.starts.reshape(-1, candidate.lanes)
         rows.append(own)
     values = np.concatenate(rows)
-    stiffest = [values[:, end - 1] for end in ends]
-    plans = [Simulator.fitting(model, records, lane, fit.simulator.divisions) for lane in stiffest]
-    simulator = max(plans, key=lambda one: one.plan.rate)
+    simulator = fit.simulator.changed_to(model, values[:, ends - 1])
     states = [
         np.concatenate([state, initial_states(model, record)[state.size :]])
         for state, record in zip(fit.states, records, strict=True)

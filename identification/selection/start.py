@@ -42,8 +42,6 @@ Place = tuple[Array, list[Array]]
 
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
 """Fractions of the amplitude at which a start is simulated."""
-_ROUGH: Final = 0.1
-"""Largest integration error of one interval at the start of a refit, over the residual."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +105,11 @@ def begun(
     whole = [_place(fit, model, coordinates, start) for start in starts or [Start(np.zeros(0))]]
     position, states = whole[0]
     values = coordinates.values(position)
-    simulator = Simulator.fitting(model, records, values, fit.simulator.divisions)
+    simulator = fit.simulator.changed_to(model, values)
     if not starts:
         return simulator, position, states
     # Too few substeps make a stiff start diverge, and it could not be compared with the others.
-    simulator = simulator.divided_for(
-        values, states, _ROUGH * weighting.deviation, start=fit.simulator.divisions
-    )
+    simulator = simulator.roughly_accurate(values, states, weighting.deviation)
     places = [
         place
         for start, (position, states) in zip(starts, whole, strict=True)

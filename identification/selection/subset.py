@@ -24,9 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effort import PART_ROWS
-from identification.fit.accuracy import accurate
 from identification.fit.campaign import Campaign
-from identification.fit.declared import replanned
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit, TerminationLimits, solve
@@ -67,7 +65,7 @@ def representative_subset(campaign: Campaign, declared: Fit) -> tuple[Campaign, 
     )
     own = declared.simulator
     simulator = Simulator.fitting(own.model, training, declared.values)
-    fit = replanned(solve(simulator, declared.coordinates, declared.position))
+    fit = solve(simulator, declared.coordinates, declared.position)
     return replace(campaign, training=tuple(training), validation=tuple(validation)), fit
 
 
@@ -96,10 +94,9 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     simulator = Simulator.fitting(model, records, values)
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, values, deviation, whole=own)
-    simulator = accurate(simulator, values, states, deviation)
+    simulator = simulator.accurate(values, states, deviation)
     weighting = replace(Weighting.white(simulator.records), deviation=deviation)
-    found = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
-    return replanned(found, limits)
+    return solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
 
 
 def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:

@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 
 from identification.fit.campaign import Campaign
-from identification.fit.declared import replanned
 from identification.fit.noise import effective_fraction
-from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
 from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, evaluated
@@ -299,17 +298,7 @@ class Trials:
             if fit.converged or limits.over or fit.is_behind(limits):
                 break
             before = fit.cost
-            fit = replanned(
-                solve(
-                    fit.simulator,
-                    fit.coordinates,
-                    fit.position,
-                    fit.states,
-                    fit.weighting,
-                    limits,
-                ),
-                limits,
-            )
+            fit = renewed(continued(fit, limits), limits)
             if before - fit.cost < 1.0:
                 break
         return fit

@@ -65,7 +65,7 @@ def test_a_run_that_begins_with_a_jump_is_started_before_it(share: float) -> Non
     values = np.array([*motor.vector, *drop])
     values[6] = 0.15 * values[0] * record.interval
     start = np.array([share * record.span[0], record.measured[0, 1]])
-    exact = Simulator.fitting(model, [record], values).divided_for(values, [start], 1e-3 * noise)
+    exact = Simulator.fitting(model, [record], values).with_tolerance(values, [start], 1e-3 * noise)
     (logged,) = exact.logged(values[:, None], [start])
     assert abs(logged[1, 0, 0] - logged[0, 0, 0]) > 300 * noise[0]
 

@@ -66,7 +66,7 @@ def test_mean_does_not_depend_on_the_substeps() -> None:
     """Substeps are not samples: the motor logs the same means."""
     counts = np.random.default_rng(3).integers(1, 4, ROWS)
 
-    found = speed(replace(MEAN, divisions=(counts,)))
+    found = speed(replace(MEAN, substeps=(counts,)))
 
     np.testing.assert_allclose(found, speed(MEAN), atol=1e-8)
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from identification.model.composite import MotorModel
-from identification.model.division import evenly
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
-from identification.model.step import Plan
+from identification.model.step_plan import StepPlan, stiffness
+from identification.model.substeps import evenly
 from identification.model.tangent import tangent, tangent_blocks
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
@@ -113,7 +113,7 @@ def test_tangents_in_blocks_are_those_of_the_whole_record(name: str, lead: int, 
     """Each block continues where the previous one ended, so the results are equal bit for bit."""
     simulator, values, states = case(CASES[name][0], "zoh", CASES[name][1], CASES[name][2])
     simulator = replace(
-        simulator, divisions=evenly([record.rows for record in simulator.records], parts)
+        simulator, substeps=evenly([record.rows for record in simulator.records], parts)
     )
     logged, tangents = tangent(simulator, values, states, np.eye(values.size))
     counted = np.zeros((2, 120))
@@ -255,7 +255,8 @@ def test_the_rate_is_the_spectral_radius_of_the_interval() -> None:
         ]
         radius = max(radius, float(np.abs(np.linalg.eigvals(np.array(matrix))).max()))
 
-    rate = Simulator.rate(MotorModel(), records, SERVO.vector)
+    states = [initial_states(MotorModel(), record) for record in records]
+    rate = stiffness(MotorModel(), records, SERVO.vector, states)
 
     assert rate == pytest.approx(radius * SERVO.interval, rel=1e-9)
 
@@ -263,7 +264,7 @@ def test_the_rate_is_the_spectral_radius_of_the_interval() -> None:
 def test_a_plan_with_room_to_spare_gives_the_same_simulation() -> None:
     """Additional terms change nothing above the tolerance of the series."""
     simulator, values, states = case(SERVO, "zoh", (), ())
-    generous = replace(simulator, plan=Plan(terms=18))
+    generous = replace(simulator, plan=StepPlan(terms=18))
 
     plain = simulator.logged(values[:, None], states)[0]
 

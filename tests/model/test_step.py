@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.step import TOLERANCE, Plan, plan_for, step_function
+from identification.model.step import step_function
+from identification.model.step_plan import TOLERANCE, StepPlan, plan_for
 from tests.motors import MOTORS, Motor, motor_named
 from tests.terms import Lag, MagneticDrag
 
@@ -118,8 +119,8 @@ def test_action_and_squaring_give_the_same_interval(hold: str) -> None:
     row = one_interval(SERVO.interval, 10.0, -4.0)
     state = np.array([3.0, 100.0, 50.0])
 
-    action = step_function(model, Plan(terms=16))(state, row, values)[0]
-    squaring = step_function(model, Plan(terms=12, squarings=3))(state, row, values)[0]
+    action = step_function(model, StepPlan(terms=16))(state, row, values)[0]
+    squaring = step_function(model, StepPlan(terms=12, squarings=3))(state, row, values)[0]
 
     np.testing.assert_allclose(np.asarray(squaring), np.asarray(action), rtol=1e-11)
 
@@ -129,7 +130,7 @@ def test_a_state_that_acts_on_nothing_leaves_the_motor_alone(hold: str) -> None:
     """The closed form for two states and the general form for three give the same motor."""
     plain = MotorModel(hold="foh" if hold == "foh" else "zoh")
     row = one_interval(SERVO.interval, 10.0, -4.0)
-    plan = Plan(terms=14)
+    plan = StepPlan(terms=14)
 
     two = step_function(plain, plan)([3.0, 100.0], row, SERVO.vector)[0]
     three = step_function(plain.adding(Lag()), plan)(
@@ -149,7 +150,7 @@ def test_an_interval_of_zero_length_moves_nothing(
     values = np.concatenate([SERVO.vector, [1e-6] if terms else []])
     row = one_interval(0.0, 10.0, 10.0)
     state = np.arange(3.0, 3.0 + len(model.state_names))
-    plan = Plan(terms=9, squarings=squarings)
+    plan = StepPlan(terms=9, squarings=squarings)
 
     after, logged = step_function(model, plan)(state, row, values)
 

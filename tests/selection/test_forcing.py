@@ -36,7 +36,7 @@ def pushed(fit: Fit, term: AbstractTerm, size: float) -> list[np.ndarray]:
         fit.simulator.model.adding(term),
         fit.simulator.records,
         fit.simulator.plan,
-        fit.simulator.divisions,
+        fit.simulator.substeps,
     )
     values = np.append(fit.values, size)[:, None]
     rest = np.append(fit.values, 0.0)[:, None]
@@ -86,7 +86,7 @@ def test_the_response_follows_a_motor_with_divided_intervals() -> None:
     )
     term = CoulombFriction(0.05, 3e-3 * speed)
     fit = refined(refitted_with(declared, term, [Start(np.array([0.01, 0.0]))]))
-    assert fit.simulator.divisions is not None
+    assert fit.simulator.substeps is not None
     expected = pushed(fit, LoadTorque(1.0), 1e-6)
     rows = [record.rows for record in fit.simulator.records]
 

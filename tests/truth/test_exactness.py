@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from identification.model.composite import MotorModel
-from identification.model.division import evenly
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
-from identification.model.step import Plan
+from identification.model.step_plan import StepPlan
+from identification.model.substeps import evenly
 from tests.motors import Motor, driven, motor_named, simulated
 from tests.terms import MagneticDrag
 
@@ -137,7 +137,7 @@ def test_the_step_is_of_third_order_where_the_model_is_not_linear() -> None:
     )
     counts, errors = [1, 2, 4, 8], []
     for parts in counts:
-        simulator = Simulator(model, tuple(records), Plan(terms=14), evenly([15], parts))
+        simulator = Simulator(model, tuple(records), StepPlan(terms=14), evenly([15], parts))
         logged = simulator.logged(values[:, None], [start])[0][:, :, 0]
         errors.append(float(np.abs(logged - exact)[:, 1].max()))
 
@@ -155,7 +155,7 @@ def test_the_warming_of_the_motor_enters_with_second_order() -> None:
     counts, errors = [1, 2, 4], []
 
     for parts in counts:
-        simulator = Simulator(MotorModel(), tuple(records), Plan(terms=14), evenly([15], parts))
+        simulator = Simulator(MotorModel(), tuple(records), StepPlan(terms=14), evenly([15], parts))
         logged = simulator.logged(PAPER.vector[:, None], [start])[0][:, :, 0]
         errors.append(float(np.abs(logged - exact)[:, 0].max()))
 

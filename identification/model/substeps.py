@@ -5,41 +5,58 @@ exceptions are few: intervals in which friction changes sign, the current passes
 brush drop, or a torque is periodic in a fast angle.  Only those intervals are divided, so a motor
 with sharp friction costs little more than a smooth one.
 
-The substep counts stay fixed during a fit, which keeps its cost a smooth function of the
-parameters.  `Simulator.divided_for` determines them again at the end of the fit.
+The error of a substep is estimated by step doubling: it is the change of current and speed when the
+substep is halved.  The counts stay fixed during a fit, which keeps its cost a smooth function of
+the parameters.
+
+Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer
+(1993), section II.4 (step doubling).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.composite import INPUTS, Hold
+from identification.model.composite import INPUTS, Hold, MotorModel
+from identification.model.scan import Scan, scan_of
+from identification.model.step import advance, symbols
+from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
-__all__ = ["MOST_PARTS", "Counts", "begins", "divided", "evenly", "halves", "more_parts"]
+__all__ = [
+    "MOST_SUBSTEPS",
+    "Counts",
+    "divided",
+    "error_scan",
+    "evenly",
+    "first_rows",
+    "refined_counts",
+]
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-MOST_PARTS: Final = 64
+MOST_SUBSTEPS: Final = 64
+_STRUCTURES: Final = 128
 
 
-def evenly(rows: Sequence[int], parts: int) -> tuple[Counts, ...]:
+def evenly(rows: Sequence[int], substeps: int) -> tuple[Counts, ...]:
     """Equal substep counts for all sample intervals.
 
     Args:
         rows: Number of samples of each record.
-        parts: Substeps of each sample interval.
+        substeps: Number of substeps of each sample interval.
     """
-    return tuple(np.full(n, parts, dtype=np.int64) for n in rows)
+    return tuple(np.full(n, substeps, dtype=np.int64) for n in rows)
 
 
-def begins(counts: Counts) -> NDArray[np.intp]:
+def first_rows(counts: Counts) -> NDArray[np.intp]:
     """Row of the divided inputs at which each sample interval begins, (n_sample,)."""
     return np.concatenate([[0], np.cumsum(counts)[:-1]])
 
@@ -56,29 +73,36 @@ def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
         (n_row, n_input).
     """
     rows = np.repeat(inputs, counts, axis=0)
-    parts = np.repeat(counts, counts).astype(np.float64)
-    part = np.arange(rows.shape[0]) - np.repeat(begins(counts), counts)
+    number = np.repeat(counts, counts).astype(np.float64)
+    index = np.arange(rows.shape[0]) - np.repeat(first_rows(counts), counts)
     column = {name: k for k, name in enumerate(INPUTS)}
     whole = rows[:, column["interval"]].copy()
-    rows[:, column["interval"]] = whole / parts
-    rows[:, column["time"]] += whole * part / parts
+    rows[:, column["interval"]] = whole / number
+    rows[:, column["time"]] += whole * index / number
     for name in _moving(hold):
         start = rows[:, column[name]].copy()
         change = rows[:, column[f"{name}_next"]] - start
-        rows[:, column[name]] = start + change * part / parts
-        rows[:, column[f"{name}_next"]] = start + change * (part + 1) / parts
-    rows[:, column["part"]] = part
-    rows[:, column["parts"]] = parts
+        rows[:, column[name]] = start + change * index / number
+        rows[:, column[f"{name}_next"]] = start + change * (index + 1) / number
+    rows[:, column["substep"]] = index
+    rows[:, column["substeps"]] = number
     return rows
 
 
-def halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
-    """Inputs of the two halves of an interval, as expressions.
+@lru_cache(_STRUCTURES)
+def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
+    """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
+    x, u, p = symbols(model)
+    step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
+    first, second = _halves(u, model.held)
+    end = step(step(x, first, p), second, p)
+    return scan_of(
+        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
+    )
 
-    Args:
-        inputs: (n_input,) symbols of the whole interval.
-        hold: Inter-sample behaviour of the voltage.
-    """
+
+def _halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
+    """Inputs (n_input,) of the two halves of an interval, as expressions."""
     found = []
     for half in range(2):
         row = {name: inputs[k] for k, name in enumerate(INPUTS)}
@@ -98,7 +122,7 @@ def _moving(hold: Hold) -> tuple[str, ...]:
     return ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
 
 
-def more_parts(counts: Counts, errors: Array, tolerance: Array) -> Counts:
+def refined_counts(counts: Counts, errors: Array, tolerance: Array) -> Counts:
     """Refine the substep counts from the measured integration errors.
 
     Args:
@@ -107,11 +131,11 @@ def more_parts(counts: Counts, errors: Array, tolerance: Array) -> Counts:
         tolerance: (n_channel,) allowed error of one sample interval.
 
     Returns:
-        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `MOST_PARTS`.
+        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `MOST_SUBSTEPS`.
     """
-    summed = np.add.reduceat(np.abs(errors), begins(counts), axis=0)
+    summed = np.add.reduceat(np.abs(errors), first_rows(counts), axis=0)
     excess = np.max(np.where(np.isfinite(summed), summed / tolerance, np.inf), axis=1)
     # With n substeps the error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is
     # a compromise; the next error measurement corrects it.
     doublings = np.ceil(0.5 * np.log2(np.clip(excess, 1.0, 64.0))).astype(np.int64)
-    return np.asarray(np.minimum(counts * 2**doublings, MOST_PARTS))
+    return np.asarray(np.minimum(counts * 2**doublings, MOST_SUBSTEPS))

@@ -10,9 +10,9 @@ import pytest
 from identification.effects.friction import CoulombFriction
 from identification.effects.sensor import ChannelDelay
 from identification.model.composite import INPUTS, Hold, MotorModel
-from identification.model.division import MOST_PARTS, begins, divided, evenly, more_parts
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
+from identification.model.substeps import MOST_SUBSTEPS, divided, evenly, first_rows, refined_counts
 from identification.model.weighting import Weighting
 from tests.motors import driven, motor_named
 
@@ -27,7 +27,7 @@ def test_substeps_of_a_linear_motor_change_nothing(hold: Hold) -> None:
     records = tuple(records_of([driven(SERVO, ROWS, seed=1, warming=0.0)]))
     whole = Simulator.fitting(MotorModel(hold=hold), records, SERVO.vector)
     counts = np.random.default_rng(1).integers(1, 6, ROWS)
-    parts = replace(whole, divisions=(counts,))
+    parts = replace(whole, substeps=(counts,))
 
     expected = whole.logged(SERVO.vector[:, None], [START])[0]
     found = parts.logged(SERVO.vector[:, None], [START])[0]
@@ -40,7 +40,7 @@ def test_the_misfit_counts_samples_and_not_substeps() -> None:
     records = tuple(records_of([driven(SERVO, ROWS, seed=2, warming=0.0)]))
     whole = Simulator.fitting(MotorModel(hold="foh"), records, SERVO.vector)
     counts = np.random.default_rng(2).integers(1, 4, ROWS)
-    parts = replace(whole, divisions=(counts,))
+    parts = replace(whole, substeps=(counts,))
     weighting = replace(
         Weighting.white(records), whitening=(np.array([1.0, -0.4]), np.array([1.0, -0.2, 0.1]))
     )
@@ -59,7 +59,7 @@ def test_a_delay_does_not_depend_on_the_substeps(channel: str) -> None:
     model = MotorModel(hold="foh").adding(ChannelDelay(channel, 4, SERVO.interval))
     values = np.append(SERVO.vector, 1.3 * SERVO.interval)
     whole = Simulator.fitting(model, records, values)
-    parts = replace(whole, divisions=(np.random.default_rng(3).integers(1, 4, ROWS),))
+    parts = replace(whole, substeps=(np.random.default_rng(3).integers(1, 4, ROWS),))
 
     expected = whole.logged(values[:, None], [START])[0]
     found = parts.logged(values[:, None], [START])[0]
@@ -75,14 +75,14 @@ def test_only_reversals_are_divided_for_dry_friction() -> None:
     values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
     simulator = Simulator.fitting(model, records, values)
 
-    fine = simulator.divided_for(values, [START], np.array([1e-3, 1e-5 * rated]))
+    fine = simulator.with_tolerance(values, [START], np.array([1e-3, 1e-5 * rated]))
 
-    assert fine.divisions is not None
+    assert fine.substeps is not None
     speed = simulator.logged(values[:, None], [START])[0][:, 1, 0]
-    many = np.flatnonzero(fine.divisions[0] > 1)
+    many = np.flatnonzero(fine.substeps[0] > 1)
     assert many.size
     assert np.abs(speed[many]).max() < 0.3 * np.abs(speed).max()
-    assert fine.divisions[0].mean() < 2.0
+    assert fine.substeps[0].mean() < 2.0
 
 
 def test_substeps_converge_to_the_finest_division() -> None:
@@ -92,11 +92,11 @@ def test_substeps_converge_to_the_finest_division() -> None:
     model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
     values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
     simulator = Simulator.fitting(model, records, values)
-    exact = replace(simulator, divisions=evenly([ROWS], MOST_PARTS))
+    exact = replace(simulator, substeps=evenly([ROWS], MOST_SUBSTEPS))
     reference = exact.logged(values[:, None], [START])[0]
 
     def error(share: float) -> float:
-        fine = simulator.divided_for(values, [START], share * np.array([1e-2, 1e-3 * rated]))
+        fine = simulator.with_tolerance(values, [START], share * np.array([1e-2, 1e-3 * rated]))
         return float(np.abs(fine.logged(values[:, None], [START])[0] - reference)[:, 1].max())
 
     assert error(1e-3) < 0.1 * error(10.0)
@@ -111,18 +111,18 @@ def test_divided_inputs_cover_the_interval() -> None:
     rows = divided(record.inputs, counts, "foh")
 
     column = {name: k for k, name in enumerate(INPUTS)}
-    summed = np.add.reduceat(rows[:, column["interval"]], begins(counts))
+    summed = np.add.reduceat(rows[:, column["interval"]], first_rows(counts))
     np.testing.assert_allclose(summed, record.inputs[:, column["interval"]], rtol=1e-12)
-    inside = rows[1:, column["part"]] > 0
+    inside = rows[1:, column["substep"]] > 0
     for name in ("voltage", "temperature", "angle"):
         ends, starts = rows[:-1, column[f"{name}_next"]], rows[1:, column[name]]
         np.testing.assert_allclose(ends[inside], starts[inside], rtol=1e-12)
 
 
 def test_a_substep_that_is_not_finite_is_divided_up_to_the_limit() -> None:
-    """Documented limit: at most `MOST_PARTS`."""
+    """Bound as documented: at most `MOST_SUBSTEPS`."""
     counts = np.array([1, 32, 64])
 
-    more = more_parts(counts, np.full((97, 2), np.nan), np.ones(2))
+    more = refined_counts(counts, np.full((97, 2), np.nan), np.ones(2))
 
-    assert list(more) == [8, MOST_PARTS, MOST_PARTS]
+    assert list(more) == [8, MOST_SUBSTEPS, MOST_SUBSTEPS]

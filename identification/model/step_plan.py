@@ -1,0 +1,128 @@
+"""Step plan: Taylor terms and squarings that the stiffness of a model requires.
+
+The stiffness is the spectral radius of h df/dx.  The step (`step.py`) sums Taylor series of the
+matrix functions of h df/dx, so it is valid up to a largest stiffness.
+
+Source: Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011), 488-511 (Taylor series with scaling).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+
+__all__ = ["StepPlan", "plan_for", "stiffness"]
+
+Array = NDArray[np.float64]
+
+TOLERANCE: Final = 1e-8
+"""Largest truncated term of the Taylor series, relative to the change over the interval.
+
+Sensors resolve 1e-2 to 1e-5 of the signal; this tolerance keeps the integration error far below
+that, even after accumulation over a time constant."""
+
+_SAMPLED: Final = 100
+_STRUCTURES: Final = 128
+
+_LARGEST_ACTION: Final = 12.0
+"""Largest h |A| for which the Taylor series is applied to vectors."""
+
+_SCALED: Final = 0.3
+"""Largest h |A| after scaling; the series is summed at this size before the squarings."""
+
+_LARGEST_SERIES: Final = 5.0
+"""Value of both limits for the nominal model, in which a Taylor term costs two multiplications and
+a squaring ten times that.  At this size, cancellation costs two of sixteen digits."""
+
+
+@dataclass(frozen=True)
+class StepPlan:
+    """Settings of the integration step for one sample interval.
+
+    Args:
+        terms: Number of terms of the Taylor series.
+        squarings: Number of squarings; 0 applies the series to vectors.
+        rate: Largest h |A| for which the plan is valid [-]; not compared, so that plans with the
+            same code are equal.
+    """
+
+    terms: int
+    squarings: int = 0
+    rate: float = field(default=1.0, compare=False)
+
+    def suits(self, rate: float) -> bool:
+        """Whether the plan covers h |A| of `rate` without covering more than five times that."""
+        return 0.2 * self.rate <= rate <= self.rate
+
+
+def plan_for(rate: float, *, linear: bool = False) -> StepPlan:
+    """Cheapest plan for a sample interval with h |A| up to `rate`.
+
+    Args:
+        rate: Largest h |A| [-].
+        linear: Whether the model is the nominal one, for which a Taylor term costs two
+            multiplications.
+    """
+    reach = _LARGEST_SERIES if linear else _LARGEST_ACTION
+    if math.isfinite(rate) and rate <= reach:
+        return StepPlan(_terms(rate), 0, rate)
+    bounded = min(rate, 1e12) if math.isfinite(rate) else 1e12
+    scaled = _LARGEST_SERIES if linear else _SCALED
+    doublings = max(1, math.ceil(math.log2(bounded / scaled)))
+    return StepPlan(_terms(bounded / 2**doublings), doublings, bounded)
+
+
+def _terms(z: float) -> int:
+    """Number of Taylor terms after which the next term is below the tolerance.
+
+    It is rounded up to an even number, so that slightly stiffer models reuse the same code.
+    """
+    size, k = 1.0, 1
+    while size > TOLERANCE or k < 3:
+        k += 1
+        size *= z / k
+    return k + k % 2
+
+
+def stiffness(
+    model: MotorModel, records: Sequence[Record], values: Array, states: Sequence[Array]
+) -> float:
+    """Largest spectral radius of h df/dx along the measured current and speed [-].
+
+    Args:
+        model: The model.
+        records: Records that drive the model; h is the longest sample interval of each.
+        values: (n_parameter,) physical.
+        states: For each record (n_state,); the states of terms keep these values.
+    """
+    largest = 0.0
+    for record, state in zip(records, states, strict=True):
+        rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
+        points = np.repeat(state[:, None], rows.size, axis=1)
+        points[:2] = record.measured[rows].T
+        columns = np.repeat(values[:, None], rows.size, axis=1)
+        found = np.asarray(_jacobian(model, rows.size)(points, record.inputs[rows].T, columns))
+        n = state.size
+        stack = found.reshape(n, rows.size, n).transpose(1, 0, 2)
+        stack = stack[np.isfinite(stack).all(axis=(1, 2))]
+        if stack.size:
+            radius = np.abs(np.linalg.eigvals(stack)).max()
+            largest = max(largest, float(radius) * record.interval)
+    return largest
+
+
+@lru_cache(_STRUCTURES)
+def _jacobian(model: MotorModel, points: int) -> ca.Function:
+    x = ca.SX.sym("x", len(model.state_names))
+    u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
+    return ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)]).map(points)
