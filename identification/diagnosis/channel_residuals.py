@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, signal, stats
 
-from identification.diagnosis.colour import spectrum
 from identification.diagnosis.residual import cross_correlation, lagged_products
+from identification.fit.autoregression import autoregression, spectrum
 from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.initial import fitted_initial_states
-from identification.fit.noise import autoregression, effective_fraction
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares
 from identification.model.excitation import Record
@@ -62,7 +62,7 @@ class ChannelResiduals:
 
     @cached_property
     def taps(self) -> Array:
-        """Whitening filter (1, -a1, ...) of the residuals."""
+        """Whitening filter of the residuals."""
         return autoregression(self.residuals)
 
     @cached_property
@@ -78,7 +78,7 @@ class ChannelResiduals:
 
     def scatter(self) -> float:
         """Relative variance of the mean square for noise with this spectrum and kurtosis [-]."""
-        power = spectrum(-self.taps[1:], fft.next_fast_len(4096))
+        power = spectrum(self.taps, fft.next_fast_len(4096))
         stacked = np.concatenate(self.innovations)
         excess = max(float(stats.kurtosis(stacked)), 0.0) if stacked.size > 3 else 0.0
         return (2.0 * float(np.mean(power**2)) + excess) / self.count
@@ -90,7 +90,7 @@ class ChannelResiduals:
         gram = np.sum([e.T @ e for e in self.errors], axis=0) / (self.count * noise**2)
         values = np.maximum(eigh(gram)[0], 0.0)
         # Cross term of the errors with the noise: 4 sigma^2 z'Gz / count, times the noise spectrum.
-        power = float(spectrum(-self.taps[1:], 4096).max())
+        power = float(spectrum(self.taps, 4096).max())
         met = 4.0 * power * float(values.sum()) / self.count
         return float(values.sum()), float(2.0 * np.sum(values**2) + met)
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, special, stats
 
-from identification.diagnosis.colour import autoregression, spectrum
+from identification.fit.autoregression import autoregression, spectrum
 
 __all__ = [
     "Correlation",
@@ -251,4 +251,5 @@ def _colour_factor(run: Array, signal: Array) -> float:
     total = float(power.sum())
     if total <= 0.0:
         return 1.0
-    return float(np.sum(power * spectrum(autoregression(run), length))) / total
+    taps = autoregression([run], "akaike")
+    return float(np.sum(power * spectrum(taps, length))) / total

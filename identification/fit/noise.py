@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from identification.fit.autoregression import autoregression
 from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
 
 __all__ = [
-    "autoregression",
     "effective_fraction",
     "noise_deviation",
     "student",
@@ -40,7 +40,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_LARGEST_ORDER: Final = 12
 _LARGEST_RISE: Final = 0.1
 _LEG: Final = 4
 """Steps between two checks of the simulation error."""
@@ -109,51 +108,6 @@ def _tolerated_rise(fit: Fit) -> float:
     unknowns = fit.position.size + sum(state.size for state in fit.states)
     samples = float(fit.weighting.counts.max()) * effective_fraction(fit)
     return 1.0 + min(3.0 * unknowns / max(samples, 1.0), _LARGEST_RISE)
-
-
-def autoregression(
-    series: Sequence[Array], largest: int | None = None, penalty: float | None = None
-) -> Array:
-    """Autoregressive whitening filter (1, -a1, ..., -ap) of series with one common noise process.
-
-    The Levinson-Durbin recursion on the biased autocovariance makes every order stable.  The order
-    minimises n log(innovation variance) + penalty * order.
-
-    Args:
-        series: Residuals, one (n_sample,) array per record; their mean is not subtracted.
-        largest: Largest order; by default 12, or a twentieth of the samples if that is less.
-        penalty: Penalty per order: 2 is Akaike's criterion, the default log(n) the Bayesian one.
-    """
-    count = sum(s.size for s in series)
-    largest = min(_LARGEST_ORDER, count // 20) if largest is None else largest
-    lags = np.array(
-        [
-            sum(
-                float(np.einsum("i,i->", s[lag:], s[: s.size - lag]))
-                for s in series
-                if s.size > lag
-            )
-            for lag in range(largest + 1)
-        ]
-    )
-    best = taps = np.zeros(0)
-    power = lags[0]
-    if power <= 0:
-        return np.ones(1)
-    price = np.log(count) if penalty is None else penalty
-    lowest = count * np.log(power)
-    for order in range(1, largest + 1):
-        foretold = float(np.dot(taps, lags[order - 1 : 0 : -1]))
-        reflection = (lags[order] - foretold) / power
-        taps = np.append(taps - reflection * taps[::-1], reflection)
-        power *= 1.0 - reflection**2
-        if power <= 1e-12 * lags[0]:
-            best = taps
-            break
-        score = count * np.log(power) + price * order
-        if score < lowest:
-            lowest, best = score, taps
-    return np.concatenate([[1.0], -best])
 
 
 def _whitening(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, Array]:
@@ -246,12 +200,12 @@ def effective_fraction(fit: Fit) -> float:
     """
     weighting, n = fit.weighting, fit.position.size
     weights = [weighting.sample_weights(k) for k in range(len(weighting.records))]
-    memories = _memories(fit, weights)
+    filters = _weighted_filters(fit, weights)
     slopes = [_mean_slope([each[:, channel] for each in weights]) for channel in range(2)]
     plain, curvature, gradient = (np.zeros((n, n)) for _ in range(3))
     ends: dict[tuple[int, int], Array] = {}
-    for block in fit.equations.derivatives.blocks(weighting.memory):
-        for channel, (taps, power) in enumerate(memories):
+    for block in fit.equations.derivatives.blocks(weighting.order):
+        for channel, (taps, power) in enumerate(filters):
             weight = weights[block.record][block.samples, channel][block.lead :, None]
             deviation = float(weighting.deviation[channel])
             whitened = weighting.whitened(block.tangent[:, channel, :n], channel)[block.lead :]
@@ -273,7 +227,7 @@ def effective_fraction(fit: Fit) -> float:
     return 1.0 / max(inflation, 1.0)
 
 
-def _memories(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
+def _weighted_filters(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
     """For each channel the filter that whitens its weighted residuals, and the RMS innovation."""
     residuals = fit.residuals()
     found = []

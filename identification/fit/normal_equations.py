@@ -142,7 +142,7 @@ class NormalEquations:
         """
         rights = [np.zeros(each.shape) for each in directions]
         finite = np.ones(directions[0].shape[1], dtype=bool)
-        for block in self.derivatives.blocks(weighting.memory):
+        for block in self.derivatives.blocks(weighting.order):
             k, tangent = block.record, block.tangent
             rows, channels, size = tangent.shape
             slope = (tangent.reshape(rows * channels, size) @ directions[k]).reshape(
@@ -269,7 +269,7 @@ def normal_equations(
     fulls = [np.zeros((size, size)) for _ in states]
     rights = [np.zeros(size) for _ in states]
     logged = [np.empty((record.rows, 2)) for record in simulator.records]
-    for block in derivatives.blocks(weighting.memory):
+    for block in derivatives.blocks(weighting.order):
         k, samples = block.record, block.samples
         residual = simulator.records[k].measured[samples] - block.logged
         full, right = products(residual, block.tangent, weighting, k, block.start, block.lead)

@@ -30,8 +30,8 @@ class Weighting:
     Args:
         records: The records whose samples are weighted.
         deviation: (2,) standard deviation of the whitened residuals [A, rad/s].
-        whitening: For each channel the coefficients (1, -a1, -a2, ...) of the filter that
-            whitens its residuals.
+        whitening: For each channel the taps (1, c_1, ...) of the filter that whitens its
+            residuals.
         robust: For each record (n_sample, 2) Student-t weights, or None.
         floor: (2,) standard deviations below which a fit counts as perfect [A, rad/s].
     """
@@ -58,7 +58,7 @@ class Weighting:
         return np.asarray(np.sum([record.weight.sum(axis=0) for record in self.records], axis=0))
 
     @property
-    def memory(self) -> int:
+    def order(self) -> int:
         """Order of the longest whitening filter, in samples."""
         return max(taps.size for taps in self.whitening) - 1
 

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from identification.fit.autoregression import autoregression
 from identification.fit.declared import fit_declared
-from identification.fit.noise import autoregression, effective_fraction, with_noise_model
+from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
