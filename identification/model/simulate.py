@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
-from identification.model.memory import memory_start
+from identification.model.history import initial_history
 from identification.model.misfit import MisfitLoop, compared
 from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import advance, step_function, symbols
@@ -122,12 +122,12 @@ class Simulator:
         return shifted
 
     def carries(self, states: Sequence[Array], lanes: int) -> list[Array]:
-        """Carry before the first sample of each record, (n_state + n_memory, n_lane)."""
+        """Carry before the first sample of each record, (n_state + n_history, n_lane)."""
         return [
             np.concatenate(
                 [
                     _lanes(state, lanes),
-                    _lanes(memory_start(self.model, record.head), lanes),
+                    _lanes(initial_history(self.model, record.head), lanes),
                 ]
             )
             for state, record in zip(states, self.records, strict=True)

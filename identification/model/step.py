@@ -34,7 +34,7 @@ from typing import Final
 import casadi as ca
 
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.memory import memory_size, remembered
+from identification.model.history import history_size, updated_history
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
@@ -56,10 +56,10 @@ def symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
 def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     """SX function (carry, inputs, parameter) -> (carry at the next sample, readings at this one).
 
-    The carry is the state, followed by the history of delayed and averaged channels (`memory.py`).
+    The carry is the state, followed by the history of delayed and averaged channels (`history.py`).
     """
     n = len(model.state_names)
-    carry = ca.SX.sym("x", n + memory_size(model))
+    carry = ca.SX.sym("x", n + history_size(model))
     inputs = ca.SX.sym("u", len(INPUTS))
     parameter = ca.SX.sym("p", len(model.parameters))
     state = carry[:n]
@@ -70,10 +70,10 @@ def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     if model.delays or averaged:
         now, slopes = _inputs_within(model, inputs)
         end = now + inputs[0] * slopes
-        memory, logged = remembered(
+        history, logged = updated_history(
             model, (state, whole), carry[n:], (inputs, end), parameter, logged
         )
-        advanced = ca.vertcat(advanced, memory)
+        advanced = ca.vertcat(advanced, history)
     return ca.Function("step", [carry, inputs, parameter], [advanced, logged])
 
 

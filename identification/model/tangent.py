@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.memory import memory_size
+from identification.model.history import history_size
 from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
 from identification.model.step import step_function
@@ -100,7 +100,7 @@ def tangent_blocks(
     """
     n, m = simulator.n_state, directions.shape[1]
     lanes = m + n
-    size = n + memory_size(simulator.model)
+    size = n + history_size(simulator.model)
     seeds = np.concatenate([directions, np.zeros((directions.shape[0], n))], axis=1)
     parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
     start = np.concatenate([np.zeros((size, m)), np.eye(size, n)], axis=1)
@@ -152,7 +152,7 @@ def stretch(
 @lru_cache(_STRUCTURES)
 def _tangent_scan(model: MotorModel, plan: StepPlan) -> Scan:
     u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
-    x = ca.SX.sym("x", len(model.state_names) + memory_size(model))
+    x = ca.SX.sym("x", len(model.state_names) + history_size(model))
     dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
     both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
     following, logged = step_function(model, plan)(x, u, p)

@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.term import AbstractDelay, Expression
 
-__all__ = ["memory_size", "memory_start", "remembered"]
+__all__ = ["history_size", "initial_history", "updated_history"]
 
 _MEAN: int = 4
 """Values per averaged channel: value at the start of the interval, integral since then, last
 average and its slope."""
 
 
-def memory_size(model: MotorModel) -> int:
+def history_size(model: MotorModel) -> int:
     """Number of history values in the carry, after the state."""
     delays = sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
     return _MEAN * len(model.averaged) + delays
 
 
-def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_history(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
     """History before the first sample, as if the channels had been constant.
 
     Args:
@@ -39,7 +39,7 @@ def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.f
         logged: (2,) current and speed at the first sample [A, rad/s].
 
     Returns:
-        (n_memory,)
+        (n_history,)
     """
     parts = [np.array([logged[channel], 0.0, logged[channel], 0.0]) for channel in model.averaged]
     parts += [
@@ -55,10 +55,10 @@ def memory_start(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.f
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def remembered(
+def updated_history(
     model: MotorModel,
     states: tuple[Expression, Expression],
-    memory: Expression,
+    history: Expression,
     inputs: tuple[Expression, Expression],
     parameter: Expression,
     logged: Expression,
@@ -69,13 +69,13 @@ def remembered(
         model: The model.
         states: (n_state,) at the start and (n_state + n_averaged,) at the end of the substep; the
             latter ends with the integrals of the averaged channels over the substep.
-        memory: (n_memory,) history at the start of the substep.
+        history: (n_history,) history at the start of the substep.
         inputs: Inputs at the start and at the end of the substep.
         parameter: (n_parameter,).
         logged: (2,) readings at the start without averaging and delay.
 
     Returns:
-        History (n_memory,) at the end of the substep, and readings (2,) at its start.
+        History (n_history,) at the end of the substep, and readings (2,) at its start.
     """
     index, count = (inputs[0][INPUTS.index(name)] for name in ("substep", "substeps"))
     begins, ends = index < 0.5, index > count - 1.5
@@ -91,7 +91,7 @@ def remembered(
     kept, delayed = [], [logged[0], logged[1]]
     start = 0
     for channel, integral in zip(model.averaged, ca.vertsplit(states[1][n:]), strict=True):
-        began, total, mean, slope = (memory[start + k] for k in range(_MEAN))
+        began, total, mean, slope = (history[start + k] for k in range(_MEAN))
         start += _MEAN
         began = ca.if_else(begins, values[0][channel], began)
         total = ca.if_else(begins, 0, total) + integral
@@ -105,8 +105,8 @@ def remembered(
         lag = model.lag(term, parameter)
         depth = int(term.depth)
         for channel in _delayed(term):
-            waiting = memory[start : start + 2]
-            past = memory[start + 2 : start + 2 + 4 * depth]
+            waiting = history[start : start + 2]
+            past = history[start + 2 : start + 2 + 4 * depth]
             start += 2 + 4 * depth
             first = [
                 ca.if_else(begins, now, before)
