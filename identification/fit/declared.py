@@ -72,11 +72,8 @@ def _is_sharp(fit: Fit) -> bool:
     A loop that holds one speed excites the winding little.  A resistance without inductance then
     fits nearly as well as the correct one.
     """
-    place = fit.coordinates.names.index("Ra25")
-    spread = np.sqrt(fit.equations.covariance()[place, place]) * fit.coordinates.slopes(
-        fit.position
-    )
-    return bool(spread[place] < _SHARP * abs(fit.values[place]))
+    index = fit.coordinates.names.index("Ra25")
+    return bool(fit.deviations[index] < _SHARP * abs(fit.values[index]))
 
 
 def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -> Fit:
@@ -96,8 +93,7 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
 
 def settled(fit: Fit) -> Fit:
     """Refit with linear coordinates for b and L if the data do not exclude zero."""
-    deviations = np.sqrt(np.diag(fit.equations.covariance())) * fit.coordinates.slopes(fit.position)
-    coordinates = linear_where_uncertain(fit.coordinates, fit.values, deviations)
+    coordinates = linear_where_uncertain(fit.coordinates, fit.values, fit.deviations)
     if coordinates.parameters == fit.coordinates.parameters:
         return fit
     return continued(replace(fit, coordinates=coordinates, position=coordinates.of(fit.values)))

@@ -1,19 +1,25 @@
-"""Sensitivities of the logged channels at one point of a fit, cached or recomputed."""
+"""Sensitivities of the logged channels at one point of a fit, and their weighted products."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.simulate import Simulator
 from identification.model.tangent import TangentBlock, tangent_blocks
+from identification.model.weighting import Weighting
+from identification.work import TOUCH, charge
 
-__all__ = ["Derivatives"]
+__all__ = ["Derivatives", "gradient_of", "products"]
 
 Array = NDArray[np.float64]
+
+_PASSES: Final = 4.0
+"""Number of times that a product reads or writes each sensitivity."""
 
 
 @dataclass(frozen=True)
@@ -54,3 +60,54 @@ class Derivatives:
             return self
         found = tangent_blocks(self.simulator, self.values, self.states, self.directions, rows=None)
         return replace(self, kept=tuple(found))
+
+
+def products(
+    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
+) -> tuple[Array, Array]:
+    """J'WJ and J'Wr of a record or of one block of it.
+
+    Args:
+        residual: (n_sample, 2) measured minus simulated [A, rad/s].
+        tangent: (n_sample, 2, n_direction) sensitivities of the simulated channels.
+        weighting: Noise model with its standard deviations.
+        k: Index of the record.
+        start: Index in the record of the first sample given.
+        lead: Leading samples that only start the whitening filter; the previous block counts them.
+
+    Returns:
+        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite if
+        the model diverges.
+    """
+    size = tangent.shape[2]
+    full, right = np.zeros((size, size)), np.zeros(size)
+    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
+    charge(_PASSES * TOUCH * tangent.size)
+    for channel in range(2):
+        root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
+        white = weighting.whitened(tangent[:, channel, :], channel)[lead:]
+        jacobian = white * root[:, None]
+        target = weighting.whitened(residual[:, channel], channel)[lead:] * root
+        # A diverging model has sensitivities that overflow when squared; the caller sees infinity.
+        with np.errstate(over="ignore", invalid="ignore"):
+            full += jacobian.T @ jacobian
+            right += jacobian.T @ target
+    return full, right
+
+
+def gradient_of(
+    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
+) -> Array:
+    """J'WR of a block, (n_direction, ...), of residuals (n_sample, 2, ...).
+
+    The other arguments are those of `products`.
+    """
+    right = np.zeros((tangent.shape[2], *residual.shape[2:]))
+    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
+    charge(_PASSES * TOUCH * (tangent.size + residual.size))
+    for channel in range(2):
+        scale = weights[:, channel] / weighting.deviation[channel] ** 2
+        white = weighting.whitened(residual[:, channel], channel)[lead:]
+        jacobian = weighting.whitened(tangent[:, channel, :], channel)[lead:]
+        right += jacobian.T @ (white.T * scale).T
+    return right

@@ -135,10 +135,8 @@ def _alone(records: Sequence[Record], declared: Fit) -> _Alone | None:
         fit = fit_declared(records, declared.simulator.model.hold)
     except ComputationError:
         return None
-    slopes = fit.coordinates.slopes(fit.position)
-    spread = np.sqrt(np.diag(fit.equations.covariance())) * np.abs(slopes)
     chosen = [list(DECLARED_PARAMETERS).index(name) for name in ("Ra25", "Kt25", "J")]
     values = fit.values[chosen]
     if not (fit.converged and np.all(values > 0)):
         return None
-    return _Alone(values, float(np.max(spread[chosen] / values)))
+    return _Alone(values, float(np.max(fit.deviations[chosen] / values)))

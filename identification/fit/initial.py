@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.normal_equations import products, state_precision
+from identification.fit.derivatives import products
+from identification.fit.normal_equations import state_precision
 from identification.linear import solution
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record

@@ -194,7 +194,7 @@ def _unsaid(fit: Fit, name: str) -> float:
 def _precision(fit: Fit, fraction: float, k: int) -> float:
     """Inverse posterior variance of search coordinate `k`, all others free."""
     equations = fit.equations
-    matrix = equations.matrix - (1.0 - fraction) * equations.information
+    matrix = equations.precision(fraction)
     others = np.arange(matrix.shape[0]) != k
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)

@@ -18,28 +18,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.derivatives import Derivatives
+from identification.fit.derivatives import Derivatives, gradient_of, products
 from identification.linear import eigh, least_squares, solution
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
-from identification.work import TOUCH, charge
 
-__all__ = [
-    "NormalEquations",
-    "gradient_of",
-    "normal_equations",
-    "products",
-    "state_precision",
-]
+__all__ = ["NormalEquations", "normal_equations", "state_precision"]
 
 Array = NDArray[np.float64]
 
 _LARGEST = 1e100
 """Entry above which the simulation counts as diverged."""
-
-_PASSES = 4.0
-"""Number of times that a product reads or writes each sensitivity."""
 
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest entry of the matrix."""
@@ -237,7 +227,11 @@ class NormalEquations:
         Args:
             fraction: Effective sample fraction; the prior keeps its weight.
         """
-        return _inverse(self.matrix - (1.0 - fraction) * self.information)
+        return _inverse(self.precision(fraction))
+
+    def precision(self, fraction: float) -> Array:
+        """Inverse of `covariance`, (n_parameter, n_parameter)."""
+        return np.asarray(self.matrix - (1.0 - fraction) * self.information)
 
     def state_response(self, k: int) -> Array:
         """(n_state, n_parameter) derivative of the best initial state of record `k`."""
@@ -307,57 +301,6 @@ def normal_equations(
         tuple(logged),
         derivatives,
     )
-
-
-def products(
-    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
-) -> tuple[Array, Array]:
-    """J'WJ and J'Wr of a record or of one block of it.
-
-    Args:
-        residual: (n_sample, 2) measured minus simulated [A, rad/s].
-        tangent: (n_sample, 2, n_direction) sensitivities of the simulated channels.
-        weighting: Noise model with its standard deviations.
-        k: Index of the record.
-        start: Index in the record of the first sample given.
-        lead: Leading samples that only start the whitening filter; the previous block counts them.
-
-    Returns:
-        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite if
-        the model diverges.
-    """
-    size = tangent.shape[2]
-    full, right = np.zeros((size, size)), np.zeros(size)
-    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
-    charge(_PASSES * TOUCH * tangent.size)
-    for channel in range(2):
-        root = np.sqrt(weights[:, channel]) / weighting.deviation[channel]
-        white = weighting.whitened(tangent[:, channel, :], channel)[lead:]
-        jacobian = white * root[:, None]
-        target = weighting.whitened(residual[:, channel], channel)[lead:] * root
-        # A diverging model has sensitivities that overflow when squared; the caller sees infinity.
-        with np.errstate(over="ignore", invalid="ignore"):
-            full += jacobian.T @ jacobian
-            right += jacobian.T @ target
-    return full, right
-
-
-def gradient_of(
-    residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
-) -> Array:
-    """J'WR of a block, (n_direction, ...), of residuals (n_sample, 2, ...).
-
-    The other arguments are those of `products`.
-    """
-    right = np.zeros((tangent.shape[2], *residual.shape[2:]))
-    weights = weighting.sample_weights(k)[start + lead : start + residual.shape[0]]
-    charge(_PASSES * TOUCH * (tangent.size + residual.size))
-    for channel in range(2):
-        scale = weights[:, channel] / weighting.deviation[channel] ** 2
-        white = weighting.whitened(residual[:, channel], channel)[lead:]
-        along = weighting.whitened(tangent[:, channel, :], channel)[lead:]
-        right += along.T @ (white.T * scale).T
-    return right
 
 
 def state_precision(simulator: Simulator, k: int) -> Array:

@@ -116,6 +116,12 @@ class Fit:
         """(n_parameter,) physical values."""
         return self.coordinates.values(self.position)
 
+    @property
+    def deviations(self) -> Array:
+        """(n_parameter,) standard deviations of `values` from the covariance of the fit."""
+        slopes = self.coordinates.slopes(self.position)
+        return np.asarray(np.sqrt(np.diag(self.equations.covariance())) * slopes)
+
     def is_behind(self, limits: TerminationLimits) -> bool:
         """Whether the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
         predicted = self.equations.decrement_within(self.position, self.coordinates)

@@ -85,21 +85,16 @@ def ridge_of(fit: Fit, fraction: float) -> Ridge:
     directions = _directions(fit, fraction)
     excess = _excess(fit, fraction, directions)
     direction = directions[int(np.argmax(excess))]
-    points = {0.0: _Point(fit.position, fit.states, _precision(fit.equations, fraction), 0.0)}
+    points = {0.0: _Point(fit.position, fit.states, fit.equations.precision(fraction), 0.0)}
     if excess.max() > _BENT:
         for sign in (1.0, -1.0):
             points |= _traced(fit, fraction, direction, sign)
     return _ridge(fit, fraction, direction, points)
 
 
-def _precision(equations: NormalEquations, fraction: float) -> Array:
-    """Inverse covariance of the posterior, (n_parameter, n_parameter)."""
-    return np.asarray(equations.matrix - (1.0 - fraction) * equations.information)
-
-
 def _directions(fit: Fit, fraction: float) -> list[_Direction]:
     """The least certain directions, and the inward direction from each active bound."""
-    coordinates, precision = fit.coordinates, _precision(fit.equations, fraction)
+    coordinates, precision = fit.coordinates, fit.equations.precision(fraction)
     lower, upper = fit.position <= coordinates.lower, fit.position >= coordinates.upper
     free = ~(lower | upper)
     root = _scaled_root(precision[np.ix_(free, free)])
@@ -164,7 +159,7 @@ def _traced(fit: Fit, fraction: float, direction: _Direction, sign: float) -> di
     found: dict[float, _Point] = {}
     way, step = 0.0, _STEP
     slope = direction.tangent
-    here = _Point(fit.position, fit.states, _precision(fit.equations, fraction), 0.0)
+    here = _Point(fit.position, fit.states, fit.equations.precision(fraction), 0.0)
     while len(found) < _MOST and here.fall < _ENOUGH:
         way += sign * step
         # Extrapolate from the last two points of the ridge.
@@ -195,7 +190,7 @@ def _optimised(
         equations = normal_equations(fit.simulator, coordinates, position, states, fit.weighting)
         if not equations.is_finite:
             return None
-        precision = _precision(equations, fraction)
+        precision = equations.precision(fraction)
         short = way - float(direction.along @ (position - fit.position))
         step = np.zeros_like(position)
         step[free] = _step(equations, direction.along, short, free)

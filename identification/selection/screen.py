@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
-from identification.fit.normal_equations import gradient_of
+from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
 from identification.linear import least_squares, solution
 from identification.model.lowering import LANES
