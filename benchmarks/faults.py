@@ -33,7 +33,7 @@ from benchmarks.coverage import run_of
 from benchmarks.fault_table import FAULTS, Fault, Tables
 from identification.checks import check_runs
 from identification.errors import InputError
-from identification.fit.repeats import first_alike
+from identification.fit.campaign import first_alike
 from identification.ingest import Run, read_run
 
 __all__ = ["Seen", "document", "main", "seen", "sound", "tables_of"]

@@ -24,7 +24,7 @@ from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated
 from identification.fit.identifiability import identified
-from identification.fit.resolution import coarse_warnings
+from identification.fit.sensors import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
 from identification.model.unlogged import COLDEST, HOTTEST

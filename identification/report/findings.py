@@ -14,11 +14,11 @@ from identification.diagnosis.localise import Localisation
 from identification.diagnosis.odd_runs import noise_of_most, root_mean_square
 from identification.feedback.nonlinear import SimulatedLoop
 from identification.fit.campaign import Campaign
-from identification.fit.ceiling import bounded_noise
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
 from identification.fit.knowledge import Comparison
 from identification.fit.noise import noise_deviation
+from identification.fit.sensors import bounded_noise
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample

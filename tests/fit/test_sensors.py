@@ -1,8 +1,10 @@
-"""Warnings about channels whose resolution is coarser than their noise."""
+"""Sensor noise without a model: its upper bound, and steps larger than the noise."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +12,16 @@ import pytest
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.noise import noise_deviation
-from identification.fit.resolution import coarse_warnings, step_of
+from identification.fit.sensors import bounded_noise, coarse_warnings, noise_ceiling, step_of
+from identification.ingest import read_run
 from identification.ingest.run import Run
+from identification.model.excitation import Record
 from tests.motors import Array, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
+DATA = Path(__file__).parents[2] / "data" / "brush_drop_servo"
+TRUTH = json.loads((DATA / "truth.json").read_text(encoding="utf-8"))["noise"]
+NOISE = np.array([TRUTH["current_A"], TRUTH["speed_rad_s"]])
 
 
 def warned(runs: list[Run]) -> tuple[str, ...]:
@@ -90,3 +97,35 @@ def test_noise_and_a_constant_have_no_step() -> None:
 
     assert step_of(rng.standard_normal(2000)) is None
     assert step_of(np.full(100, 3.0)) is None
+
+
+@pytest.fixture(scope="module")
+def records() -> tuple[Record, ...]:
+    """Training records of a campaign with a hidden brush drop."""
+    runs = [read_run(path) for path in sorted(DATA.glob("training_*.csv"))]
+    return campaign_of(runs, []).training
+
+
+def test_a_model_that_explains_nothing_does_not_pass_for_noise(
+    records: tuple[Record, ...],
+) -> None:
+    """With the wrong sign in all runs the best model is i = 0, whose residual is the signal."""
+    size = np.std(np.concatenate([record.measured for record in records]), axis=0)
+
+    noise = bounded_noise(records, size, error=size)
+
+    assert np.all(size > 10.0 * noise)
+
+
+def test_the_ceiling_is_above_the_noise_whatever_is_hidden(records: tuple[Record, ...]) -> None:
+    """A brush drop is no noise, and the noise that there is may not be denied."""
+    assert np.all(noise_ceiling(records) > NOISE)
+
+
+def test_the_ceiling_is_not_asked_where_the_model_explains_the_runs(
+    records: tuple[Record, ...],
+) -> None:
+    """Under a speed loop the voltage explains the noise of the sensor, and no bound is sound."""
+    large = np.array([1.0, 20.0])
+
+    np.testing.assert_array_equal(bounded_noise(records, large, error=large), large)
