@@ -37,7 +37,6 @@ from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.posterior.sample import Sample, sample
 from identification.report.assemble import assemble
 from identification.report.findings import Findings
@@ -336,7 +335,7 @@ def _drawn(
         return with_lines_drawn(draws, lines, options.seed)
 
     if not options.posterior:
-        return None, opened(normal_draws(posterior, options.seed))
+        return None, opened(posterior.normal_draws(options.seed))
     effort = EFFORTS[options.effort]
     chain = sample(
         posterior,
@@ -360,7 +359,7 @@ def _declared_draws(
     """Draws from the nominal model's posterior; those of the final model if it has no effects."""
     if outcome is None or not outcome.effects:
         return draws
-    draws = normal_draws(Posterior(declared, effective_fraction(declared)), options.seed)
+    draws = Posterior(declared, effective_fraction(declared)).normal_draws(options.seed)
     return _within_signs(with_scale_drawn(draws, declared, options.seed))
 
 

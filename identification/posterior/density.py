@@ -78,6 +78,22 @@ class Posterior:
         covariance[n:, n:] = np.diag(0.5 / counts)
         return covariance
 
+    def normal_points(self, seed: int, count: int) -> Array:
+        """Draws (n_draw, n_dim) from the normal (Laplace) approximation, mirrored at the bounds."""
+        factor = root(self.covariance())
+        normal = np.random.default_rng(seed).standard_normal((count, factor.shape[0]))
+        return self.mirrored(self.centre + normal @ factor.T)
+
+    def normal_draws(self, seed: int, count: int = 2000) -> dict[str, Array]:
+        """Physical values by name, (n_draw,) each, of draws from the normal approximation.
+
+        Args:
+            seed: Seed of the draws.
+            count: Number of draws.
+        """
+        values = self.physical(self.normal_points(seed, count))
+        return {name: values[:, k] for k, name in enumerate(self.names)}
+
     def mirrored(self, points: Array) -> Array:
         """Points (n_point, n_dim), mirrored at the bounds if they are outside."""
         n = self.fit.position.size

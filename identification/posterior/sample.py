@@ -29,7 +29,6 @@ from identification.posterior.convergence import (
 )
 from identification.posterior.density import Posterior
 from identification.posterior.importance import weighted_draws
-from identification.posterior.normal import normal_points
 from identification.posterior.proposal import AlongRidge, Independent
 from identification.posterior.resume import chain_key, kept_backend, state_of
 from identification.work import was_interrupted
@@ -102,11 +101,10 @@ def sample(
         progress: Called with the fraction done.
         checkpoint: Where the chain is saved while it grows, and from which it resumes.
     """
-    rng = np.random.default_rng(seed)
     covariance = posterior.covariance()
     n_dim = covariance.shape[0]
     walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
-    start = _start(posterior, covariance, walkers, rng)
+    start = posterior.normal_points(seed, walkers)
     density = posterior(start)
     key = chain_key(posterior, covariance, seed, walkers)
     sampler = emcee.EnsembleSampler(
@@ -166,7 +164,7 @@ def _standing_in(found: Sample, posterior: Posterior, seed: int, work: float) ->
     weighted = weighted_draws(posterior, seed, count, work)
     points, density = weighted.points, weighted.log_density
     if not weighted.is_reliable:
-        points = normal_points(posterior, seed, count)
+        points = posterior.normal_points(seed, count)
         density = posterior(points)
     return replace(
         found,
@@ -201,13 +199,3 @@ def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]
     noise_sd = np.sqrt(np.diag(covariance)[n:])
     along = moves.MHMove(AlongRidge(ridge, centre[n:], noise_sd))
     return [(along, 0.6), (narrow, 0.15), *others]
-
-
-def _start(
-    posterior: Posterior, covariance: Array, walkers: int, rng: np.random.Generator
-) -> Array:
-    """Walkers drawn from the normal approximation, mirrored at the bounds."""
-    root = np.linalg.cholesky(covariance)
-    centre = posterior.centre
-    points = centre + rng.standard_normal((walkers, centre.size)) @ root.T
-    return posterior.mirrored(points)

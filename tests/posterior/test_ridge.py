@@ -17,7 +17,6 @@ from identification.fit.normal_equations import normal_equations
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.posterior.ridge import Ridge
 from identification.posterior.sample import sample
 from identification.posterior.trace import ridge_of
@@ -70,7 +69,7 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
     along[place] = 0.0
     posterior.__dict__["ridge"] = with_shifts(replace(straight, along=along), shifts)
 
-    draws = normal_draws(posterior, seed=5)
+    draws = posterior.normal_draws(seed=5)
 
     assert draws["L"].min() >= 0.0
 

@@ -17,7 +17,6 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import initial_states
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.posterior.sample import Sample, sample
 from tests.motors import NAMES, Motor, campaign, motor_named
 
@@ -204,7 +203,7 @@ def test_draws_of_the_normal_approximation_have_its_spread() -> None:
     """4000 independent draws estimate an sd to 1.1 %."""
     posterior = Posterior(servo_fit(), WHITE)
 
-    draws = normal_draws(posterior, seed=5, count=4000)
+    draws = posterior.normal_draws(seed=5, count=4000)
 
     sd = np.sqrt(np.diag(servo_fit().equations.covariance()))
     points = servo_fit().coordinates.of(np.array([draws[name] for name in NAMES]))

@@ -17,7 +17,6 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.report.omitted import confounded_warnings
 from identification.selection.confounded import LIMIT, confounded_terms
 from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
@@ -31,7 +30,7 @@ from tests.motors import Excitation, campaign, motor_named
 def interval(fit: Fit, name: str) -> tuple[float, float]:
     """90 % interval of a parameter with what it may be taken for."""
     posterior = Posterior(fit, effective_fraction(fit))
-    draws = with_omitted_drawn(normal_draws(posterior, 1), fit, confounded_terms(fit), 1)
+    draws = with_omitted_drawn(posterior.normal_draws(1), fit, confounded_terms(fit), 1)
     low, high = np.quantile(draws[name], [0.05, 0.95])
     return float(low), float(high)
 
@@ -54,7 +53,7 @@ def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: 
     hidden = make_campaign(motor, [EffectRequest("current_filter", size=size)], seed=1, rows=1500)
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
     truth = hidden.truth["parameters"]["L"]
-    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1)["L"]
+    narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1)["L"]
 
     low, high = interval(fit, "L")
 

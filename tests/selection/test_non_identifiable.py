@@ -16,7 +16,6 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.selection.non_identifiable import lines_of, with_linear_parts, with_lines_drawn
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
@@ -139,7 +138,7 @@ def test_parameters_beside_a_curve_are_right_or_called_open(
     assert [name for name in final.coordinates.names[:7] if not known[name]] == (
         {"Ra25": ["Ra25", "alpha_Ra"], "b": ["b"], "": []}[open_]
     )
-    draws = normal_draws(Posterior(closed, effective_fraction(closed)), seed=3)
+    draws = Posterior(closed, effective_fraction(closed)).normal_draws(seed=3)
     draws = with_lines_drawn(draws, lines_of(final), seed=3)
     for name, value in measured.truth["parameters"].items():
         off = abs(draws[name].mean() - value)

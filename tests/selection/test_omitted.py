@@ -15,7 +15,6 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
-from identification.posterior.normal import normal_draws
 from identification.report.omitted import omitted_warnings
 from identification.selection.omitted import (
     OmittedTerm,
@@ -59,7 +58,7 @@ def rubbing() -> tuple[Fit, dict[str, float]]:
 def test_clean_motor_omits_nothing(clean: Fit) -> None:
     """Neither kind promises more than chance reaches, and the draws stay as they are."""
     posterior = Posterior(clean, effective_fraction(clean))
-    draws = normal_draws(posterior, 1, 50)
+    draws = posterior.normal_draws(1, 50)
 
     assert left_out(clean) == ()
     assert with_omitted_drawn(draws, clean, (), 1) is draws
@@ -85,7 +84,7 @@ def test_intervals_with_an_omitted_term_hold_the_true_parameters(
 ) -> None:
     """By noise alone the interval of the friction is narrow and wrong."""
     fit, truth = rubbing
-    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1)
+    narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1)
     wide = with_omitted_drawn(narrow, fit, left_out(fit), 1)
 
     def holds(draws: dict[str, Array], name: str) -> bool:
@@ -100,7 +99,7 @@ def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str
     """Noise and omitted terms are independent: their variances add."""
     fit, _ = rubbing
     omitted = left_out(fit)
-    narrow = normal_draws(Posterior(fit, effective_fraction(fit)), 1, 20_000)
+    narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1, 20_000)
     wide = with_omitted_drawn(narrow, fit, omitted, 1)
 
     def variance(draws: dict[str, Array]) -> Array:
@@ -127,7 +126,7 @@ def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) 
     share = effective_fraction(clean)
 
     known = identified(clean, share, consider_variances(clean, gain))
-    draws = with_omitted_drawn(normal_draws(Posterior(clean, share), 1, 20_000), clean, gain, 1)
+    draws = with_omitted_drawn(Posterior(clean, share).normal_draws(1, 20_000), clean, gain, 1)
 
     assert unknown_gain(clean, [1.0]) == ()
     assert [name for name in ("Ra25", "Kt25", "J", "b", "L") if known[name]] == ["Kt25"]

@@ -16,7 +16,7 @@ import pytest
 from app.cli import main
 from identification import pipeline
 from identification.errors import ComputationError
-from identification.posterior.normal import normal_draws
+from identification.posterior.density import Posterior
 
 ROOT = Path(__file__).parents[3]
 FAST = ["--no-posterior", "--no-effects"]
@@ -146,13 +146,13 @@ def test_draws_a_last_digit_below_their_bound_end_no_fit(
     run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A friction that is not determined has draws at 0; the loop refuses one of -1e-20."""
-    drawn = normal_draws
+    drawn = Posterior.normal_draws
 
     def below(*words: Any) -> dict[str, Any]:
         draws = drawn(*words)
         return draws | {"b": np.where(np.arange(draws["b"].size) % 50 == 0, -1e-20, draws["b"])}
 
-    monkeypatch.setattr(pipeline, "normal_draws", below)
+    monkeypatch.setattr(Posterior, "normal_draws", below)
 
     assert fitted_with(tmp_path / "out", *run_files[:2]) == []
 
