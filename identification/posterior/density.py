@@ -25,7 +25,7 @@ from identification.linear import root
 from identification.model.simulate import Simulator
 from identification.posterior.coarse import coarser
 from identification.posterior.ridge import Ridge
-from identification.posterior.trace import ridge_of
+from identification.posterior.ridge_tracing import ridge_of
 
 __all__ = ["Posterior"]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.posterior.density import Posterior
-from identification.posterior.proposal import Independent
+from identification.posterior.proposal import StudentProposal
 
 __all__ = ["Weighted", "largest_shape", "smoothed", "weighted_draws"]
 
@@ -70,7 +70,7 @@ def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np
         work: Operation budget of the draws; at least a thousand are made in any case.
     """
     draws = int(np.clip(_BATCH * work / posterior.work(_BATCH), _LEAST_DRAWS, _DRAWS))
-    proposal = Independent(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
+    proposal = StudentProposal(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
     random = np.random.RandomState(seed)  # noqa: NPY002
     centres = np.repeat(posterior.centre[None, :], draws, axis=0)
     points, ratios = proposal(centres, random)

@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from identification.linear import root
 from identification.posterior.ridge import Ridge
 
-__all__ = ["AlongRidge", "Independent"]
+__all__ = ["RidgeProposal", "StudentProposal"]
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _GRID: Final = 100
 """Grid points per traced point; the density is constant between two grid points."""
 
 
-class Independent:
+class StudentProposal:
     """Draws from a multivariate t around the optimum.
 
     Args:
@@ -53,7 +53,7 @@ class Independent:
         return _student(np.sum(scaled**2, axis=0), points.shape[1], self._freedom)
 
 
-class AlongRidge:
+class RidgeProposal:
     """Draws of the position along a traced ridge, with a multivariate t across it.
 
     Args:
@@ -65,12 +65,12 @@ class AlongRidge:
     def __init__(self, ridge: Ridge, noise: Array, noise_sd: Array) -> None:
         self._ridge, self._noise, self._noise_sd = ridge, noise, noise_sd
         # Extrapolate the log density linearly by one step at both ends.
-        way, height = (
+        abscissa, height = (
             np.concatenate([[2 * x[0] - x[1]], x, [2 * x[-1] - x[-2]]])
-            for x in (ridge.way, ridge.log_density)
+            for x in (ridge.abscissae, ridge.log_density)
         )
-        grid = np.linspace(float(way[0]), float(way[-1]), _GRID * way.size)
-        log_density = PchipInterpolator(way, height)(grid)
+        grid = np.linspace(float(abscissa[0]), float(abscissa[-1]), _GRID * abscissa.size)
+        log_density = PchipInterpolator(abscissa, height)(grid)
         density = np.exp(log_density - log_density.max())
         parts = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
         self._grid, self._share = grid, np.concatenate([[0.0], np.cumsum(parts) / parts.sum()])
@@ -80,13 +80,13 @@ class AlongRidge:
         """Proposed points (n_walker, n_dim) and the log ratio of the proposal densities."""
         n_walker, n_dim = coordinates.shape
         ridge, split = self._ridge, self._ridge.centre.size
-        way = np.interp(random.rand(n_walker), self._share, self._grid)
+        abscissa = np.interp(random.rand(n_walker), self._share, self._grid)
         size = np.sqrt(_INFLATION * _FREEDOM / random.chisquare(_FREEDOM, size=n_walker))
         normal = random.randn(n_walker, n_dim - 1) * size[:, None]
-        across = np.einsum("wij,wj->wi", self._roots(way), normal[:, : split - 1])
+        across = np.einsum("wij,wj->wi", self._roots(abscissa), normal[:, : split - 1])
         proposed = np.column_stack(
             [
-                ridge.centre + way[:, None] * ridge.tangent + across @ ridge.basis.T,
+                ridge.centre + abscissa[:, None] * ridge.tangent + across @ ridge.basis.T,
                 self._noise + normal[:, split - 1 :] * self._noise_sd,
             ]
         )
@@ -95,25 +95,25 @@ class AlongRidge:
     def log_density(self, points: Array) -> Array:
         """Log density (n_walker,) of proposals at points (n_walker, n_dim), up to a constant."""
         ridge, split = self._ridge, self._ridge.centre.size
-        way = ridge.way_of(points[:, :split].T)
-        roots = self._roots(way)
-        away = points[:, :split] - ridge.centre - way[:, None] * ridge.tangent
+        abscissa = ridge.abscissa_of(points[:, :split].T)
+        roots = self._roots(abscissa)
+        away = points[:, :split] - ridge.centre - abscissa[:, None] * ridge.tangent
         across = np.linalg.solve(roots, (away @ ridge.basis)[:, :, None])[:, :, 0]
         noise = (points[:, split:] - self._noise) / self._noise_sd
         distance = (np.sum(across**2, axis=1) + np.sum(noise**2, axis=1)) / _INFLATION
-        place = np.searchsorted(self._grid, way) - 1
-        inside = (place >= 0) & (place < self._log_share.size)
-        along = np.where(inside, self._log_share[np.where(inside, place, 0)], -np.inf)
+        index = np.searchsorted(self._grid, abscissa) - 1
+        inside = (index >= 0) & (index < self._log_share.size)
+        on_ridge = np.where(inside, self._log_share[np.where(inside, index, 0)], -np.inf)
         volume = np.sum(np.log(np.diagonal(roots, axis1=1, axis2=2)), axis=1)
-        return np.asarray(along - volume + _student(distance, points.shape[1] - 1, _FREEDOM))
+        return np.asarray(on_ridge - volume + _student(distance, points.shape[1] - 1, _FREEDOM))
 
-    def _roots(self, way: Array) -> Array:
+    def _roots(self, abscissa: Array) -> Array:
         """(n_walker, n_parameter - 1, n_parameter - 1) Cholesky factors, interpolated."""
-        points, roots = self._ridge.way, self._ridge.roots
-        place = np.clip(np.searchsorted(points, way) - 1, 0, points.size - 2)
-        share = (way - points[place]) / (points[place + 1] - points[place])
+        points, roots = self._ridge.abscissae, self._ridge.roots
+        index = np.clip(np.searchsorted(points, abscissa) - 1, 0, points.size - 2)
+        share = (abscissa - points[index]) / (points[index + 1] - points[index])
         share = np.clip(share, 0.0, 1.0)[:, None, None]
-        return np.asarray((1.0 - share) * roots[place] + share * roots[place + 1])
+        return np.asarray((1.0 - share) * roots[index] + share * roots[index + 1])
 
 
 def _student(distance: Array, size: int, freedom: float) -> Array:

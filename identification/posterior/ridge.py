@@ -3,8 +3,8 @@
 If runs determine products of parameters far better than the parameters themselves (for example, if
 the back-EMF is weak compared with the friction), the posterior is a thin, curved ridge.  A sampler
 with straight proposals moves slowly along it.  The ridge is therefore traced by optimising all
-other directions at a sequence of positions (`trace`).  The posterior is sampled in coordinates
-sheared along it,
+other directions at a sequence of positions (`ridge_tracing.py`).  The posterior is sampled in
+coordinates sheared along it,
 
     z = w + s(t(w)),      t(w) = l . (w - z_0),      l . s = 0,
 
@@ -33,22 +33,22 @@ class Ridge:
     Args:
         centre: (n_parameter,) the optimum, search coordinates.
         tangent: (n_parameter,) one posterior standard deviation along the ridge, at the optimum.
-        along: (n_parameter,) linear functional l that gives the position along the ridge, in
+        functional: (n_parameter,) linear functional l that gives the position along the ridge, in
             standard deviations.
-        way: (n_point,) traced positions along the ridge [-]; only 0 if it is straight.
+        abscissae: (n_point,) traced positions along the ridge [-]; only 0 if it is straight.
         shifts: (n_point, n_parameter) distance of the ridge from its tangent.
         states: For each record (n_point, n_state) distance of its best initial state from the
             linear extrapolation at the optimum.
         log_density: (n_point,) along the ridge, all other directions integrated out.
         roots: (n_point, n_parameter - 1, n_parameter - 1) Cholesky factors of the covariance across
             the ridge, in `basis`.
-        basis: (n_parameter, n_parameter - 1) orthonormal directions orthogonal to `along`.
+        basis: (n_parameter, n_parameter - 1) orthonormal directions orthogonal to `functional`.
     """
 
     centre: Array
     tangent: Array
-    along: Array
-    way: Array
+    functional: Array
+    abscissae: Array
     shifts: Array
     states: tuple[Array, ...]
     log_density: Array
@@ -58,7 +58,7 @@ class Ridge:
     @property
     def is_straight(self) -> bool:
         """Whether the ridge needs no shear."""
-        return self.way.size < 2
+        return self.abscissae.size < 2
 
     def bent(self, straight: Array) -> Array:
         """Search coordinates (n_parameter, ...) of sheared ones."""
@@ -80,19 +80,21 @@ class Ridge:
             return [np.zeros((own.shape[1], *rest)) for own in self.states]
         return self._shift(position)[1:]
 
-    def way_of(self, points: Array) -> Array:
+    def abscissa_of(self, points: Array) -> Array:
         """Position along the ridge (...) of points (n_parameter, ...), sheared or not."""
-        return np.asarray(np.tensordot(self.along, (points.T - self.centre).T, axes=1))
+        return np.asarray(np.tensordot(self.functional, (points.T - self.centre).T, axes=1))
 
     @cached_property
     def _spline(self) -> CubicSpline:
         """Shifts of the parameters, then of each record's states, over the position."""
-        return CubicSpline(self.way, np.hstack([self.shifts, *self.states]), bc_type="natural")
+        return CubicSpline(
+            self.abscissae, np.hstack([self.shifts, *self.states]), bc_type="natural"
+        )
 
     def _shift(self, points: Array) -> list[Array]:
         """Shifts of the parameters, and of each record's states, at the given points."""
-        way = self.way_of(points)
-        inside = np.clip(way, self.way[0], self.way[-1])
-        found = self._spline(inside) + self._spline(inside, 1) * (way - inside)[..., None]
+        abscissa = self.abscissa_of(points)
+        inside = np.clip(abscissa, self.abscissae[0], self.abscissae[-1])
+        found = self._spline(inside) + self._spline(inside, 1) * (abscissa - inside)[..., None]
         ends = np.cumsum([self.shifts.shape[1], *(own.shape[1] for own in self.states)])
         return list(np.split(np.moveaxis(found, -1, 0), ends[:-1]))

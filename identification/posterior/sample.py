@@ -29,7 +29,7 @@ from identification.posterior.convergence import (
 )
 from identification.posterior.density import Posterior
 from identification.posterior.importance import weighted_draws
-from identification.posterior.proposal import AlongRidge, Independent
+from identification.posterior.proposal import RidgeProposal, StudentProposal
 from identification.posterior.resume import chain_key, kept_backend, state_of
 from identification.work import was_interrupted
 
@@ -189,7 +189,7 @@ def _burn_in(done: int, tau: float) -> int:
 def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]]:
     centre, ridge = posterior.centre, posterior.ridge
     narrow, wide = (
-        moves.MHMove(Independent(centre, inflation * covariance, freedom))
+        moves.MHMove(StudentProposal(centre, inflation * covariance, freedom))
         for freedom, inflation in (_NARROW, _WIDE)
     )
     others = [(wide, 0.1), (moves.DEMove(), 0.1), (moves.StretchMove(), 0.05)]
@@ -197,5 +197,5 @@ def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]
         return [(narrow, 0.75), *others]
     n = ridge.centre.size
     noise_sd = np.sqrt(np.diag(covariance)[n:])
-    along = moves.MHMove(AlongRidge(ridge, centre[n:], noise_sd))
-    return [(along, 0.6), (narrow, 0.15), *others]
+    on_ridge = moves.MHMove(RidgeProposal(ridge, centre[n:], noise_sd))
+    return [(on_ridge, 0.6), (narrow, 0.15), *others]

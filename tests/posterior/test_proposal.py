@@ -11,7 +11,7 @@ from emcee import moves
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from identification.posterior.proposal import AlongRidge, Independent
+from identification.posterior.proposal import RidgeProposal, StudentProposal
 from identification.posterior.ridge import Ridge
 
 Array = NDArray[np.float64]
@@ -25,19 +25,19 @@ NOISE_SD = np.array([0.1])
 def ridge() -> Ridge:
     """Ridge along the first coordinate, wider on one side and with a tail there."""
     tangent = COVARIANCE[:, 0] / np.sqrt(COVARIANCE[0, 0])
-    along = np.array([1.0, 0.0, 0.0])
-    basis = null_space(along[None, :])
-    way = np.arange(-4.0, 4.5, 0.5)
+    functional = np.array([1.0, 0.0, 0.0])
+    basis = null_space(functional[None, :])
+    abscissa = np.arange(-4.0, 4.5, 0.5)
     across = np.linalg.cholesky(basis.T @ (COVARIANCE - np.outer(tangent, tangent)) @ basis)
     return Ridge(
         centre=CENTRE,
         tangent=tangent,
-        along=along,
-        way=way,
-        shifts=np.zeros((way.size, 3)),
+        functional=functional,
+        abscissae=abscissa,
+        shifts=np.zeros((abscissa.size, 3)),
         states=(),
-        log_density=-0.5 * np.where(way > 0, 0.7 * way, way) ** 2,
-        roots=across * (1.0 + 0.1 * way)[:, None, None],
+        log_density=-0.5 * np.where(abscissa > 0, 0.7 * abscissa, abscissa) ** 2,
+        roots=across * (1.0 + 0.1 * abscissa)[:, None, None],
         basis=basis,
     )
 
@@ -53,8 +53,10 @@ def normal(points: Array) -> Array:
 @pytest.mark.parametrize(
     "proposal",
     [
-        lambda: AlongRidge(ridge(), NOISE, NOISE_SD),
-        lambda: Independent(np.append(CENTRE, NOISE), 1.3 * np.diag([1.0, 1.0, 0.5, 0.01]), 5.0),
+        lambda: RidgeProposal(ridge(), NOISE, NOISE_SD),
+        lambda: StudentProposal(
+            np.append(CENTRE, NOISE), 1.3 * np.diag([1.0, 1.0, 0.5, 0.01]), 5.0
+        ),
     ],
     ids=["along the ridge", "around the optimum"],
 )
@@ -85,11 +87,11 @@ def test_a_chain_of_proposals_samples_its_target(
 
 
 def test_the_position_along_the_ridge_has_the_traced_density() -> None:
-    """The fraction of draws on the side of the tail is that of two half normals."""
+    """The share of draws on the side with the tail is that of the two half normals."""
     proposal = AlongRidge(ridge(), NOISE, NOISE_SD)
     many = np.repeat(np.append(CENTRE, NOISE)[None, :], 40_000, axis=0)
 
     drawn, _ = proposal(many, np.random.RandomState(5))  # noqa: NPY002
 
-    way = drawn[:, 0] - CENTRE[0]
-    assert np.mean(way > 0) == pytest.approx((1 / 0.7) / (1 + 1 / 0.7), abs=0.01)
+    abscissa = drawn[:, 0] - CENTRE[0]
+    assert np.mean(abscissa > 0) == pytest.approx((1 / 0.7) / (1 + 1 / 0.7), abs=0.01)

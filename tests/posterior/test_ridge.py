@@ -18,8 +18,8 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
 from identification.posterior.ridge import Ridge
+from identification.posterior.ridge_tracing import ridge_of
 from identification.posterior.sample import sample
-from identification.posterior.trace import ridge_of
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.start import Start
@@ -35,7 +35,7 @@ SERVO = motor_named("servo 100 W")
 def with_shifts(ridge: Ridge, shifts: Array) -> Ridge:
     """Ridge with shifts (5, n_parameter) up to two standard deviations to each side."""
     states = tuple(np.zeros((5, own.shape[1])) for own in ridge.states)
-    return replace(ridge, way=np.linspace(-2.0, 2.0, 5), shifts=shifts, states=states)
+    return replace(ridge, abscissae=np.linspace(-2.0, 2.0, 5), shifts=shifts, states=states)
 
 
 @pytest.fixture(scope="module")
@@ -65,9 +65,9 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
     shifts = np.zeros((5, fit.position.size))
     shifts[:, place] = (fit.coordinates.lower - fit.position)[place] * np.array([6, 2, 0, 2, 6])
     straight = ridge_of(fit, WHITE)
-    along = straight.along.copy()
-    along[place] = 0.0
-    posterior.__dict__["ridge"] = with_shifts(replace(straight, along=along), shifts)
+    functional = straight.functional.copy()
+    functional[place] = 0.0
+    posterior.__dict__["ridge"] = with_shifts(replace(straight, functional=functional), shifts)
 
     draws = posterior.normal_draws(seed=5)
 
@@ -75,12 +75,12 @@ def test_draws_along_a_bent_ridge_stay_within_the_bounds() -> None:
 
 
 def test_straightening_is_the_inverse_of_bending() -> None:
-    """A shear keeps the coordinate along the ridge and is therefore invertible."""
+    """A shear leaves the position along the ridge as it is, so that it has an inverse."""
     fit = servo_fit()
     straight = ridge_of(fit, WHITE)
     shifts = np.random.default_rng(1).standard_normal((5, fit.position.size))
-    tangent = np.linalg.pinv(straight.along[None, :])[:, 0]
-    shifts -= np.outer(shifts @ straight.along, tangent)
+    tangent = np.linalg.pinv(straight.functional[None, :])[:, 0]
+    shifts -= np.outer(shifts @ straight.functional, tangent)
     ridge = with_shifts(straight, shifts)
     points = fit.position[:, None] + np.random.default_rng(2).standard_normal(
         (fit.position.size, 9)
@@ -101,17 +101,17 @@ def test_from_a_bound_the_ridge_goes_inwards(brushes: Fit) -> None:
     ridge = ridge_of(brushes, WHITE)
 
     assert brushes.coordinates.names[bound] == "brush_drop.openness"
-    assert ridge.way[0] == 0.0
-    assert ridge.way.size > 4
-    assert np.all(np.diff(ridge.shifts[:, bound] + ridge.way * ridge.tangent[bound]) > 0)
+    assert ridge.abscissae[0] == 0.0
+    assert ridge.abscissae.size > 4
+    assert np.all(np.diff(ridge.shifts[:, bound] + ridge.abscissae * ridge.tangent[bound]) > 0)
 
 
 def test_along_the_ridge_the_other_parameters_are_optimal(brushes: Fit) -> None:
     """The gradient of the cost across the ridge is zero to 0.4 standard deviations."""
     ridge = ridge_of(brushes, WHITE)
 
-    for k, way in enumerate(ridge.way):
-        position = brushes.position + way * ridge.tangent + ridge.shifts[k]
+    for k, abscissa in enumerate(ridge.abscissae):
+        position = brushes.position + abscissa * ridge.tangent + ridge.shifts[k]
         moved = position - brushes.position
         states = [
             start + brushes.equations.state_response(r) @ moved + shift
@@ -179,4 +179,4 @@ def test_a_curvature_of_zero_gives_a_finite_ridge() -> None:
     with np.errstate(all="ignore"):
         ridge = ridge_of(replace(fit, equations=flat), WHITE)
 
-    assert np.isfinite(ridge.along).all()
+    assert np.isfinite(ridge.functional).all()

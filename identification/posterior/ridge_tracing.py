@@ -66,12 +66,12 @@ class _Direction:
 
     Args:
         tangent: (n_parameter,) step over which the log density falls by about one half.
-        along: (n_parameter,) linear functional that gives the position; it is one for the tangent.
+        functional: (n_parameter,) linear functional l that gives the position; l . tangent = 1.
         free: (n_parameter,) whether a parameter moves; the others stay at their bounds.
     """
 
     tangent: Array
-    along: Array
+    functional: Array
     free: NDArray[np.bool_]
 
 
@@ -104,8 +104,8 @@ def _directions(fit: Fit, fraction: float) -> list[_Direction]:
     for k in range(size.size - 1, max(size.size - 1 - _DIRECTIONS, -1), -1):
         tangent = np.zeros(free.size)
         tangent[free] = vectors[:, k] * np.sqrt(values[k]) * size
-        along = precision @ tangent
-        found.append(_Direction(tangent, along / float(along @ tangent), free))
+        functional = precision @ tangent
+        found.append(_Direction(tangent, functional / float(functional @ tangent), free))
     for bound in np.flatnonzero(~free):
         moving = free.copy()
         moving[bound] = True
@@ -117,10 +117,10 @@ def _directions(fit: Fit, fraction: float) -> list[_Direction]:
         # At a bound the gradient lowers the density sooner than the curvature does.
         slope = max(-float(fit.equations.gradient @ tangent), 0.0)
         tangent = tangent / (np.hypot(slope, 1.0) + slope)
-        along = np.zeros(free.size)
-        along[bound] = 1.0 / tangent[bound]
-        found.append(_Direction(tangent, along, moving))
-    kept = [d for d in found if np.isfinite(d.tangent).all() and np.isfinite(d.along).all()]
+        functional = np.zeros(free.size)
+        functional[bound] = 1.0 / tangent[bound]
+        found.append(_Direction(tangent, functional, moving))
+    kept = [d for d in found if np.isfinite(d.tangent).all() and np.isfinite(d.functional).all()]
     # If the precision is numerically singular, the direction is arbitrary and not followed.
     first = np.eye(free.size)[0]
     return kept or [_Direction(first, first, free)]
@@ -157,30 +157,30 @@ def _falls(fit: Fit, fraction: float, position: Array, states: list[Array]) -> A
 def _traced(fit: Fit, fraction: float, direction: _Direction, sign: float) -> dict[float, _Point]:
     """Points of the ridge on one side, by position."""
     found: dict[float, _Point] = {}
-    way, step = 0.0, _STEP
+    abscissa, step = 0.0, _STEP
     slope = direction.tangent
     here = _Point(fit.position, fit.states, fit.equations.precision(fraction), 0.0)
     while len(found) < _MOST and here.fall < _ENOUGH:
-        way += sign * step
+        abscissa += sign * step
         # Extrapolate from the last two points of the ridge.
         ahead = here.position + sign * step * slope
-        point = _optimised(fit, fraction, ahead, here.states, direction, way)
+        point = _constrained_optimum(fit, fraction, ahead, here.states, direction, abscissa)
         if point is None or not point.fall < 2.0 * _ENOUGH:
             break
         slope = (point.position - here.position) / (sign * step)
         # Longer steps reach the end of a long tail.
         step *= _LONGER if point.fall - here.fall < _GENTLE else 1.0
-        here = found[way] = point
+        here = found[abscissa] = point
     return found
 
 
-def _optimised(
+def _constrained_optimum(
     fit: Fit,
     fraction: float,
     position: Array,
     states: tuple[Array, ...],
     direction: _Direction,
-    way: float,
+    abscissa: float,
 ) -> _Point | None:
     """The best point at a position along the ridge; None if none is found inside the bounds."""
     coordinates, free = fit.coordinates, direction.free
@@ -191,9 +191,9 @@ def _optimised(
         if not equations.is_finite:
             return None
         precision = equations.precision(fraction)
-        short = way - float(direction.along @ (position - fit.position))
+        short = abscissa - float(direction.functional @ (position - fit.position))
         step = np.zeros_like(position)
-        step[free] = _step(equations, direction.along, short, free)
+        step[free] = _step(equations, direction.functional, short, free)
         far = float(step @ precision @ step)
         position = position + step
         states = tuple(
@@ -218,22 +218,24 @@ def _is_inside(fit: Fit, position: Array, free: NDArray[np.bool_]) -> bool:
     return bool(np.all(((position > lower) & (position < upper))[free]))
 
 
-def _step(equations: NormalEquations, along: Array, short: float, free: NDArray[np.bool_]) -> Array:
+def _step(
+    equations: NormalEquations, functional: Array, short: float, free: NDArray[np.bool_]
+) -> Array:
     """Gauss-Newton step of the free parameters to the best point, `short` along the ridge."""
     matrix, gradient = equations.matrix[np.ix_(free, free)], equations.gradient[free]
-    along = along[free]
-    scale = float(np.max(np.diag(matrix))) * _STIFF / float(along @ along)
-    matrix = matrix + scale * np.outer(along, along)
-    right = gradient + scale * short * along
+    functional = functional[free]
+    scale = float(np.max(np.diag(matrix))) * _STIFF / float(functional @ functional)
+    matrix = matrix + scale * np.outer(functional, functional)
+    right = gradient + scale * short * functional
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return least_squares(matrix / np.outer(size, size), right / size, 1e-14) / size
 
 
 def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
     """The ridge of the traced points, in the order of their positions."""
-    tangent, along = direction.tangent, direction.along
-    way = np.array(sorted(points))
-    traced = [points[w] for w in way]
+    tangent, functional = direction.tangent, direction.functional
+    abscissae = np.array(sorted(points))
+    traced = [points[abscissa] for abscissa in abscissae]
     moved = np.array([point.position - fit.position for point in traced])
     states = tuple(
         np.array([point.states[k] for point in traced])
@@ -241,7 +243,7 @@ def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float,
         - moved @ fit.equations.state_response(k).T
         for k, start in enumerate(fit.states)
     )
-    basis = null_space(along[None, :] / np.linalg.norm(along))
+    basis = null_space(functional[None, :] / np.linalg.norm(functional))
     roots, log_density = [], []
     for point in traced:
         root = _scaled_root(basis.T @ point.precision @ basis)
@@ -250,9 +252,9 @@ def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float,
     return Ridge(
         centre=fit.position,
         tangent=tangent,
-        along=along,
-        way=way,
-        shifts=moved - np.outer(way, tangent),
+        functional=functional,
+        abscissae=abscissae,
+        shifts=moved - np.outer(abscissae, tangent),
         states=states,
         log_density=np.array(log_density),
         roots=np.array(roots),
