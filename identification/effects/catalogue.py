@@ -1,60 +1,82 @@
-"""Catalogue of the effects: classes by name.
+"""Catalogue of the effects: the registered classes of this package by name, the most common first.
 
-A new effect needs a class in one of the modules of this package and a line in `CATALOGUE`.
+Each module of the package is imported, so a new effect needs a class with the decorator `register`
+in one file.  A class in another package is added at the end of the catalogue when it is imported.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Final
 
-from identification.effects.cogging import CoggingTorque
-from identification.effects.electrical import BrushDrop, FluxSaturation, InductanceSaturation
-from identification.effects.friction import (
-    CoulombFriction,
-    QuadraticDrag,
-    StribeckFriction,
-    ViscousTemperature,
-)
-from identification.effects.lag import MagnetLag, WindingLag
-from identification.effects.load import InertiaChange, LoadStep, LoadTorque, ShaftCompliance
-from identification.effects.sensor import (
-    ChannelDelay,
-    CurrentFilter,
-    InputHold,
-    SpeedFilter,
-)
-from identification.effects.thermal import (
-    Demagnetization,
-    ResistanceCurvature,
-    SelfHeating,
-)
-from identification.effects.zero import CurrentOffset, SpeedOffset, VoltageOffset
+from identification import effects
+from identification.effects.confusion import CONFUSIONS, Confusion
+from identification.effects.effect import REGISTERED, AbstractEffect
 
-__all__ = ["CATALOGUE"]
+__all__ = ["CATALOGUE", "confusions", "confusions_of"]
 
-CATALOGUE: Final[dict[str, Any]] = {
-    "coulomb_friction": CoulombFriction,
-    "stribeck_friction": StribeckFriction,
-    "quadratic_drag": QuadraticDrag,
-    "viscous_temperature": ViscousTemperature,
-    "load_torque": LoadTorque,
-    "load_step": LoadStep,
-    "cogging_torque": CoggingTorque,
-    "inertia_change": InertiaChange,
-    "shaft_compliance": ShaftCompliance,
-    "brush_drop": BrushDrop,
-    "flux_saturation": FluxSaturation,
-    "inductance_saturation": InductanceSaturation,
-    "self_heating": SelfHeating,
-    "winding_lag": WindingLag,
-    "magnet_lag": MagnetLag,
-    "resistance_curvature": ResistanceCurvature,
-    "demagnetization": Demagnetization,
-    "current_offset": CurrentOffset,
-    "voltage_offset": VoltageOffset,
-    "speed_offset": SpeedOffset,
-    "channel_delay": ChannelDelay,
-    "speed_filter": SpeedFilter,
-    "current_filter": CurrentFilter,
-    "input_hold": InputHold,
-}
+_COMMON_FIRST: Final = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "quadratic_drag",
+    "viscous_temperature",
+    "load_torque",
+    "load_step",
+    "cogging_torque",
+    "inertia_change",
+    "shaft_compliance",
+    "brush_drop",
+    "flux_saturation",
+    "inductance_saturation",
+    "self_heating",
+    "winding_lag",
+    "magnet_lag",
+    "resistance_curvature",
+    "demagnetization",
+    "current_offset",
+    "voltage_offset",
+    "speed_offset",
+    "channel_delay",
+    "speed_filter",
+    "current_filter",
+    "input_hold",
+)
+"""Effects in the order in which they decide ties; all others are less common."""
+
+
+class _Catalogue(Mapping[str, type[AbstractEffect]]):
+    """Registered effects, those of `_COMMON_FIRST` first."""
+
+    def __getitem__(self, name: str) -> type[AbstractEffect]:
+        return REGISTERED[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from (name for name in _COMMON_FIRST if name in REGISTERED)
+        yield from (name for name in REGISTERED if name not in _COMMON_FIRST)
+
+    def __len__(self) -> int:
+        return len(REGISTERED)
+
+
+for _module in iter_modules(effects.__path__):
+    import_module(f"{effects.__name__}.{_module.name}")
+
+CATALOGUE: Final[Mapping[str, type[AbstractEffect]]] = _Catalogue()
+
+
+def confusions() -> tuple[Confusion, ...]:
+    """All confusions: the known ones, then those that only further effects declare."""
+    declared = (confusion for kind in CATALOGUE.values() for confusion in kind.confusions)
+    return tuple(dict.fromkeys((*CONFUSIONS, *declared)))
+
+
+def confusions_of(names: Sequence[str]) -> list[Confusion]:
+    """Confusions of one of the effects in `names`.
+
+    Args:
+        names: Names of effects; those outside the catalogue have no confusions.
+    """
+    declared = {c for name in names if name in CATALOGUE for c in CATALOGUE[name].confusions}
+    return [confusion for confusion in confusions() if confusion in declared]

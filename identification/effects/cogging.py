@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal
+from typing import Final, Literal
 
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import CampaignScales, Candidate, amplitude, columns, shape
+from identification.effects.effect import (
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
 from identification.effects.orders import HIGHEST_ORDER
+from identification.effects.parameters import amplitude, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractTerm,
@@ -33,8 +40,9 @@ _PINNED: Final = 1e-6
 """Prior standard deviation of the initial simulated angle, which is zero [rad]."""
 
 
+@register
 @dataclass(frozen=True)
-class CoggingTorque(AbstractTorque):
+class CoggingTorque(AbstractEffect, AbstractTorque):
     """Torque periodic in the shaft angle phi, from slots and poles or from a bent shaft.
 
         tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
@@ -64,10 +72,10 @@ class CoggingTorque(AbstractTorque):
     duration: float = 0.0
     recall: float = 0.0
 
-    name: ClassVar[str] = "cogging_torque"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("position",)
-    source: ClassVar[str] = (
+    name = "cogging_torque"
+    equation = "mechanical"
+    drivers = ("position",)
+    source = (
         "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
     )
 
@@ -112,7 +120,7 @@ class CoggingTorque(AbstractTorque):
         return named
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The order and, if the angle is logged, the amplitudes."""
         order = shape("order", "-", "number of periods per revolution", 0.5, 2.0 * HIGHEST_ORDER)
         amplitudes = tuple(
@@ -122,7 +130,7 @@ class CoggingTorque(AbstractTorque):
         return (order, *amplitudes) if self.logged else (order,)
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """Per-record amplitudes, if no common zero is logged, and the simulated angle.
 
         The angle starts at zero, since the amplitudes of each record already contain its phase.

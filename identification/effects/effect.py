@@ -1,36 +1,51 @@
-"""Candidate terms of the search, with their starting values and the scales of a campaign.
+"""Extension point of the search: what an effect declares beyond its equations.
 
-An effect is a term (`model.term`) with one more method: `candidates` returns prototypes of the
-term for the motor at hand.  A prototype is the term at starting values of finite size.  The score
-test uses prototypes instead of the derivative at zero, because the derivative of a filter or lag
-vanishes there and the derivative of friction near standstill does not have the effect's shape.
+An effect is a term (`model.term`) that the search can find.  `AbstractEffect` declares what the
+search, the report and the documentation need of it; `docs/write-an-effect.md` shows an example.
+`candidates` returns prototypes of the effect for the motor at hand.  A prototype is the term at
+starting values of finite size.  The score test uses prototypes instead of the derivative at zero,
+because the derivative of a filter or lag vanishes there and the derivative of friction near
+standstill does not have the effect's shape.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.confusion import Confusion
+from identification.model.declared import DECLARED
 from identification.model.excitation import Record
-from identification.model.parameter import Parameter
-from identification.model.term import AbstractDelay, AbstractHold, AbstractMean, AbstractTerm
+from identification.model.term import (
+    AbstractDelay,
+    AbstractHold,
+    AbstractMean,
+    AbstractTerm,
+)
 
 __all__ = [
+    "REGISTERED",
+    "AbstractEffect",
     "AbstractForced",
-    "Candidate",
+    "AbstractRunEffect",
     "CampaignScales",
-    "amplitude",
-    "asymmetry",
+    "Candidate",
+    "Scope",
     "columns",
-    "shape",
+    "effects_of",
+    "register",
 ]
 
 Array = NDArray[np.float64]
+Effect = TypeVar("Effect", bound="type[AbstractEffect]")
+
+Scope = Literal["all runs", "some runs", "one span"]
+"""Part of a campaign in which an effect acts."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +65,8 @@ class CampaignScales:
         values: (7,) physical values of the nominal parameters in the fit.
         angle_logged: Whether the shaft angle is logged; if not, it is integrated from the speed.
         orders: Prominent orders of the residual, in periods per revolution [-].
+        frequencies: Prominent frequencies of the residual; only the search for surrogates has
+            them [Hz].
     """
 
     records: tuple[Record, ...]
@@ -64,6 +81,11 @@ class CampaignScales:
     values: Array
     angle_logged: bool
     orders: tuple[float, ...] = ()
+    frequencies: tuple[float, ...] = ()
+
+    def nominal(self, name: str) -> float:
+        """Value of a nominal parameter in the fit, such as ``Ra25`` [unit of the parameter]."""
+        return float(self.values[[parameter.name for parameter in DECLARED].index(name)])
 
     @property
     def runs(self) -> tuple[int, ...]:
@@ -83,6 +105,138 @@ class CampaignScales:
 
 
 @dataclass(frozen=True)
+class AbstractEffect(AbstractTerm):
+    """Term that the search can find, or one law of such an effect.
+
+    The class docstring is the entry of the effect in `docs/effects.md`: one sentence, the formula
+    with its unit, and remarks.
+
+    Attributes:
+        name: Name in result.json; laws of one effect share it.
+        equation: Part of the model that the effect enters.
+        source: Publication of the law.
+        confusions: Effects and parameters that are confounded with this one.
+        defining: Shape parameters whose range defines the effect.
+        moments: Parameters that are times of events, which may fall on any sample.
+        laws: Other classes with the same name, among the candidates of this one.
+    """
+
+    source: ClassVar[str]
+    confusions: ClassVar[tuple[Confusion, ...]] = ()
+    defining: ClassVar[tuple[str, ...]] = ()
+    moments: ClassVar[tuple[str, ...]] = ()
+    laws: ClassVar[tuple[type[AbstractEffect], ...]] = ()
+
+    @classmethod
+    @abstractmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """Prototypes for a campaign; empty if its runs cannot reveal the effect.
+
+        Args:
+            scales: Natural scales of the campaign.
+        """
+
+    @property
+    def variant(self) -> str:
+        """Label that tells terms of the same name apart: channel, run or signals; often empty."""
+        return ""
+
+    @property
+    def scope(self) -> Scope:
+        """Part of a campaign in which the effect acts."""
+        return "all runs"
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the term applies only to the runs or times in which it was found."""
+        return self.scope != "all runs"
+
+    @property
+    def plotted(self) -> tuple[str, ...]:
+        """Signals against which the report plots the effect: its drivers, by default."""
+        return self.drivers
+
+    @property
+    def richer(self) -> tuple[AbstractEffect, ...]:
+        """Extended variants, tried in turn once this term has been accepted; often none."""
+        return ()
+
+    def leads(self, before: AbstractEffect) -> tuple[AbstractEffect, ...]:
+        """Continuation steps from a simpler variant to this one; none for most terms.
+
+        Args:
+            before: The simpler variant.
+        """
+        return ()
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """Reason why these values contradict the effect, in words; empty if they do not.
+
+        Args:
+            values: Parameters of the term by name.
+        """
+        return ""
+
+    def expecting(self, size: float) -> Self:
+        """The term with this prior standard deviation of its per-record amplitudes.
+
+        Args:
+            size: Standard deviation, in the unit of the amplitudes.
+
+        Raises:
+            NotImplementedError: The term has no per-record amplitudes.
+        """
+        raise NotImplementedError(f"{self.name} has no per-record amplitudes")
+
+    @classmethod
+    def setting_names(cls) -> set[str]:
+        """Names of the settings, which tell a law from others with its name and equation."""
+        return {field.name for field in fields(cls)}
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """Fields of the term by name, from which it can be reconstructed."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+class AbstractRunEffect(AbstractEffect):
+    """Effect of single runs: simulated in all runs at once, then scored for each run.
+
+    Attributes:
+        recurs: Whether it may act alike in several runs.
+    """
+
+    recurs: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs; empty for the prototype, which acts in all."""
+
+    @abstractmethod
+    def in_runs(self, run: int, *others: int) -> Self:
+        """The effect in one run, or in `run` and `others` if it recurs."""
+
+
+class AbstractForced(AbstractEffect):
+    """An effect that only adds a torque or voltage, linear in the amplitudes that are scored."""
+
+    @abstractmethod
+    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
+        """Torque [N m] or voltage [V] along a trajectory.
+
+        Args:
+            record: The record.
+            current: (n_sample,) [A].
+            speed: (n_sample,) [rad/s].
+            starts: (n_parameter, n_start) values of the parameters.
+
+        Returns:
+            (n_sample, n_start).
+        """
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A term to try, with the values from which its score and its refit start.
 
@@ -93,21 +247,16 @@ class Candidate:
         fitted: The term that is refitted, if it differs from `term`: its parameters are the first
             ones of `term`, and the others become states, free in each record.  Such starts are
             scored with per-record amplitudes.
-        by_run: Whether the term acts in one run only, given by its field `run`.  It is simulated
-            in all runs at once, with `run` None, and scored for each run.
-        recurs: Whether such a term may act alike in several runs, given by its field `others`.
         tried: (n_parameter, n_point) additional starting points of the refit, for terms whose
             score does not show how good a starting point is.
         traded: Additional starting points of the refit, each with factors on parameters that are
             already in the model: these parameters give back the effect that they had absorbed.
     """
 
-    term: AbstractTerm
+    term: AbstractEffect
     starts: Array
     joint: int = 1
-    fitted: AbstractTerm | None = None
-    by_run: bool = False
-    recurs: bool = False
+    fitted: AbstractEffect | None = None
     tried: Array | None = None
     traded: tuple[tuple[Array, dict[str, float]], ...] = ()
 
@@ -137,14 +286,28 @@ class Candidate:
                 first[row] = 0.0
         return first
 
-    def in_runs(self, run: int, *others: int) -> Candidate:
-        """The candidate restricted to one run, or to `run` and `others` if it recurs."""
-        term: Any = self.term
-        own = {"run": run} | ({"others": others} if others else {})
-        return replace(self, term=replace(term, **own), by_run=False, recurs=False)
+    @property
+    def by_run(self) -> bool:
+        """Whether the term is simulated in all runs at once and scored for each run."""
+        return isinstance(self.term, AbstractRunEffect) and not self.term.runs
 
     @property
-    def final(self) -> AbstractTerm:
+    def recurs(self) -> bool:
+        """Whether a term that is scored for each run may act alike in several runs."""
+        return isinstance(self.term, AbstractRunEffect) and self.term.recurs
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs to which the term is restricted; empty for all runs."""
+        return self.term.runs if isinstance(self.term, AbstractRunEffect) else ()
+
+    def in_runs(self, run: int, *others: int) -> Candidate:
+        """The candidate restricted to one run, or to `run` and `others` if it recurs."""
+        assert isinstance(self.term, AbstractRunEffect)
+        return replace(self, term=self.term.in_runs(run, *others))
+
+    @property
+    def final(self) -> AbstractEffect:
         """The term that a refit uses."""
         return self.fitted or self.term
 
@@ -154,82 +317,33 @@ class Candidate:
         return bool(self.final.states) and self.final is not self.term
 
 
-class AbstractForced(AbstractTerm):
-    """A term that only adds a torque or voltage, linear in the amplitudes that are scored."""
-
-    @abstractmethod
-    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """Torque [N m] or voltage [V] along a trajectory.
-
-        Args:
-            record: The record.
-            current: (n_sample,) [A].
-            speed: (n_sample,) [rad/s].
-            starts: (n_parameter, n_start) values of the parameters.
-
-        Returns:
-            (n_sample, n_start).
-        """
-
-
-def amplitude(
-    name: str, unit: str, meaning: str, size: float, *, signed: bool = False
-) -> Parameter:
-    """Parameter to which the effect is proportional.
-
-    Args:
-        name: Name in the result.
-        unit: Unit.
-        meaning: One phrase.
-        size: Scale of the quantity that the effect changes; the prior's standard deviation is
-            three times as large [unit].
-        signed: Whether it may be negative.
-    """
-    return Parameter(
-        name, unit, meaning, scale=size, lower=-np.inf if signed else 0.0, prior_sd=3.0
-    )
-
-
-def asymmetry() -> Parameter:
-    """Parameter for the difference between two directions, as in contacts or preloaded bearings."""
-    return Parameter(
-        "asymmetry",
-        "-",
-        "(forward - reverse) / (forward + reverse)",
-        scale=0.1,
-        lower=-0.6,
-        upper=0.6,
-        prior_sd=2.0,
-    )
-
-
-def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:
-    """Positive shape parameter, searched in its logarithm.
-
-    The prior is normal in the logarithm and broad: its standard deviation is twice that of a
-    uniform distribution between the bounds.
-
-    Args:
-        name: Name in the result.
-        unit: Unit.
-        meaning: One phrase.
-        lower: Smallest value that is distinguishable from a limit case [unit].
-        upper: Largest such value [unit].
-    """
-    middle = float(np.sqrt(lower * upper))
-    width = float(np.log(upper / lower) / np.sqrt(12.0))
-    return Parameter(
-        name,
-        unit,
-        meaning,
-        search="log",
-        lower=lower,
-        upper=upper,
-        prior_mean=middle,
-        prior_sd=2.0 * width,
-    )
-
-
 def columns(*starts: Sequence[float]) -> Array:
     """(n_parameter, n_start) matrix of starting vectors."""
     return np.array(starts, dtype=np.float64).T
+
+
+REGISTERED: dict[str, type[AbstractEffect]] = {}
+"""Effects by name, in the order of registration; `catalogue` has all of them."""
+
+
+def register(effect: Effect) -> Effect:
+    """Add an effect to the catalogue, as the decorator of its class.
+
+    Args:
+        effect: The class.
+
+    Raises:
+        ValueError: Another class has the name.
+    """
+    other = REGISTERED.setdefault(effect.name, effect)
+    if other is not effect:
+        raise ValueError(
+            f"the effect {effect.name!r} of {effect.__module__} has the name of "
+            f"{other.__module__}.{other.__name__}; expected another name"
+        )
+    return effect
+
+
+def effects_of(terms: Iterable[AbstractTerm]) -> tuple[AbstractEffect, ...]:
+    """The effects among the terms of a model."""
+    return tuple(term for term in terms if isinstance(term, AbstractEffect))

@@ -7,14 +7,15 @@ from typing import ClassVar, Final
 
 import casadi as ca
 
+from identification.effects.confusion import BRUSHES, INDUCTANCE, TORQUE_CONSTANT
 from identification.effects.effect import (
+    AbstractEffect,
     CampaignScales,
     Candidate,
-    amplitude,
-    asymmetry,
     columns,
-    shape,
+    register,
 )
+from identification.effects.parameters import amplitude, asymmetry, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -34,8 +35,9 @@ _STRAIGHT: Final = 1e-6
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
 
+@register
 @dataclass(frozen=True)
-class BrushDrop(AbstractVoltage):
+class BrushDrop(AbstractEffect, AbstractVoltage):
     """Voltage drop at the brush contacts, with the sign of the current.
 
         v = -V_b (s + a |s|),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
@@ -56,15 +58,16 @@ class BrushDrop(AbstractVoltage):
     voltage_size: float
     current_size: float
 
-    name: ClassVar[str] = "brush_drop"
-    equation: ClassVar[str] = "electrical"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
-    source: ClassVar[str] = (
+    name = "brush_drop"
+    confusions = (BRUSHES,)
+    equation = "electrical"
+    drivers = ("current",)
+    source = (
         "Hamilton, DC Motor Control (2000), section on brushes; Holm, Electric Contacts, section 42"
     )
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Voltage, current of the knee, sharpness, openness and asymmetry."""
         return (
             amplitude(
@@ -119,7 +122,7 @@ class BrushDrop(AbstractVoltage):
 
 
 @dataclass(frozen=True)
-class _Saturation(AbstractCoefficient):
+class _Saturation(AbstractEffect, AbstractCoefficient):
     """Saturation of a coefficient x by the magnitude of the current, even in the current.
 
         x -> x (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))
@@ -133,15 +136,15 @@ class _Saturation(AbstractCoefficient):
 
     reference: float
 
-    equation: ClassVar[str] = "electrical"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
+    equation = "electrical"
+    drivers = ("current",)
     scale: ClassVar[float]
     most: ClassVar[float]
     width: ClassVar[float]
     lasting: ClassVar[Parameter]
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Fall c at the reference current, exponent n, and fraction s that does not saturate."""
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
@@ -167,6 +170,7 @@ class _Saturation(AbstractCoefficient):
         return lasting + (1 - lasting) / (1 + fall)
 
 
+@register
 @dataclass(frozen=True)
 class FluxSaturation(_Saturation):
     """Armature reaction: Kt falls with the magnitude of the current, as the field weakens.
@@ -177,15 +181,14 @@ class FluxSaturation(_Saturation):
     Kt remains once the poles that face the armature current are saturated.
     """
 
-    name: ClassVar[str] = "flux_saturation"
-    source: ClassVar[str] = (
-        "Fitzgerald, Kingsley and Umans, Electric Machinery, section on armature reaction"
-    )
-    coefficient: ClassVar[str] = "Kt"
-    scale: ClassVar[float] = 0.05
-    most: ClassVar[float] = 3.0
-    width: ClassVar[float] = 5.0
-    lasting: ClassVar[Parameter] = Parameter(
+    name = "flux_saturation"
+    confusions = (TORQUE_CONSTANT,)
+    source = "Fitzgerald, Kingsley and Umans, Electric Machinery, section on armature reaction"
+    coefficient = "Kt"
+    scale = 0.05
+    most = 3.0
+    width = 5.0
+    lasting = Parameter(
         "lasting",
         "-",
         "fraction of Kt that does not saturate",
@@ -203,6 +206,7 @@ class FluxSaturation(_Saturation):
         return [Candidate(term, columns((0.05, 1.3, 0.3), (0.05, 2.5, 0.3), (0.2, 2.0, 0.95)))]
 
 
+@register
 @dataclass(frozen=True)
 class InductanceSaturation(_Saturation):
     """Saturation of the iron: L falls with the magnitude of the current.
@@ -212,13 +216,14 @@ class InductanceSaturation(_Saturation):
     The fraction s belongs to the leakage flux, whose path is in air and does not saturate.
     """
 
-    name: ClassVar[str] = "inductance_saturation"
-    source: ClassVar[str] = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
-    coefficient: ClassVar[str] = "L"
-    scale: ClassVar[float] = 0.2
-    most: ClassVar[float] = 100.0
-    width: ClassVar[float] = 20.0
-    lasting: ClassVar[Parameter] = Parameter(
+    name = "inductance_saturation"
+    confusions = (INDUCTANCE,)
+    source = "Fitzgerald, Kingsley and Umans, Electric Machinery, section 1.3"
+    coefficient = "L"
+    scale = 0.2
+    most = 100.0
+    width = 20.0
+    lasting = Parameter(
         "leakage",
         "-",
         "fraction of L that does not saturate (leakage flux)",

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import casadi as ca
 
+from identification.effects.confusion import FRICTION
 from identification.effects.effect import (
+    AbstractEffect,
     CampaignScales,
     Candidate,
-    amplitude,
-    asymmetry,
     columns,
-    shape,
+    register,
 )
+from identification.effects.parameters import amplitude, asymmetry, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -41,8 +41,9 @@ def smooth_sign(x: Expression, width: float) -> Expression:
     return x / ca.sqrt(x * x + width * width)
 
 
+@register
 @dataclass(frozen=True)
-class CoulombFriction(AbstractTorque):
+class CoulombFriction(AbstractEffect, AbstractTorque):
     """Coulomb friction: a torque against the motion that does not depend on the speed.
 
         tau = -T_c (1 + a sgn w) sgn w                                      [N m]
@@ -58,15 +59,14 @@ class CoulombFriction(AbstractTorque):
     torque_size: float
     width: float
 
-    name: ClassVar[str] = "coulomb_friction"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    source: ClassVar[str] = (
-        "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
-    )
+    name = "coulomb_friction"
+    confusions = (FRICTION,)
+    equation = "mechanical"
+    drivers = ("speed",)
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Torque and asymmetry."""
         return (
             amplitude(
@@ -87,8 +87,9 @@ class CoulombFriction(AbstractTorque):
         return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
 
 
+@register
 @dataclass(frozen=True)
-class StribeckFriction(AbstractTorque):
+class StribeckFriction(AbstractEffect, AbstractTorque):
     """Stribeck friction: extra dry friction at low speed that fades as a lubricant film builds up.
 
         tau = -T_s exp(-(|w| / w_s)^d) sgn w                                [N m]
@@ -106,17 +107,18 @@ class StribeckFriction(AbstractTorque):
     speed_size: float
     width: float
 
-    name: ClassVar[str] = "stribeck_friction"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    defining: ClassVar[tuple[str, ...]] = ("exponent",)
-    source: ClassVar[str] = (
+    name = "stribeck_friction"
+    confusions = (FRICTION,)
+    equation = "mechanical"
+    drivers = ("speed",)
+    defining = ("exponent",)
+    source = (
         "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138; Hess and "
         "Soom, J. Tribology 112 (1990), 147-152"
     )
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Torque, speed and exponent."""
         return (
             amplitude(
@@ -147,8 +149,9 @@ class StribeckFriction(AbstractTorque):
         return [Candidate(term, columns(*starts))]
 
 
+@register
 @dataclass(frozen=True)
-class QuadraticDrag(AbstractTorque):
+class QuadraticDrag(AbstractEffect, AbstractTorque):
     """Fan or windage torque that grows with about the square of the speed.
 
         tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
@@ -163,16 +166,17 @@ class QuadraticDrag(AbstractTorque):
     torque_size: float
     reference: float
 
-    name: ClassVar[str] = "quadratic_drag"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    defining: ClassVar[tuple[str, ...]] = ("exponent",)
-    source: ClassVar[str] = (
+    name = "quadratic_drag"
+    confusions = (FRICTION,)
+    equation = "mechanical"
+    drivers = ("speed",)
+    defining = ("exponent",)
+    source = (
         "Vrancik, NASA TN D-4849 (1968) (windage); affinity laws of fans, torque with speed squared"
     )
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Torque at the reference speed, exponent and asymmetry."""
         return (
             amplitude(
@@ -197,8 +201,9 @@ class QuadraticDrag(AbstractTorque):
         ]
 
 
+@register
 @dataclass(frozen=True)
-class ViscousTemperature(AbstractCoefficient):
+class ViscousTemperature(AbstractEffect, AbstractCoefficient):
     """Temperature dependence of viscous friction, as of grease that thins when it warms.
 
         b(T) = b (1 - f k (T - 25))^(1/f)                                   [N m s/rad]
@@ -208,14 +213,14 @@ class ViscousTemperature(AbstractCoefficient):
     so the uncertainty of b at 25 degC includes that of the law.
     """
 
-    name: ClassVar[str] = "viscous_temperature"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("speed", "temperature")
-    source: ClassVar[str] = (
-        "Reynolds, Phil. Trans. R. Soc. 177 (1886), 157-234 (viscosity falls exponentially)"
-    )
-    coefficient: ClassVar[str] = "b"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "viscous_temperature"
+    confusions = (FRICTION,)
+    equation = "mechanical"
+    drivers = ("speed", "temperature")
+    plotted = ("temperature",)
+    source = "Reynolds, Phil. Trans. R. Soc. 177 (1886), 157-234 (viscosity falls exponentially)"
+    coefficient = "b"
+    parameters = (
         Parameter(
             "rate",
             "1/K",

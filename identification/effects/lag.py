@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import CampaignScales, Candidate, columns, shape
+from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
+from identification.effects.effect import (
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
+from identification.effects.parameters import shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractTemperature,
@@ -47,7 +55,7 @@ def _moves(scales: CampaignScales) -> bool:
 
 
 @dataclass(frozen=True)
-class _Lag(AbstractTemperature):
+class _Lag(AbstractEffect, AbstractTemperature):
     """First-order lag of a body's temperature behind the logged temperature.
 
     Args:
@@ -58,17 +66,17 @@ class _Lag(AbstractTemperature):
     fastest: float
     slowest: float
 
-    equation: ClassVar[str] = "thermal"
-    drivers: ClassVar[tuple[str, ...]] = ("temperature",)
-    source: ClassVar[str] = _SOURCE
+    equation = "thermal"
+    drivers = ("temperature",)
+    source = _SOURCE
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """Temperature of the body."""
         return (State("temperature", "degC", "temperature"),)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Time constant."""
         return (self._time_constant("time constant of the magnet temperature"),)
 
@@ -94,6 +102,7 @@ class _Lag(AbstractTemperature):
         return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]
 
 
+@register
 @dataclass(frozen=True)
 class WindingLag(_Lag):
     """First-order lag between winding temperature and logged temperature T, in either direction.
@@ -127,10 +136,11 @@ class WindingLag(_Lag):
     step: float = 0.0
     size: float = 0.0
 
-    name: ClassVar[str] = "winding_lag"
+    name = "winding_lag"
+    confusions = (RESISTANCE,)
 
     @property
-    def bodies_felt(self) -> tuple[str, ...]:  # type: ignore[override]
+    def bodies_felt(self) -> tuple[str, ...]:
         """The winding, and the magnet if the log lags it as well."""
         return ("winding", "magnet") if self.direction == _BOTH_AHEAD else ("winding",)
 
@@ -149,7 +159,7 @@ class WindingLag(_Lag):
         return replace(self, size=size)
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """Temperature of a lagging winding, or departure, warming and bend of a record."""
         if self.direction == _BEHIND:
             return super().states
@@ -157,7 +167,7 @@ class WindingLag(_Lag):
         return tuple(State(name, "K", scale=self.size, is_own=True) for name in course)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Time constant of the lag."""
         return (
             self._time_constant(
@@ -198,6 +208,7 @@ class WindingLag(_Lag):
         return [*super().candidates(scales), *ahead]
 
 
+@register
 @dataclass(frozen=True)
 class MagnetLag(_Lag):
     """First-order lag of the magnet temperature T_m behind the logged temperature T.
@@ -205,5 +216,6 @@ class MagnetLag(_Lag):
     dT_m/dt = (T - T_m) / tau                                           [K/s]
     """
 
-    name: ClassVar[str] = "magnet_lag"
-    bodies_felt: ClassVar[tuple[str, ...]] = ("magnet",)
+    name = "magnet_lag"
+    confusions = (TORQUE_CONSTANT,)
+    bodies_felt = ("magnet",)

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from dataclasses import dataclass, replace
+from typing import Final
 
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import CampaignScales, Candidate, amplitude, columns, shape
+from identification.effects.confusion import CONSTANT_TORQUE, SINGLE_RUN
+from identification.effects.effect import (
+    AbstractEffect,
+    AbstractRunEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
+from identification.effects.parameters import amplitude, shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,
     resonances,
@@ -31,24 +40,23 @@ _SHORTEST: Final = 5.0
 """Least duration of a load, in widths of an edge; an edge is two samples wide."""
 
 
-def _in_run(signals: Signals, run: int | None, others: Sequence[int] = ()) -> Expression:
-    """Factor that is one in these runs and zero elsewhere; one everywhere if `run` is None [-]."""
-    if run is None:
+def _in_runs(signals: Signals, runs: Sequence[int]) -> Expression:
+    """Factor that is one in these runs and zero elsewhere; one everywhere without runs [-]."""
+    if not runs:
         return ca.SX(1)
-    return sum((ca.fabs(signals.run - one) < 0.5 for one in (run, *others)), ca.SX(0))
+    return sum((ca.fabs(signals.run - one) < 0.5 for one in runs), ca.SX(0))
 
 
-def _run_name(run: int | None, others: Sequence[int] = ()) -> str:
-    if run is None:
-        return "a run"
-    numbers = [str(one + 1) for one in sorted((run, *others))]
-    if len(numbers) == 1:
-        return f"run {numbers[0]}"
+def _named(runs: Sequence[int]) -> str:
+    numbers = [str(one + 1) for one in sorted(runs)]
+    if len(numbers) < 2:
+        return f"run {numbers[0]}" if numbers else "a run"
     return f"runs {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
+@register
 @dataclass(frozen=True)
-class LoadTorque(AbstractTorque):
+class LoadTorque(AbstractEffect, AbstractTorque):
     """Constant external torque, such as that of a hanging weight.
 
         tau = -T_l                                                          [N m]
@@ -59,13 +67,14 @@ class LoadTorque(AbstractTorque):
 
     torque_size: float
 
-    name: ClassVar[str] = "load_torque"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
+    name = "load_torque"
+    confusions = (CONSTANT_TORQUE,)
+    equation = "mechanical"
+    drivers = ()
+    source = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The torque."""
         return (amplitude("torque", "N m", "constant load torque", self.torque_size, signed=True),)
 
@@ -79,8 +88,9 @@ class LoadTorque(AbstractTorque):
         return [Candidate(cls(scales.torque), columns((0.05 * scales.torque,)))]
 
 
+@register
 @dataclass(frozen=True)
-class LoadStep(AbstractTorque):
+class LoadStep(AbstractRunEffect, AbstractTorque):
     """External torque during one time span of a run, or the same span of several runs.
 
         tau = -T_l   while start <= t < stop in run r                       [N m]
@@ -102,37 +112,42 @@ class LoadStep(AbstractTorque):
     duration: float
     others: tuple[int, ...] = ()
 
-    name: ClassVar[str] = "load_step"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("time",)
-    moments: ClassVar[tuple[str, ...]] = ("start", "stop")
-    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
+    name = "load_step"
+    confusions = (SINGLE_RUN,)
+    equation = "mechanical"
+    drivers = ("time",)
+    moments = ("start", "stop")
+    scope = "one span"
+    recurs = True
+    source = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
-    def is_local(self) -> bool:
-        """True: a load step does not recur in other runs."""
-        return True
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs with the load."""
+        return () if self.run is None else (self.run, *self.others)
+
+    def in_runs(self, run: int, *others: int) -> LoadStep:
+        """The load in these runs."""
+        return replace(self, run=run, others=others)
 
     @property
     def variant(self) -> str:
         """The runs."""
-        return "" if self.run is None else _run_name(self.run, self.others)
+        return _named(self.runs) if self.runs else ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Torque, start time and stop time."""
-        time = {
-            "scale": self.duration / 50,
-            "lower": -self.duration,
-            "upper": 2 * self.duration,
-            "prior_mean": self.duration / 2,
-            "prior_sd": 50.0,
-        }
-        meaning = f"load torque in {_run_name(self.run, self.others)}"
+        start = Parameter(
+            "start", "s", "time at which the load begins", scale=self.duration / 50,
+            lower=-self.duration, upper=2 * self.duration,
+            prior_mean=self.duration / 2, prior_sd=50.0,
+        )  # fmt: skip
+        meaning = f"load torque in {_named(self.runs)}"
         return (
             amplitude("torque", "N m", meaning, self.torque_size, signed=True),
-            Parameter("start", "s", "time at which the load begins", **time),  # type: ignore[arg-type]
-            Parameter("stop", "s", "time at which the load ends", **time),  # type: ignore[arg-type]
+            start,
+            replace(start, name="stop", meaning="time at which the load ends"),
         )
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -150,7 +165,7 @@ class LoadStep(AbstractTorque):
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque of the load [N m]."""
-        here = _in_run(signals, self.run, self.others)
+        here = _in_runs(signals, self.runs)
 
         def passed(moment: Expression) -> Expression:
             late = (signals.time - moment) / self.edge
@@ -174,11 +189,12 @@ class LoadStep(AbstractTorque):
                     begin = 0.5 * k * length
                     starts.append((0.1 * scales.torque, begin, begin + length))
         term = cls(None, scales.torque, 2 * scales.interval, scales.duration)
-        return [Candidate(term, columns(*starts), by_run=True, recurs=True)]
+        return [Candidate(term, columns(*starts))]
 
 
+@register
 @dataclass(frozen=True)
-class InertiaChange(AbstractCoefficient):
+class InertiaChange(AbstractRunEffect, AbstractCoefficient):
     """Different inertia in one run, after a change of coupling or load.
 
         J -> J (1 + d)   in run r                                           [kg m^2]
@@ -189,30 +205,36 @@ class InertiaChange(AbstractCoefficient):
 
     run: int | None
 
-    name: ClassVar[str] = "inertia_change"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("time",)
-    source: ClassVar[str] = "Krishnan, Electric Motor Drives (2001), section 2.3"
-    coefficient: ClassVar[str] = "J"
+    name = "inertia_change"
+    confusions = (SINGLE_RUN,)
+    equation = "mechanical"
+    drivers = ("time",)
+    source = "Krishnan, Electric Motor Drives (2001), section 2.3"
+    coefficient = "J"
+    scope = "some runs"
 
     @property
-    def is_local(self) -> bool:
-        """True: a change of inertia does not recur in other runs."""
-        return True
+    def runs(self) -> tuple[int, ...]:
+        """Number of the run."""
+        return () if self.run is None else (self.run,)
+
+    def in_runs(self, run: int, *others: int) -> InertiaChange:
+        """The change in one run."""
+        return replace(self, run=run)
 
     @property
     def variant(self) -> str:
         """The run."""
-        return "" if self.run is None else _run_name(self.run)
+        return _named(self.runs) if self.runs else ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The relative change."""
         return (
             Parameter(
                 "change",
                 "-",
-                f"relative change of the inertia in {_run_name(self.run)}",
+                f"relative change of the inertia in {_named(self.runs)}",
                 scale=0.1,
                 lower=-0.9,
                 upper=20.0,
@@ -222,17 +244,17 @@ class InertiaChange(AbstractCoefficient):
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on J [-]."""
-        here = _in_run(signals, self.run)
-        return 1 + values.change * here
+        return 1 + values.change * _in_runs(signals, self.runs)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate for single runs, if there are at least two."""
         if len(scales.runs) < 2:
             return []
-        return [Candidate(cls(None), columns((0.2,), (-0.15,)), by_run=True)]
+        return [Candidate(cls(None), columns((0.2,), (-0.15,)))]
 
 
+@register
 @dataclass(frozen=True)
 class ShaftCompliance(AbstractSecondInertia):
     """Two-mass system: part of the inertia J is driven through an elastic shaft.
@@ -256,12 +278,12 @@ class ShaftCompliance(AbstractSecondInertia):
     slowest: float
     fastest: float
 
-    name: ClassVar[str] = "shaft_compliance"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    source: ClassVar[str] = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
+    name = "shaft_compliance"
+    drivers = ("speed",)
+    source = "Leonhard, Control of Electrical Drives, 3rd edition, section 1.1.2"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Share of the inertia behind the shaft, resonance, damping and hardening."""
         return (
             share_of_inertia("fraction of the inertia J behind the elastic shaft"),

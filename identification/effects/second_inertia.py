@@ -6,9 +6,10 @@ The subclasses define the joint of the two: an elastic shaft, or a contact with 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, Final
+from typing import Final
 
-from identification.effects.effect import CampaignScales, shape
+from identification.effects.effect import AbstractEffect, CampaignScales
+from identification.effects.parameters import shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -24,7 +25,7 @@ __all__ = ["AbstractSecondInertia", "resonances", "share_of_inertia"]
 _LEAST_RANGE: Final = 2.0
 
 
-class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
+class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient):
     """Second inertia that the rotor drives through a joint.
 
         J -> J (1 - s),   J_2 = s J,   tau = -J_2 a
@@ -34,9 +35,9 @@ class AbstractSecondInertia(AbstractTorque, AbstractCoefficient):
     second inertia.  J remains the total inertia, which determines slow motions.
     """
 
-    equation: ClassVar[str] = "mechanical"
-    coefficient: ClassVar[str] = "J"
-    states: ClassVar[tuple[State, ...]] = (
+    equation = "mechanical"
+    coefficient = "J"
+    states = (
         State("twist", "rad", fades=True),
         State("speed", "rad/s", "speed", fades=True),
     )

@@ -8,14 +8,21 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import CampaignScales, Candidate, columns, shape
+from identification.effects.confusion import INDUCTANCE
+from identification.effects.effect import (
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
+from identification.effects.parameters import shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
     AbstractSensor,
-    AbstractTerm,
     Expression,
     Signals,
     State,
@@ -39,7 +46,7 @@ _INDUCTANCES = (0.5, 0.2, 0.05)
 
 
 @dataclass(frozen=True)
-class _Filter(AbstractSensor):
+class _Filter(AbstractEffect, AbstractSensor):
     """First- or second-order low-pass filter between a quantity x and its logged value.
 
         tau dy/dt + q tau^2 d2y/dt2 = x - y,   logged = y
@@ -57,8 +64,8 @@ class _Filter(AbstractSensor):
     slowest: float
     order: int = 1
 
-    equation: ClassVar[str] = "sensor"
-    source: ClassVar[str] = _SOURCE
+    equation = "sensor"
+    source = _SOURCE
     unit: ClassVar[str]
 
     @property
@@ -67,7 +74,7 @@ class _Filter(AbstractSensor):
         return "second order" if self.order == 2 else ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Time constant tau and, for second order, the coefficient q."""
         time = shape(
             "time_constant", "s", "time constant of the filter", self.fastest, self.slowest
@@ -76,9 +83,9 @@ class _Filter(AbstractSensor):
         return (time, second) if self.order == 2 else (time,)
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """Filtered value and, for second order, its rate times the time constant."""
-        filtered = State("filtered", self.unit, self.channel, fades=True)  # type: ignore[arg-type]
+        filtered = State("filtered", self.unit, self.channel, fades=True)
         rise = State("rise", self.unit, fades=True)
         return (filtered, rise) if self.order == 2 else (filtered,)
 
@@ -123,7 +130,7 @@ class _Filter(AbstractSensor):
 
 
 @dataclass(frozen=True)
-class SpeedMean(AbstractMean):
+class SpeedMean(AbstractEffect, AbstractMean):
     """Mean of the speed over the sample interval, as from differenced encoder counts.
 
     Args:
@@ -132,21 +139,27 @@ class SpeedMean(AbstractMean):
 
     law: str = "mean over the sample interval"
 
-    name: ClassVar[str] = "speed_filter"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    channel: ClassVar[str] = "speed"
-    source: ClassVar[str] = (
+    name = "speed_filter"
+    equation = "sensor"
+    drivers = ("speed",)
+    channel = "speed"
+    source = (
         "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
     )
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    parameters = ()
 
     @property
     def variant(self) -> str:
         """The law."""
         return self.law
 
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate without parameters."""
+        return [Candidate(cls(), columns(()))]
 
+
+@register
 @dataclass(frozen=True)
 class SpeedFilter(_Filter):
     """Low-pass filter of first or second order in the logged speed, or its mean over an interval.
@@ -159,18 +172,20 @@ class SpeedFilter(_Filter):
     phi; it has no parameter.
     """
 
-    name: ClassVar[str] = "speed_filter"
-    drivers: ClassVar[tuple[str, ...]] = ("speed",)
-    channel: ClassVar[str] = "speed"
-    unit: ClassVar[str] = "rad/s"
-    laws: ClassVar[tuple[type[AbstractTerm], ...]] = (SpeedMean,)
+    name = "speed_filter"
+    confusions = (INDUCTANCE,)
+    drivers = ("speed",)
+    channel = "speed"
+    unit = "rad/s"
+    laws = (SpeedMean,)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A low-pass filter of each order, its time constant scanned, and the mean."""
-        return [*super().candidates(scales), Candidate(SpeedMean(), columns(()))]
+        return [*super().candidates(scales), *SpeedMean.candidates(scales)]
 
 
+@register
 @dataclass(frozen=True)
 class CurrentFilter(_Filter):
     """Low-pass filter of first or second order in the logged current.
@@ -180,10 +195,11 @@ class CurrentFilter(_Filter):
     The filter is of first order if q is absent.
     """
 
-    name: ClassVar[str] = "current_filter"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
-    channel: ClassVar[str] = "current"
-    unit: ClassVar[str] = "A"
+    name = "current_filter"
+    confusions = (INDUCTANCE,)
+    drivers = ("current",)
+    channel = "current"
+    unit = "A"
 
     @classmethod
     def _traded(
@@ -193,30 +209,22 @@ class CurrentFilter(_Filter):
 
         A fit without the filter explains its lag by a larger inductance.
         """
-        lag = float(scales.values[6] / scales.values[0])
+        lag = scales.nominal("L") / scales.nominal("Ra25")
         return tuple(
             (np.array([(1.0 - share) * lag, *shape]), {"L": share}) for share in _INDUCTANCES
         )
 
 
+@register
 @dataclass(frozen=True)
-class ChannelDelay(AbstractDelay):
-    """Time delay of one channel against the others: logged(t) = x(t - delay) [s].
+class ChannelDelay(AbstractEffect, AbstractDelay):
+    """Time delay of one channel against the others: logged(t) = x(t - delay) [s]."""
 
-    Args:
-        channel: The delayed channel; a delay of ``voltage`` is an advance of the two others.
-        depth: Length of the delay buffer, in samples.
-        interval: Sample interval [s].
-    """
-
-    channel: str
-    depth: int
-    interval: float
-
-    name: ClassVar[str] = "channel_delay"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ("time",)
-    source: ClassVar[str] = _SOURCE
+    name = "channel_delay"
+    confusions = (INDUCTANCE,)
+    equation = "sensor"
+    drivers = ("time",)
+    source = _SOURCE
 
     @property
     def variant(self) -> str:
@@ -224,7 +232,7 @@ class ChannelDelay(AbstractDelay):
         return self.channel
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The delay."""
         return (
             Parameter(
@@ -251,18 +259,20 @@ class ChannelDelay(AbstractDelay):
         ]
 
 
+@register
 @dataclass(frozen=True)
-class InputHold(AbstractHold):
+class InputHold(AbstractEffect, AbstractHold):
     """Opposite of the assumed hold of the voltage between samples.
 
     A first-order hold replaces a zero-order hold, or the reverse.
     """
 
-    name: ClassVar[str] = "input_hold"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ("voltage",)
-    source: ClassVar[str] = "Ljung, System Identification, 2nd edition, section 13.3"
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    name = "input_hold"
+    confusions = (INDUCTANCE,)
+    equation = "sensor"
+    drivers = ("voltage",)
+    source = "Ljung, System Identification, 2nd edition, section 13.3"
+    parameters = ()
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import CampaignScales, Candidate, columns, shape
+from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
+from identification.effects.effect import (
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
+from identification.effects.parameters import shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -32,8 +40,9 @@ _LEAST_RISE: Final = 5.0
 smaller rise."""
 
 
+@register
 @dataclass(frozen=True)
-class SelfHeating(AbstractTemperature):
+class SelfHeating(AbstractEffect, AbstractTemperature):
     """Self-heating: the losses raise the winding temperature above the logged temperature T.
 
         d(rise)/dt = (R_th (Ra(T + rise) i^2 + P (w / w_0)^2) - rise) / tau     [K/s]
@@ -61,13 +70,12 @@ class SelfHeating(AbstractTemperature):
     bodies: int = 1
     least: float = 0.0
 
-    name: ClassVar[str] = "self_heating"
-    equation: ClassVar[str] = "thermal"
-    drivers: ClassVar[tuple[str, ...]] = ("current",)
-    source: ClassVar[str] = (
-        "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
-    )
-    bodies_felt: ClassVar[tuple[str, ...]] = ("winding",)
+    name = "self_heating"
+    confusions = (RESISTANCE,)
+    equation = "thermal"
+    drivers = ("current",)
+    source = "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
+    bodies_felt = ("winding",)
 
     @property
     def variant(self) -> str:
@@ -86,12 +94,12 @@ class SelfHeating(AbstractTemperature):
         return tuple(forms)
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """The rise and, with two bodies, the rise of the winding over the second body."""
         return tuple(State(name, "K") for name in ("rise", "rise_2")[: self.bodies])
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Thermal resistances and time constants, and the iron loss."""
 
         def resistance(name: str, meaning: str, least: float = 0.0) -> Parameter:
@@ -163,7 +171,7 @@ class SelfHeating(AbstractTemperature):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its time constant scanned."""
-        power = float(scales.values[0]) * scales.current**2
+        power = scales.nominal("Ra25") * scales.current**2
         fastest, slowest = scales.duration / 300, scales.duration * 5
         least = 0.0 if scales.knows_temperatures else _LEAST_RISE
         term = cls(power, fastest, slowest, scales.speed, least=least)
@@ -171,19 +179,21 @@ class SelfHeating(AbstractTemperature):
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]
 
 
+@register
 @dataclass(frozen=True)
-class ResistanceCurvature(AbstractCoefficient):
+class ResistanceCurvature(AbstractEffect, AbstractCoefficient):
     """Second-order term in the temperature dependence of the resistance.
 
     Ra = Ra25 (1 + alpha_Ra (T - 25) + c (T - 25)^2)                    [ohm]
     """
 
-    name: ClassVar[str] = "resistance_curvature"
-    equation: ClassVar[str] = "thermal"
-    drivers: ClassVar[tuple[str, ...]] = ("temperature",)
-    source: ClassVar[str] = "IEC 60751 (second-order law of metal resistance)"
-    coefficient: ClassVar[str] = "Ra"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "resistance_curvature"
+    confusions = (RESISTANCE,)
+    equation = "thermal"
+    drivers = ("temperature",)
+    source = "IEC 60751 (second-order law of metal resistance)"
+    coefficient = "Ra"
+    parameters = (
         Parameter(
             "curvature",
             "1/K^2",
@@ -206,8 +216,9 @@ class ResistanceCurvature(AbstractCoefficient):
         return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if scales.heated >= 10.0 else []
 
 
+@register
 @dataclass(frozen=True)
-class Demagnetization(AbstractCoefficient):
+class Demagnetization(AbstractEffect, AbstractCoefficient):
     """Irreversible loss of Kt above a threshold temperature.
 
         Kt -> Kt (1 - d s((T_peak - T_c) / width))                          [N m/A]
@@ -224,16 +235,16 @@ class Demagnetization(AbstractCoefficient):
     coldest: float
     hottest: float
 
-    name: ClassVar[str] = "demagnetization"
-    equation: ClassVar[str] = "thermal"
-    drivers: ClassVar[tuple[str, ...]] = ("temperature", "time")
-    source: ClassVar[str] = (
-        "Ruoho et al., IEEE Trans. Magnetics 44 (2008), 2072-2079 (partial demagnetisation)"
-    )
-    coefficient: ClassVar[str] = "Kt"
+    name = "demagnetization"
+    confusions = (TORQUE_CONSTANT,)
+    plotted = ("peak_temperature",)
+    equation = "thermal"
+    drivers = ("temperature", "time")
+    source = "Ruoho et al., IEEE Trans. Magnetics 44 (2008), 2072-2079 (partial demagnetisation)"
+    coefficient = "Kt"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Lost fraction, threshold temperature and width."""
         span = self.hottest - self.coldest
         return (

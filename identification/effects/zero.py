@@ -8,7 +8,15 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import CampaignScales, Candidate, amplitude, columns
+from identification.effects.confusion import CONSTANT_TORQUE, CONSTANT_VOLTAGE
+from identification.effects.effect import (
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    columns,
+    register,
+)
+from identification.effects.parameters import amplitude
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractSensor,
@@ -49,7 +57,7 @@ def _zero_starts(size: float, drifts: bool) -> Array:
 
 
 @dataclass(frozen=True)
-class _ZeroError(AbstractSensor):
+class _ZeroError(AbstractEffect, AbstractSensor):
     """Zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
 
     Args:
@@ -60,9 +68,9 @@ class _ZeroError(AbstractSensor):
     size: float
     drifts: bool = False
 
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = _SOURCE
+    equation = "sensor"
+    drivers = ()
+    source = _SOURCE
     unit: ClassVar[str]
     tried: ClassVar[float]  # zero error of the prototype over the scale of the channel
 
@@ -72,7 +80,7 @@ class _ZeroError(AbstractSensor):
         return _DRIFTING if self.drifts else ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Zero error and, with a drift, its change per run."""
         return _zero_error(self.unit, self.size, self.drifts)
 
@@ -92,6 +100,7 @@ class _ZeroError(AbstractSensor):
         ]
 
 
+@register
 @dataclass(frozen=True)
 class CurrentOffset(_ZeroError):
     """Zero error of the current sensor: logged current = i + offset [A].
@@ -106,10 +115,11 @@ class CurrentOffset(_ZeroError):
 
     own: bool = False
 
-    name: ClassVar[str] = "current_offset"
-    channel: ClassVar[str] = "current"
-    unit: ClassVar[str] = "A"
-    tried: ClassVar[float] = 0.05
+    name = "current_offset"
+    confusions = (CONSTANT_TORQUE,)
+    channel = "current"
+    unit = "A"
+    tried = 0.05
 
     @property
     def variant(self) -> str:
@@ -117,12 +127,12 @@ class CurrentOffset(_ZeroError):
         return _EACH_RUN if self.own else super().variant
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Zero error and, with a drift, its change per run; none if free in each record."""
         return () if self.own else super().parameters
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """Per-record zero error, if free in each record."""
         return (State("offset", "A", scale=self.size, is_own=True),) if self.own else ()
 
@@ -151,18 +161,21 @@ class CurrentOffset(_ZeroError):
         return [constant, own] if len(scales.runs) > 1 else [constant]
 
 
+@register
 @dataclass(frozen=True)
 class SpeedOffset(_ZeroError):
     """Zero error of the speed sensor: logged speed = w + offset [rad/s]."""
 
-    name: ClassVar[str] = "speed_offset"
-    channel: ClassVar[str] = "speed"
-    unit: ClassVar[str] = "rad/s"
-    tried: ClassVar[float] = 0.02
+    name = "speed_offset"
+    confusions = (CONSTANT_VOLTAGE,)
+    channel = "speed"
+    unit = "rad/s"
+    tried = 0.02
 
 
+@register
 @dataclass(frozen=True)
-class VoltageOffset(AbstractSupply):
+class VoltageOffset(AbstractEffect, AbstractSupply):
     """Zero error of the voltage sensor.
 
         terminal voltage = logged voltage - offset - drift k   in run k = 0, 1, ...         [V]
@@ -175,10 +188,11 @@ class VoltageOffset(AbstractSupply):
     size: float
     drifts: bool = False
 
-    name: ClassVar[str] = "voltage_offset"
-    equation: ClassVar[str] = "sensor"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = _SOURCE
+    name = "voltage_offset"
+    confusions = (CONSTANT_VOLTAGE,)
+    equation = "sensor"
+    drivers = ()
+    source = _SOURCE
 
     @property
     def variant(self) -> str:
@@ -186,7 +200,7 @@ class VoltageOffset(AbstractSupply):
         return _DRIFTING if self.drifts else ""
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Zero error and, with a drift, its change per run."""
         return _zero_error("V", self.size, self.drifts)
 

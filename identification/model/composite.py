@@ -104,7 +104,7 @@ class MotorModel:
     @property
     def advance(self) -> int:
         """Number of samples by which the simulation reads the voltage ahead of the log."""
-        return sum(int(term.depth) for term in self.delays if term.channel == "voltage")
+        return sum(term.depth for term in self.delays if term.channel == "voltage")
 
     @property
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -117,7 +117,7 @@ class MotorModel:
         for term in self.delays:
             for k, channel in enumerate(CHANNELS):
                 if term.channel in (channel, "voltage"):
-                    first[k] = max(first[k], int(term.depth))
+                    first[k] = max(first[k], term.depth)
         for k in self.averaged:
             first[k] += 1
         return (first[0], last), (first[1], last)

@@ -11,6 +11,8 @@ Studies 2(9), 2014, pages 384-388, equations 1-6, 11 and 12.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from identification.model.parameter import Parameter
 from identification.model.term import Expression
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
@@ -18,23 +20,23 @@ from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE
 __all__ = ["DECLARED", "coefficient_at", "current_rate", "speed_rate"]
 
 
-def _declared(name: str, **search: object) -> Parameter:
+def _declared(name: str) -> Parameter:
     known = DECLARED_PARAMETERS[name]
-    return Parameter(name, known.unit, known.meaning, **search)  # type: ignore[arg-type]
+    return Parameter(name, known.unit, known.meaning)
 
 
 DECLARED = (
-    _declared("Ra25", search="log"),
+    replace(_declared("Ra25"), search="log"),
     # Copper 0.0039, aluminium 0.0043 1/K (CRC Handbook of Chemistry and Physics, electrical
     # resistivity of pure metals); brushes and leads in series lower the total.
-    _declared("alpha_Ra", scale=1e-3, prior_mean=0.0035, prior_sd=3.0),
-    _declared("Kt25", search="log"),
+    replace(_declared("alpha_Ra"), scale=1e-3, prior_mean=0.0035, prior_sd=3.0),
+    replace(_declared("Kt25"), search="log"),
     # Temperature coefficients of remanence: ferrite -0.0020, NdFeB -0.0012, SmCo -0.0004, AlNiCo
     # -0.0002 1/K (MMPA standard 0100-00, table of magnetic materials).
-    _declared("alpha_Kt", scale=1e-3, prior_mean=-0.001, prior_sd=2.0),
-    _declared("J", search="log"),
-    _declared("b", lower=0.0),
-    _declared("L", lower=0.0),
+    replace(_declared("alpha_Kt"), scale=1e-3, prior_mean=-0.001, prior_sd=2.0),
+    replace(_declared("J"), search="log"),
+    replace(_declared("b"), lower=0.0),
+    replace(_declared("L"), lower=0.0),
 )
 """Parameters of the nominal model.
 

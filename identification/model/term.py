@@ -23,7 +23,6 @@ functions and no Python `if` on a signal.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
@@ -43,6 +42,8 @@ __all__ = [
     "AbstractTerm",
     "AbstractTorque",
     "AbstractVoltage",
+    "Channel",
+    "Equation",
     "Expression",
     "Signals",
     "State",
@@ -51,6 +52,12 @@ __all__ = [
 
 Expression = Any
 """CasADi SX expression; CasADi ships no types."""
+
+Channel = Literal["current", "speed"]
+"""Simulated channel, which is a state of the motor and has a sensor."""
+
+Equation = Literal["electrical", "mechanical", "thermal", "sensor"]
+"""Part of the model that a term enters."""
 
 Values = SimpleNamespace
 """Symbols by name: the parameters of a term and the nominal ones, or the states of a term."""
@@ -63,8 +70,8 @@ class State:
     Args:
         name: Name, unique within the term.
         unit: Unit, for the report.
-        follows: Signal that the state equals in steady state (``temperature``, ``current``,
-            ``speed``), or ``zero``; it sets the prior mean of the initial value.
+        follows: Signal that the state equals in steady state, or ``zero``; it sets the prior mean
+            of the initial value.
         scale: Prior standard deviation of the initial value of a state that starts at zero [unit].
         is_own: Whether the state is a per-record amplitude: constant, or the initial value of a
             transient that no input drives.
@@ -111,49 +118,30 @@ class Signals:
     magnet_temperature: Expression = None
 
 
+@dataclass(frozen=True)
 class AbstractTerm(ABC):
-    """Named term; the module's docstring lists where a term may enter the equations."""
+    """Named term; the module's docstring lists where a term may enter the equations.
+
+    A subclass sets each property to a constant, or computes it from its fields.
+    """
 
     name: ClassVar[str]
-    equation: ClassVar[str]  # electrical, mechanical, thermal or sensor
-    drivers: ClassVar[tuple[str, ...]]
-    source: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]]
-    states: ClassVar[tuple[State, ...]] = ()
-    defining: ClassVar[tuple[str, ...]] = ()  # shapes whose range defines the effect type
-    moments: ClassVar[tuple[str, ...]] = ()  # event times, which may fall on any sample
-    laws: ClassVar[tuple[type[AbstractTerm], ...]] = ()  # other classes of the same effect type
+    equation: ClassVar[Equation]
 
     @property
-    def variant(self) -> str:
-        """Label that tells terms of the same name apart: channel, run or signals; often empty."""
-        return ""
+    @abstractmethod
+    def drivers(self) -> tuple[str, ...]:
+        """Signals on which the term depends; none for a constant."""
 
     @property
-    def is_local(self) -> bool:
-        """Whether the term applies only to the runs or times in which it was found."""
-        return False
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the term."""
 
     @property
-    def richer(self) -> tuple[AbstractTerm, ...]:
-        """Extended variants, tried in turn once this term has been accepted; often none."""
+    def states(self) -> tuple[State, ...]:
+        """States of the term; most terms have none."""
         return ()
-
-    def leads(self, before: AbstractTerm) -> tuple[AbstractTerm, ...]:
-        """Continuation steps from a simpler variant to this one; none for most terms.
-
-        Args:
-            before: The simpler variant.
-        """
-        return ()
-
-    def flaw(self, values: Mapping[str, float]) -> str:
-        """Reason why these values contradict the effect type, in words; empty if they do not.
-
-        Args:
-            values: Parameters of the term by name.
-        """
-        return ""
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term, zero by default [unit of the state / s]."""
@@ -189,7 +177,10 @@ class AbstractCoefficient(AbstractTerm):
 class AbstractTemperature(AbstractTerm):
     """Effective temperature of winding or magnet, if it differs from the logged one."""
 
-    bodies_felt: ClassVar[tuple[str, ...]]  # the bodies concerned: winding, magnet
+    @property
+    @abstractmethod
+    def bodies_felt(self) -> tuple[str, ...]:
+        """Bodies with the effective temperature: ``winding``, ``magnet`` or both."""
 
     @abstractmethod
     def felt(
@@ -209,7 +200,7 @@ class AbstractSupply(AbstractTerm):
 class AbstractSensor(AbstractTerm):
     """Sensor reading, if it differs from the state itself."""
 
-    channel: ClassVar[str]  # current or speed
+    channel: ClassVar[Channel]
 
     @abstractmethod
     def logged(
@@ -218,6 +209,7 @@ class AbstractSensor(AbstractTerm):
         """Reading, given the one without this term [A] or [rad/s]."""
 
 
+@dataclass(frozen=True)
 class AbstractDelay(AbstractTerm):
     """Channel that lags the others by its parameter `delay` [s].
 
@@ -226,11 +218,16 @@ class AbstractDelay(AbstractTerm):
     interpolation would be wrong by the curvature of the current.  A lagging voltage is equivalent
     to both other channels leading: the simulation uses the voltage `depth` samples ahead and
     delays both channels by `depth` minus the delay.
+
+    Args:
+        channel: The delayed channel; a delay of ``voltage`` is an advance of the two others.
+        depth: Length of the delay buffer, in samples.
+        interval: Sample interval [s].
     """
 
-    channel: Any  # "current", "speed" or "voltage"; a field of the term
-    depth: Any  # number of sample intervals stored; a field of the term
-    interval: Any  # sample interval [s]; a field of the term
+    channel: str
+    depth: int
+    interval: float
 
     def lag(self, values: Values) -> Expression:
         """Delay of the simulated channels in sample intervals [-]."""
@@ -246,7 +243,7 @@ class AbstractMean(AbstractTerm):
     is as accurate as the states.  A delay of the same channel delays the average.
     """
 
-    channel: ClassVar[str]  # current or speed
+    channel: ClassVar[Channel]
 
 
 class AbstractHold(AbstractTerm):

@@ -13,12 +13,12 @@ import inspect
 import re
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import CampaignScales
+from identification.effects.catalogue import CATALOGUE, confusions
+from identification.effects.effect import AbstractEffect, CampaignScales
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
@@ -26,7 +26,6 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.report.atomic import write_text
-from identification.report.confusions import CONFUSIONS
 from identification.selection.scales import scales_of
 
 __all__ = ["effects_page", "example_scales", "main"]
@@ -87,10 +86,11 @@ def effects_page(scales: CampaignScales) -> str:
     index = ["| effect | equation | drivers | description |", "|---|---|---|---|"]
     sections = []
     for name, kind in CATALOGUE.items():
-        text, formulas, remark = _documentation(kind)
-        drivers = ", ".join(kind.drivers) or "none (constant)"
-        index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {text} |")
-        sections.append(_section(name, kind, scales, (text, formulas, remark)))
+        documentation = _documentation(kind)
+        term = kind.candidates(scales)[0].term
+        drivers = ", ".join(term.drivers) or "none (constant)"
+        index.append(f"| [`{name}`](#{name}) | {kind.equation} | {drivers} | {documentation[0]} |")
+        sections.append(_section(term, documentation, drivers))
     return "\n".join([head, *index, "", *sections, _confusions()])
 
 
@@ -129,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_text(Path(given[0]) if given else PAGE, effects_page(example_scales()))
 
 
-def _documentation(kind: Any) -> tuple[str, list[str], str]:
+def _documentation(kind: type[AbstractEffect]) -> tuple[str, list[str], str]:
     """First sentence, formulas and remaining text of a class docstring."""
     whole = inspect.cleandoc(kind.__doc__ or "")
     body = re.split(r"^Args:|^Source:", whole, maxsplit=1, flags=re.MULTILINE)[0].strip()
@@ -153,28 +153,22 @@ def _documentation(kind: Any) -> tuple[str, list[str], str]:
 _FORMULA: Final = re.compile(r"(=|->).*\[[^\]]+\]\s*$")
 
 
-def _section(
-    name: str, kind: Any, scales: CampaignScales, documentation: tuple[str, list[str], str]
-) -> str:
+def _section(term: AbstractEffect, documentation: tuple[str, list[str], str], drivers: str) -> str:
     text, formulas, remark = documentation
-    drivers = ", ".join(kind.drivers)
-    lines = [f"## {name}", "", text]
+    lines = [f"## {term.name}", "", text]
     if formulas:
         lines += ["", "```text", *formulas, "```"]
     if remark:
         lines += ["", remark]
-    lines += ["", f"Equation: {kind.equation}. Drivers: {drivers or 'none (constant)'}."]
-    lines.append(f"Source: {kind.source}.")
-    candidates = kind.candidates(scales)
-    parameters = candidates[0].term.parameters if candidates else ()
-    if parameters:
+    lines += ["", f"Equation: {term.equation}. Drivers: {drivers}."]
+    lines.append(f"Source: {term.source}.")
+    if term.parameters:
         lines += ["", "| parameter | unit | meaning | prior | bounds |", "|---|---|---|---|---|"]
-        lines += [_row(parameter) for parameter in parameters]
+        lines += [_row(parameter) for parameter in term.parameters]
     else:
         lines += ["", "No parameters."]
-    states = candidates[0].term.states if candidates else ()
-    if states:
-        words = ", ".join(f"{state.name} [{state.unit}]" for state in states)
+    if term.states:
+        words = ", ".join(f"{state.name} [{state.unit}]" for state in term.states)
         lines += ["", f"Additional states, with a free initial value in each record: {words}."]
     return "\n".join([*lines, ""])
 
@@ -221,8 +215,9 @@ def _confusions() -> str:
         "| confounded quantities | effects | parameters | how to separate them |",
         "|---|---|---|---|",
     ]
-    for confusion in CONFUSIONS:
-        effects = ", ".join(f"[`{name}`](#{name})" for name in confusion.effects)
+    for confusion in confusions():
+        names = [name for name, kind in CATALOGUE.items() if confusion in kind.confusions]
+        effects = ", ".join(f"[`{name}`](#{name})" for name in names)
         parameters = ", ".join(f"`{name}`" for name in confusion.parameters)
         lines.append(f"| {confusion.title} | {effects} | {parameters} | {confusion.apart} |")
     return "\n".join(lines) + "\n"

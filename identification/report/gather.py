@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.catalogue import confusions_of
 from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
@@ -15,7 +16,6 @@ from identification.model.printing import printed_equations
 from identification.report.along import final_path
 from identification.report.atomic import write_text
 from identification.report.attempts import Attempts
-from identification.report.confusions import confusions_of
 from identification.report.data import (
     CoefficientCurve,
     Equation,

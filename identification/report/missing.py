@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.localise import Missing
+from identification.effects.effect import effects_of
 from identification.fit.solve import Fit
 from identification.model.term import AbstractCoefficient, AbstractTerm
 from identification.report.along import Along
@@ -62,7 +63,7 @@ def missing_terms(final: Fit, found: Along) -> list[MissingTerm]:
         found: Effects along the simulation of the final model.
     """
     pictures = []
-    for term in final.simulator.model.terms:
+    for term in effects_of(final.simulator.model.terms):
         if not has_a_curve(term):
             continue
         for driver in drivers_of(term):

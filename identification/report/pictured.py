@@ -7,7 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from identification.model.term import AbstractTerm, AbstractTorque, AbstractVoltage
+from identification.effects.effect import AbstractEffect
+from identification.model.term import (
+    AbstractCoefficient,
+    AbstractTerm,
+    AbstractTorque,
+    AbstractVoltage,
+)
 from identification.report.along import Along
 
 __all__ = [
@@ -59,21 +65,17 @@ def has_a_picture(term: AbstractTerm) -> bool:
     return term.equation != "sensor"
 
 
-def has_a_curve(term: AbstractTerm) -> bool:
+def has_a_curve(term: AbstractEffect) -> bool:
     """Whether the effect is a static function of its drivers and does not depend on time."""
-    kinds = (AbstractTorque, AbstractVoltage)
-    plain = isinstance(term, kinds) or getattr(term, "coefficient", "") in CHANGES
+    changes = isinstance(term, AbstractCoefficient) and term.coefficient in CHANGES
+    plain = isinstance(term, AbstractTorque | AbstractVoltage) or changes
     return has_a_picture(term) and plain and not term.states and "time" not in drivers_of(term)
 
 
-def drivers_of(term: AbstractTerm) -> tuple[str, ...]:
+def drivers_of(term: AbstractEffect) -> tuple[str, ...]:
     """Drivers to plot the effect against; a constant effect is plotted against the speed."""
-    if term.name == "demagnetization":
-        return ("peak_temperature",)
-    if term.name == "viscous_temperature":
-        return ("temperature",)
     carrier = carrier_of(term)
-    return tuple(name for name in term.drivers[:2] if name != carrier) or ("speed",)
+    return tuple(name for name in term.plotted[:2] if name != carrier) or ("speed",)
 
 
 def carrier_of(term: AbstractTerm) -> str:
@@ -85,7 +87,9 @@ def carrier_of(term: AbstractTerm) -> str:
 
 def column_of(term: AbstractTerm, found: Along) -> int:
     """Column of the equation in which an effect is plotted: 0 electrical, 1 mechanical."""
-    if isinstance(term, AbstractTorque) or getattr(term, "coefficient", "") in ("b", "J"):
+    if isinstance(term, AbstractTorque):
+        return 1
+    if isinstance(term, AbstractCoefficient) and term.coefficient in ("b", "J"):
         return 1
     if term.equation == "mechanical":
         return 1 if np.any(found.effects[term.name][0, :, 1]) else 0

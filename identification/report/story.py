@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
-from identification.model.term import AbstractTerm
 from identification.report.data import Candidate, MissingTerm, MissingTrace, Story
 from identification.report.numbers import number_text
 from identification.report.pictured import undrawn_sentence
@@ -42,7 +41,7 @@ def effect_entries(
         draws: Draws of its posterior by name.
         known: Whether each parameter is identified.
     """
-    terms = {term.name: term for term in final.simulator.model.terms}
+    terms = {term.name: term for term in effects_of(final.simulator.model.terms)}
     estimates = dict(zip(final.coordinates.names, final.values, strict=True))
     entries = []
     for found in outcome.effects if outcome else ():
@@ -66,16 +65,10 @@ def effect_entries(
                     {"name": other.name, "probability": other.probability}
                     for other in found.alternatives
                 ],
-                "settings": _settings(term),
+                "settings": term.settings,
             }
         )
     return entries
-
-
-def _settings(term: AbstractTerm) -> dict[str, Any]:
-    """Fields of the term, from which it can be reconstructed."""
-    # Every term is a dataclass; the abstract class cannot express that.
-    return {field.name: getattr(term, field.name) for field in fields(cast(Any, term))}
 
 
 def _evidence(found: Found) -> dict[str, Any]:
@@ -134,7 +127,7 @@ def story_of(
     """
     if outcome is None:
         return None
-    by_name = {term.name: term for term in final.simulator.model.terms}
+    by_name = {term.name: term for term in effects_of(final.simulator.model.terms)}
     diagnosis = result["diagnosis"]
     sentences = [diagnosis["residual"].get("sentence", ""), _where(diagnosis["trace"])]
     sentences += [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
@@ -184,7 +177,7 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
     return best if best and shares[best] > 0.5 else ""
 
 
-def _found_sentence(found: Found, term: AbstractTerm) -> str:
+def _found_sentence(found: Found, term: AbstractEffect) -> str:
     words = found.name.replace("_", " ").capitalize()
     words += f" ({term.variant})" if term.variant else ""
     training, unseen = found.criteria.training, found.criteria.validation
@@ -264,13 +257,13 @@ def _off(relative: Mapping[str, Any]) -> str:
     )
 
 
-def _equation(name: str, terms: Mapping[str, AbstractTerm]) -> str:
+def _equation(name: str, terms: Mapping[str, AbstractEffect]) -> str:
     """Equation that an effect enters, from the final model or else from the catalogue."""
-    kind = terms.get(name, CATALOGUE.get(name))
-    return str(getattr(kind, "equation", "any"))
+    kind = terms.get(name) or CATALOGUE.get(name)
+    return kind.equation if kind else "any"
 
 
-def _candidates(outcome: Outcome, terms: Mapping[str, AbstractTerm]) -> list[Candidate]:
+def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[Candidate]:
     """Effects of the final model, then the first trial of each other effect type, best first."""
     alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
     rows: dict[str, Candidate] = {}

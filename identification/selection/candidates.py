@@ -69,22 +69,16 @@ def without_shared(scores: Sequence[Score]) -> list[Score]:
     """
     predicted: dict[str, dict[int, float]] = {}
     for score in scores:
-        concerned = _runs_of(score)
+        concerned = score.candidate.runs
         if len(concerned) == 1:
             runs = predicted.setdefault(score.candidate.term.name, {})
             runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
     kept = []
     for score in scores:
-        concerned = _runs_of(score)
+        concerned = score.candidate.runs
         runs = predicted.get(score.candidate.term.name, {}) if concerned else {}
         control = [gain for run, gain in runs.items() if run not in concerned]
         each = score.gain / max(len(concerned), 1)
         if not control or each >= _COMMON * float(np.median(control)):
             kept.append(score)
     return kept
-
-
-def _runs_of(score: Score) -> tuple[int, ...]:
-    """Numbers of the runs to which a candidate is restricted; empty for all runs."""
-    run = getattr(score.candidate.term, "run", None)
-    return () if run is None else (run, *getattr(score.candidate.term, "others", ()))

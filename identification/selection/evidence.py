@@ -38,11 +38,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 from identification.linear import least_squares
-from identification.model.term import AbstractTerm, State
+from identification.model.term import State
 
 __all__ = [
     "LEAST_SIZE",
@@ -187,7 +188,7 @@ class EvaluatedModel:
         more += _lasting(self.fit) - _lasting(simpler.fit)
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
-        terms = self.fit.simulator.model.terms
+        terms = effects_of(self.fit.simulator.model.terms)
         known = {term.name for term in simpler.fit.simulator.model.terms}
         added = [term for term in terms if term.name not in known]
         more += sum(len(term.moments) for term in added)
@@ -216,7 +217,7 @@ class EvaluatedModel:
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
         )
 
-    def _flaw(self, terms: Sequence[AbstractTerm]) -> str:
+    def _flaw(self, terms: Sequence[AbstractEffect]) -> str:
         """Why a term is implausible or the model cannot be computed; empty otherwise."""
         if not self.is_computed:
             return UNCOMPUTED

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.parameter import Parameter
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan
@@ -49,12 +47,11 @@ _PASSES = 4.0
 class _Push(AbstractTorque, AbstractVoltage):
     """Constant voltage and torque, as states, to differentiate the step with respect to them."""
 
-    name: ClassVar[str] = "push"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ()
-    source: ClassVar[str] = ""
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
-    states: ClassVar[tuple[State, ...]] = (State("voltage", "V"), State("torque", "N m"))
+    name = "push"
+    equation = "mechanical"
+    drivers = ()
+    parameters = ()
+    states = (State("voltage", "V"), State("torque", "N m"))
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage [V]."""

@@ -31,14 +31,9 @@ from numpy.typing import NDArray
 
 from identification.fit.solve import Fit, TerminationLimits
 from identification.selection.refit import refitted_as
-from identification.surrogates.curve import (
-    HEIGHTS,
-    REGRESSORS,
-    MissingTorque,
-    MissingVoltage,
-)
+from identification.surrogates.collinear import is_formed
+from identification.surrogates.curve import HEIGHTS, REGRESSORS, AbstractCurve
 from identification.surrogates.curves import sampled
-from identification.surrogates.imitation import is_formed
 
 __all__ = ["Line", "lines_of", "with_linear_parts", "with_lines_drawn"]
 
@@ -116,7 +111,7 @@ def lines_of(fit: Fit) -> tuple[Line, ...]:
     """Free linear parts of the curves of a fit; see `with_linear_parts`."""
     found = []
     for term in fit.simulator.model.terms:
-        if isinstance(term, MissingTorque | MissingVoltage) and term.linear:
+        if isinstance(term, AbstractCurve) and term.linear:
             sizes = (term.current, term.speed, term.size)
             found += [
                 Line(term.equation, name, size, width, term.unit)
@@ -148,14 +143,14 @@ def with_linear_parts(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         limits: Termination limits.
     """
     for term in fit.simulator.model.terms:
-        if isinstance(term, MissingTorque | MissingVoltage) and not term.linear:
+        if isinstance(term, AbstractCurve) and not term.linear:
             linear = _widths(term, fit)
             if any(linear):
                 fit = refitted_as(fit, replace(term, linear=linear), limits)
     return fit
 
 
-def _widths(term: MissingTorque | MissingVoltage, fit: Fit) -> tuple[float, ...]:
+def _widths(term: AbstractCurve, fit: Fit) -> tuple[float, ...]:
     """Prior standard deviation of each linear part, zero if identifiable [N m] or [V]."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     heights = np.array([values[f"unlisted.height_{k}"] for k in range(1, HEIGHTS + 1)])

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import effects_of
 from identification.fit.solve import Fit
 from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, scores_of
 
@@ -19,8 +20,6 @@ __all__ = ["is_better", "is_strained", "ranked", "replaces"]
 
 _ALIKE: Final = 1.0
 """Difference of the criterion below which models are tied."""
-_PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
-"""Position of each effect type in the catalogue, the most common first."""
 _AT: Final = 1e-3
 """Fraction of its range within which a shape parameter counts as at its bound."""
 _WITHIN: Final = 2.0
@@ -35,10 +34,11 @@ def ranked(models: Sequence[EvaluatedModel]) -> list[int]:
     """
     scores = scores_of(models)
     best = min(scores, default=0.0)
+    positions = {name: position for position, name in enumerate(CATALOGUE)}
 
     def key(k: int) -> tuple[float, float]:
         alike = scores[k] < best + _ALIKE
-        places = [_PLACES.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
+        places = [positions.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
         return (best, float(sum(places))) if alike else (scores[k], 0.0)
 
     return sorted(range(len(models)), key=key)
@@ -73,7 +73,9 @@ def is_strained(fit: Fit) -> bool:
     """
     at = {name: k for k, name in enumerate(fit.coordinates.names)}
     shapes = [
-        at[f"{term.name}.{name}"] for term in fit.simulator.model.terms for name in term.defining
+        at[f"{term.name}.{name}"]
+        for term in effects_of(fit.simulator.model.terms)
+        for name in term.defining
     ]
     if not shapes:
         return False

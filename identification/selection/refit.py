@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.effect import AbstractEffect
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
@@ -107,8 +108,8 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> 
         own = [at + k for k, state in enumerate(term.states) if state.is_own]
         at += len(term.states)
         if own:
-            size = float(np.sqrt(np.mean([state[own] ** 2 for state in fit.states])))
-            term = term.expecting(size)  # type: ignore[attr-defined]
+            assert isinstance(term, AbstractEffect)
+            term = term.expecting(float(np.sqrt(np.mean([s[own] ** 2 for s in fit.states]))))
         terms.append(term)
     if tuple(terms) == model.terms:
         return fit

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from identification.effects.effect import effects_of
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import UNCOMPUTED, EvaluatedModel
 from identification.selection.outcome import Searched
@@ -141,7 +142,7 @@ def lacks_more(state: State) -> bool:
 
 def enrich(state: State, round_: int) -> None:
     """Replace effects by extended variants of their laws, as long as the variants are accepted."""
-    for found in state.current.fit.simulator.model.terms:
+    for found in effects_of(state.current.fit.simulator.model.terms):
         left = list(found.richer)
         while left and not state.trials.over:
             term = left.pop(0)

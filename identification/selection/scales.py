@@ -7,6 +7,7 @@ import numpy as np
 from identification.effects.effect import CampaignScales
 from identification.effects.orders import HIGHEST_ORDER, orders_of
 from identification.fit.solve import Fit
+from identification.model.declared import DECLARED
 
 __all__ = ["scales_of"]
 
@@ -19,17 +20,19 @@ def scales_of(fit: Fit) -> CampaignScales:
     size = np.sqrt(np.mean(measured**2, axis=0))
     size = np.where(size > 0, size, 1.0)
     intervals = np.concatenate([record.inputs[:-1, 0] for record in records])
+    at = {parameter.name: k for k, parameter in enumerate(DECLARED)}
+    values = fit.values[: len(at)].copy()
     return CampaignScales(
         records=tuple(records),
         current=float(size[0]),
         speed=float(size[1]),
         voltage=float(np.sqrt(np.mean(voltage**2))) or 1.0,
-        torque=float(fit.values[2] * size[0]),
+        torque=float(values[at["Kt25"]] * size[0]),
         interval=float(np.median(intervals)),
         duration=float(max(record.time[-1] - record.time[0] for record in records)),
         current_noise=float(fit.weighting.deviation[0]),
         speed_noise=float(fit.weighting.deviation[1]),
-        values=fit.values[:7].copy(),
+        values=values,
         angle_logged=all(record.angle_logged for record in records),
         orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
     )

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +115,8 @@ def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Itera
         start = 0
         for candidate in candidates:
             row = 0 if candidate.term.equation == "electrical" else 1
-            term: Any = candidate.term
+            term = candidate.term
+            assert isinstance(term, AbstractForced)
             force[:, row, start : start + candidate.lanes] = term.forces(
                 record, states[:, 0, 0], states[:, 1, 0], candidate.starts
             )

@@ -8,7 +8,7 @@ projected out, so that the gain belongs to a dependence that the model does not 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,12 +18,8 @@ from identification.fit.solve import Fit
 from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
-from identification.surrogates.angular import AngularFriction
-from identification.surrogates.backlash import Backlash
-from identification.surrogates.curve import MissingTorque, MissingVoltage
-from identification.surrogates.curves import curves
-from identification.surrogates.dahl import DahlFriction
-from identification.surrogates.ripple import ripples
+from identification.surrogates.curve import AbstractCurve
+from identification.surrogates.unlisted import SURROGATES
 
 __all__ = ["Trace", "missing_curves", "traced"]
 
@@ -66,10 +62,8 @@ def missing_curves(fit: Fit) -> list[Score]:
     Args:
         fit: Fit of a model at its optimum.
     """
-    scales = scales_of(fit)
-    candidates = [*curves(scales), *ripples(scales, _peaks(fit))]
-    for kind in (AngularFriction, DahlFriction, Backlash):
-        candidates += kind.candidates(scales)
+    scales = replace(scales_of(fit), frequencies=_peaks(fit))
+    candidates = [candidate for kind in SURROGATES for candidate in kind.candidates(scales)]
     return gathered(screened(fit, candidates))
 
 
@@ -79,14 +73,15 @@ def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
     Args:
         scores: Result of `missing_curves`.
     """
-    alone = [s for s in scores if getattr(s.candidate.term, "carrier", None) == ""]
-    most = max((score.gain for score in alone), default=0.0)
-    return tuple(_trace(score, most) for score in alone if score.gain > _LEAST_SHARE * most)
+    curves = [(s, s.candidate.term) for s in scores if isinstance(s.candidate.term, AbstractCurve)]
+    alone = [(score, term) for score, term in curves if not term.carrier]
+    most = max((score.gain for score, _ in alone), default=0.0)
+    return tuple(
+        _trace(score, term, most) for score, term in alone if score.gain > _LEAST_SHARE * most
+    )
 
 
-def _trace(score: Score, most: float) -> Trace:
-    term = score.candidate.term
-    assert isinstance(term, MissingTorque | MissingVoltage)
+def _trace(score: Score, term: AbstractCurve, most: float) -> Trace:
     grid = term.grid(_POINTS)
     basis = term.shapes(grid)
     curve = -basis @ score.start
@@ -98,7 +93,7 @@ def _trace(score: Score, most: float) -> Trace:
     return Trace(term.equation, term.drivers[0], score.gain, score.gain / most, grid, curve, spread)
 
 
-def _peaks(fit: Fit) -> Array:
+def _peaks(fit: Fit) -> tuple[float, ...]:
     """Frequencies of the largest peaks in the spectrum of the residual of either channel [Hz]."""
     records = fit.simulator.records
     pairs = list(zip(records, fit.equations.logged, strict=True))
@@ -113,7 +108,7 @@ def _peaks(fit: Fit) -> Array:
             power += np.abs(np.fft.rfft(residual - residual.mean(), length)) ** 2
         power[:4] = 0.0
         found += _highest(power, length * interval)
-    return np.array(sorted(set(found)))
+    return tuple(sorted(set(found)))
 
 
 def _highest(power: Array, duration: float) -> list[float]:

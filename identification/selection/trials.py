@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
@@ -123,7 +124,7 @@ class Trials:
         A cached fit that has not converged is repeated from the current optimum: the removed term
         may only have helped the optimiser.
         """
-        key = _key(current.fit) - {_name(term)}
+        key = frozenset(name for name in _key(current.fit) if name[0] != term.name)
         known = self._judged.get(key)
         if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
             self._led.add((key, _key(current.fit)))
@@ -137,13 +138,15 @@ class Trials:
             known = self.evaluate(refined(fit, limits) if np.isfinite(fit.cost) else fit)
         return known
 
-    def enriched(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
+    def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant, fitted over continuation steps."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
             fit, abandon_cost = current.fit, current.fit.cost + _SLACK
-            (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
+            (before,) = [
+                own for own in effects_of(fit.simulator.model.terms) if own.name == term.name
+            ]
             for form in (*term.leads(before), term):
                 led = refitted_as(fit, form, self.limits(abandon_cost, self.longest))
                 if led.cost > fit.cost and fit is not current.fit:
@@ -324,9 +327,9 @@ class Trials:
         return float(max(chance / 2, size / understated)) / current.fraction
 
 
-def _name(term: AbstractTerm) -> tuple[str, str]:
+def _name(term: AbstractEffect) -> tuple[str, str]:
     return term.name, term.variant
 
 
 def _key(fit: Fit) -> Key:
-    return frozenset(_name(term) for term in fit.simulator.model.terms)
+    return frozenset(_name(term) for term in effects_of(fit.simulator.model.terms))

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import ClassVar, Final
+from typing import Final
 
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import CampaignScales, Candidate, columns, shape
+from identification.effects.effect import CampaignScales, Candidate, columns
+from identification.effects.parameters import shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,
     resonances,
@@ -53,9 +54,9 @@ class Backlash(AbstractSecondInertia):
     narrowest: float
     widest: float
 
-    name: ClassVar[str] = "unlisted"
-    drivers: ClassVar[tuple[str, ...]] = ("speed", "position")
-    source: ClassVar[str] = "Nordin and Gutman, Automatica 38 (2002), 1633-1649"
+    name = "unlisted"
+    drivers = ("speed", "position")
+    source = "Nordin and Gutman, Automatica 38 (2002), 1633-1649"
 
     @property
     def variant(self) -> str:
@@ -63,7 +64,7 @@ class Backlash(AbstractSecondInertia):
         return "backlash"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Share of the inertia, play, and resonance and damping in contact."""
         return (
             share_of_inertia("fraction of the inertia J behind the backlash"),

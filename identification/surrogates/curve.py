@@ -18,18 +18,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, amplitude
+from identification.effects.effect import AbstractForced, Scope
+from identification.effects.parameters import amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
-from identification.model.term import (
-    AbstractTorque,
-    AbstractVoltage,
-    Expression,
-    Signals,
-    Values,
-)
+from identification.model.term import Expression, Signals, Values
 
-__all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "MissingTorque", "MissingVoltage"]
+__all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "AbstractCurve"]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +39,7 @@ REGRESSORS: Final = ("current", "speed", "voltage")
 
 
 @dataclass(frozen=True)
-class _Curve(AbstractForced):
+class AbstractCurve(AbstractForced):
     """Cubic B-spline in one signal, times a carrier.
 
         term = -sum_k h_k (B_k(z) c - a_k . r) - l . r
@@ -82,9 +77,9 @@ class _Curve(AbstractForced):
     imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * HEIGHTS
     linear: tuple[float, ...] = ()
 
-    name: ClassVar[str] = "unlisted"
+    name = "unlisted"
     unit: ClassVar[str]
-    source: ClassVar[str] = "Eilers and Marx, Statistical Science 11 (1996), 89-121"
+    source = "Eilers and Marx, Statistical Science 11 (1996), 89-121"
 
     @property
     def variant(self) -> str:
@@ -95,13 +90,14 @@ class _Curve(AbstractForced):
         return f"curve over {along}{factor}, in the {self.equation} equation"
 
     @property
-    def is_local(self) -> bool:
-        """Whether the curve is a torque or voltage over time, which does not recur in other runs.
+    def scope(self) -> Scope:
+        """One span for a torque or voltage over time, which does not recur in other runs.
 
         With a carrier, the curve is a coefficient that drifts.  After a drift over all runs it
         keeps its last value, and a drift within each run recurs, so validation runs can test both.
         """
-        return self.along.startswith("time") and not self.carrier
+        is_course = self.along.startswith("time") and not self.carrier
+        return "one span" if is_course else "all runs"
 
     def _here(self, signals: Signals) -> Expression:
         """Factor that is one in runs that have the curve, zero elsewhere [-]."""
@@ -110,7 +106,7 @@ class _Curve(AbstractForced):
         return (signals.run > -0.5) * (signals.run < len(self.starts) - 1.5)
 
     @property
-    def drivers(self) -> tuple[str, ...]:  # type: ignore[override]
+    def drivers(self) -> tuple[str, ...]:
         """Signals of the curve and then of the carrier; a current as the carrier comes first."""
         along = self.along.removeprefix("size of ").removesuffix(" in the run")
         carried = {"": (), "direction": ("speed",), "speed": ("speed",), "current": ("current",)}
@@ -119,7 +115,7 @@ class _Curve(AbstractForced):
         return tuple(dict.fromkeys(both))
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Spline coefficients, and the linear parts that are free."""
         heights = [
             amplitude(f"height_{k}", self.unit, f"spline coefficient {k}", self.size, signed=True)
@@ -143,7 +139,8 @@ class _Curve(AbstractForced):
         """Signals of the free linear parts, with their prior standard deviations."""
         return [pair for pair in zip(REGRESSORS, self.linear, strict=False) if pair[1] > 0.0]
 
-    def _missing(self, signals: Signals, values: Values) -> Expression:
+    def missing(self, signals: Signals, values: Values) -> Expression:
+        """The torque [N m] or voltage [V]."""
         ratio = ca.vertcat(signals.current / self.current, signals.speed / self.speed)
         along = self.along_of(signals)
         carrier = self.carrier_of(signals)
@@ -261,32 +258,8 @@ class _Curve(AbstractForced):
         return [(0, -below), (2, below), (HEIGHTS - 3, -above), (HEIGHTS - 1, above)]
 
 
-@dataclass(frozen=True)
-class MissingTorque(_Curve, AbstractTorque):
-    """Torque that no effect of the catalogue explains, as a curve."""
-
-    equation: ClassVar[str] = "mechanical"
-    unit: ClassVar[str] = "N m"
-
-    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The torque [N m]."""
-        return self._missing(signals, values)
-
-
-@dataclass(frozen=True)
-class MissingVoltage(_Curve, AbstractVoltage):
-    """Voltage that no effect of the catalogue explains, as a curve."""
-
-    equation: ClassVar[str] = "electrical"
-    unit: ClassVar[str] = "V"
-
-    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The voltage [V]."""
-        return self._missing(signals, values)
-
-
 @lru_cache(64)
-def _functions(term: _Curve) -> tuple[ca.Function, ca.Function]:
+def _functions(term: AbstractCurve) -> tuple[ca.Function, ca.Function]:
     """Signal and carrier as functions of the signals that change in a run."""
     names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
     symbols = {name: ca.SX.sym(name) for name in names}
@@ -298,14 +271,14 @@ def _functions(term: _Curve) -> tuple[ca.Function, ca.Function]:
     )
 
 
-def _basis(term: _Curve) -> ca.Function:
+def _basis(term: AbstractCurve) -> ca.Function:
     """Basis as a function of the compressed signal."""
     x = ca.SX.sym("x")
     return ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))])
 
 
 @lru_cache(64)
-def _table(term: _Curve) -> tuple[Array, Array]:
+def _table(term: AbstractCurve) -> tuple[Array, Array]:
     """(n_point,) values of the compressed signal, and (n_coefficient, n_point) the basis there."""
     grid = np.linspace(term.lower, term.upper, _FINE)
     return grid, _evaluated(_basis(term), grid[None, :])

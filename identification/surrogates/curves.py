@@ -2,85 +2,124 @@
 
 The part of each basis function that is collinear with a nominal parameter is removed (a straight
 line in speed is viscous friction), so the nominal parameters keep their meaning during the search.
-The data cannot attribute that part; `gauge` adds it to the final model as non-identifiable.
+The data cannot attribute that part; `selection.non_identifiable` adds it to the final model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
-from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
-from identification.surrogates.imitation import imitated
+from identification.model.term import (
+    AbstractTorque,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    Values,
+)
+from identification.surrogates.collinear import imitated
+from identification.surrogates.curve import HEIGHTS, AbstractCurve
 
-__all__ = ["curves", "sampled"]
+__all__ = ["MissingTorque", "MissingVoltage", "sampled"]
 
 Array = NDArray[np.float64]
 
 _NEAR_ZERO: Final = 0.15
 _LOOKED_AT: Final = 500
 
-_CURVES: Final = {
-    "mechanical": (
-        ("speed", ""),
-        ("current", ""),
-        ("position", ""),
-        ("temperature", ""),
-        ("time", ""),
-        ("size of current", "direction"),
-        ("temperature", "direction"),
-        ("time", "direction"),
-        ("time in the run", "direction"),
-        ("position", "direction"),
-        ("time", "speed"),
-        ("time in the run", "speed"),
-    ),
-    "electrical": (
-        ("current", ""),
-        ("speed", ""),
-        ("voltage", ""),
-        ("temperature", ""),
-        ("time", ""),
-        ("size of speed", "current"),
-        ("time", "current"),
-        ("time in the run", "current"),
-        ("position", ""),
-    ),
-}
-"""Signal and carrier of each curve, by equation."""
+_TORQUES: Final = (
+    ("speed", ""),
+    ("current", ""),
+    ("position", ""),
+    ("temperature", ""),
+    ("time", ""),
+    ("size of current", "direction"),
+    ("temperature", "direction"),
+    ("time", "direction"),
+    ("time in the run", "direction"),
+    ("position", "direction"),
+    ("time", "speed"),
+    ("time in the run", "speed"),
+)
+"""Signal and carrier of each torque curve."""
 
-_KINDS: Final[dict[str, Any]] = {"mechanical": MissingTorque, "electrical": MissingVoltage}
+_VOLTAGES: Final = (
+    ("current", ""),
+    ("speed", ""),
+    ("voltage", ""),
+    ("temperature", ""),
+    ("time", ""),
+    ("size of speed", "current"),
+    ("time", "current"),
+    ("time in the run", "current"),
+    ("position", ""),
+)
+"""Signal and carrier of each voltage curve."""
 
 
-def curves(scales: CampaignScales) -> list[Candidate]:
-    """Every curve in a signal that varies, its spline coefficients scored together."""
-    found = []
-    for equation, pairs in _CURVES.items():
-        size = scales.torque if equation == "mechanical" else scales.voltage
-        for along, carrier in pairs:
-            term = _curve(scales, equation, along, carrier, size)
-            if term is not None:
-                starts = 0.05 * size * np.eye(HEIGHTS)
-                found.append(Candidate(term, starts, joint=HEIGHTS))
-    return found
+@dataclass(frozen=True)
+class MissingTorque(AbstractCurve, AbstractTorque):
+    """Torque that no effect of the catalogue explains, as a curve."""
+
+    equation = "mechanical"
+    unit = "N m"
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The torque [N m]."""
+        return self.missing(signals, values)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """Every torque curve in a signal that varies."""
+        return _curves(cls, scales, scales.torque, _TORQUES)
+
+
+@dataclass(frozen=True)
+class MissingVoltage(AbstractCurve, AbstractVoltage):
+    """Voltage that no effect of the catalogue explains, as a curve."""
+
+    equation = "electrical"
+    unit = "V"
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The voltage [V]."""
+        return self.missing(signals, values)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """Every voltage curve in a signal that varies."""
+        return _curves(cls, scales, scales.voltage, _VOLTAGES)
+
+
+def _curves(
+    kind: type[AbstractCurve],
+    scales: CampaignScales,
+    size: float,
+    pairs: Sequence[tuple[str, str]],
+) -> list[Candidate]:
+    """Curves of one kind, the spline coefficients of each scored together."""
+    terms = (_curve(kind, scales, along, carrier, size) for along, carrier in pairs)
+    starts = 0.05 * size * np.eye(HEIGHTS)
+    return [Candidate(term, starts, joint=HEIGHTS) for term in terms if term is not None]
 
 
 def _curve(
-    scales: CampaignScales, equation: str, along: str, carrier: str, size: float
-) -> MissingTorque | MissingVoltage | None:
+    kind: type[AbstractCurve], scales: CampaignScales, along: str, carrier: str, size: float
+) -> AbstractCurve | None:
     """The curve along a signal, or None if the signal is not logged or hardly varies."""
     if along == "position" and not scales.angle_logged:
         return None
     if along == "temperature" and scales.heated < 5.0:
         return None
     signal = along.removeprefix("size of ")
-    zero = _NEAR_ZERO * float(getattr(scales, signal, 0.0) or 1.0)
+    logged = {"current": scales.current, "speed": scales.speed, "voltage": scales.voltage}
+    zero = _NEAR_ZERO * logged.get(signal, 1.0)
     runs = _lengths(scales.records)
     starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
     if along == "position":
@@ -95,11 +134,8 @@ def _curve(
         lower, upper = (float(q) for q in np.quantile(drawn, (0.001, 0.999)))
     if not upper > lower:
         return None
-    term = _KINDS[equation](
-        along, carrier, size, lower, upper, zero, scales.speed, scales.current, starts
-    )
-    curve: MissingTorque | MissingVoltage = _without_imitated(term, scales)
-    return curve
+    sizes = size, lower, upper, zero, scales.speed, scales.current
+    return _without_imitated(kind(along, carrier, *sizes, starts), scales)
 
 
 def _lengths(records: tuple[Record, ...]) -> Array:
@@ -117,7 +153,7 @@ def _logged(record: Record, signal: str) -> Array:
     return record.column(signal)
 
 
-def _without_imitated(term: Any, scales: CampaignScales) -> Any:
+def _without_imitated(term: AbstractCurve, scales: CampaignScales) -> AbstractCurve:
     """The curve without the part of each basis function that is collinear with current or speed.
 
     A curve in voltage may be collinear with both, since v is nearly Ra i + Kt w.
@@ -132,7 +168,7 @@ def _without_imitated(term: Any, scales: CampaignScales) -> Any:
     return replace(term, imitated=tuple((float(a), float(b)) for a, b in shares))
 
 
-def sampled(term: MissingTorque | MissingVoltage, records: Sequence[Record]) -> tuple[Array, Array]:
+def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Array]:
     """Basis and regressors of a curve on a subset of the samples.
 
     Args:

@@ -7,30 +7,31 @@ wrong setting of the entry.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any, Final
+from types import UnionType
+from typing import Final, Literal, get_args, get_origin, get_type_hints
 
 from identification.effects.catalogue import CATALOGUE
+from identification.effects.effect import AbstractEffect
 from identification.errors import InputError
-from identification.model.term import AbstractTerm
-from identification.surrogates.unlisted import unlisted_form, unlisted_term
+from identification.surrogates.unlisted import LAWS, SURROGATES
 
 __all__ = ["term_of"]
 
 _REMEDY: Final = "use the unchanged result.json of 'motorid fit', or repeat the fit"
-_KINDS: Final[dict[str, tuple[tuple[type, ...], str]]] = {
-    "float": ((Real, type(None)), "a number"),
-    "int": ((Integral, type(None)), "an integer"),
-    "bool": ((bool,), "true or false"),
-    "tuple": ((list, tuple), "a list"),
-    "str": ((str,), "a text"),
-    "Literal": ((str,), "a text"),
+_JSON: Final[Mapping[object, tuple[tuple[type, ...], str]]] = {
+    float: ((Real, type(None)), "a number"),
+    int: ((Integral, type(None)), "an integer"),
+    bool: ((bool,), "true or false"),
+    tuple: ((list, tuple), "a list"),
+    str: ((str,), "a text"),
+    Literal: ((str,), "a text"),
 }
-"""JSON types of a field and their name in messages, by the first word of the annotation."""
+"""JSON types of a field and their name in messages, by the type of the field."""
 
 
-def term_of(entry: object) -> AbstractTerm:
+def term_of(entry: object) -> AbstractEffect:
     """The term that an entry of `effects` describes.
 
     Args:
@@ -48,53 +49,63 @@ def term_of(entry: object) -> AbstractTerm:
             f"the settings of the effect {name} are not an object; {_REMEDY}", value=name
         )
     if name == "unlisted":
-        form = unlisted_form(entry.get("equation"), settings)
-        if form is None:
+        law = _law(
+            [k for k in (*SURROGATES, *LAWS) if k.equation == entry.get("equation")], settings
+        )
+        if law is None:
             raise InputError(
                 "the effect unlisted has no law with the settings "
                 f"{', '.join(map(str, settings)) or 'none'}; {_REMEDY}",
                 value=name,
             )
-        _check_settings(name, form, settings)
-        return unlisted_term(entry["equation"], dict(settings))
-    kind = CATALOGUE.get(name)
-    if kind is None:
+    elif name in CATALOGUE:
+        kind = CATALOGUE[name]
+        law = _law((kind, *kind.laws), settings) or kind
+    else:
         raise InputError(
             f"effect {name!r} is not known; expected one of {', '.join(CATALOGUE)}", value=name
         )
-    laws = (kind, *kind.laws)
-    kind = next((law for law in laws if _fields(law) == set(settings)), kind)
-    _check_settings(name, kind, settings)
-    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
-    term: AbstractTerm = kind(**fields)
-    return term
+    _check_settings(name, law, settings)
+    return law(**{key: _without_lists(value) for key, value in settings.items()})
 
 
-def _fields(kind: Any) -> set[str]:
-    return {field.name for field in dataclasses.fields(kind)}
+def _law(
+    laws: Sequence[type[AbstractEffect]], settings: Mapping[str, object]
+) -> type[AbstractEffect] | None:
+    """The law with exactly these settings, or None."""
+    return next((law for law in laws if law.setting_names() == set(settings)), None)
 
 
-def _check_settings(name: str, kind: Any, settings: Mapping[str, Any]) -> None:
-    fields = {field.name: field for field in dataclasses.fields(kind)}
-    for field in fields.values():
+def _without_lists(value: object) -> object:
+    """The value with tuples in place of lists."""
+    return tuple(map(_without_lists, value)) if isinstance(value, list | tuple) else value
+
+
+def _check_settings(name: str, law: type[AbstractEffect], settings: Mapping[str, object]) -> None:
+    fields, types = dataclasses.fields(law), get_type_hints(law)
+    for field in fields:
         if field.name not in settings and field.default is dataclasses.MISSING:
             raise InputError(
                 f"the effect {name} of the result lacks the setting {field.name}; {_REMEDY}",
                 value=name,
             )
+    names = [field.name for field in fields]
     for key, value in settings.items():
-        if key not in fields:
+        if key not in names:
             raise InputError(
                 f"the effect {name} of the result has the setting {key!r}; expected "
-                f"{', '.join(fields) or 'none'}",
+                f"{', '.join(names) or 'none'}",
                 value=key,
             )
-        # The annotation is a string, since `from __future__ import annotations` is in effect.
-        word = str(fields[key].type).split("[")[0].split(" ")[0]
-        types, expected = _KINDS[word]
-        if not isinstance(value, types) or (isinstance(value, bool) and word != "bool"):
+        accepted, expected = _JSON[_plain(types[key])]
+        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in accepted):
             raise InputError(
                 f"the effect {name} of the result has the setting {key} {str(value)[:60]!r}; "
                 f"expected {expected}",
                 value=value,
             )
+
+
+def _plain(hint: object) -> object:
+    """Type of a field without its arguments, and the first type of a union."""
+    return get_args(hint)[0] if isinstance(hint, UnionType) else get_origin(hint) or hint

@@ -6,13 +6,14 @@ The amplitudes are free in each record, since the phase at the start of a run is
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, CampaignScales, Candidate, amplitude
+from identification.effects.effect import AbstractForced, CampaignScales, Candidate, columns
+from identification.effects.parameters import amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -24,7 +25,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["MissingTorqueRipple", "MissingVoltageRipple", "ripples"]
+__all__ = ["MissingTorqueRipple", "MissingVoltageRipple"]
 
 Array = NDArray[np.float64]
 
@@ -52,10 +53,10 @@ class _Ripple(AbstractForced):
     duration: float
     free: bool = True
 
-    name: ClassVar[str] = "unlisted"
-    drivers: ClassVar[tuple[str, ...]] = ("time",)
+    name = "unlisted"
+    drivers = ("time",)
     unit: ClassVar[str]
-    source: ClassVar[str] = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
+    source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
 
     @property
     def variant(self) -> str:
@@ -68,7 +69,7 @@ class _Ripple(AbstractForced):
         ]
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """Frequency f and drift d, and the amplitudes unless they are per-record states."""
         shared = (
             Parameter(
@@ -98,7 +99,7 @@ class _Ripple(AbstractForced):
         )
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """The amplitudes, if they are free in each record."""
         names = self._names() if self.free else []
         return tuple(State(name, self.unit, scale=self.size, is_own=True) for name in names)
@@ -114,9 +115,19 @@ class _Ripple(AbstractForced):
             found += starts[2 + row] * wave(2 * np.pi * order * turns)
         return found
 
-    def expecting(self, size: float) -> Any:
+    def expecting(self, size: float) -> Self:
         """The term with this prior standard deviation of per-record amplitudes [N m] or [V]."""
         return replace(self, size=size)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate, its amplitudes free in each record; its frequency starts at each peak."""
+        size = scales.torque if cls.equation == "mechanical" else scales.voltage
+        shared = (size, 1.0 / scales.duration, 0.4 / scales.interval, scales.duration)
+        amplitudes = 0.05 * size * np.eye(2 * _HARMONICS)[:2]
+        starts = [(f, 0.0, *row) for f in scales.frequencies for row in amplitudes]
+        scanned, fitted = cls(*shared, False), cls(*shared)
+        return [Candidate(scanned, columns(*starts), joint=2, fitted=fitted)] if starts else []
 
     def _missing(self, signals: Signals, states: Values, values: Values) -> Expression:
         time = signals.time
@@ -134,8 +145,8 @@ class _Ripple(AbstractForced):
 class MissingTorqueRipple(_Ripple, AbstractTorque):
     """Torque that is periodic in time and that no effect of the catalogue explains."""
 
-    equation: ClassVar[str] = "mechanical"
-    unit: ClassVar[str] = "N m"
+    equation = "mechanical"
+    unit = "N m"
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The torque [N m]."""
@@ -146,36 +157,9 @@ class MissingTorqueRipple(_Ripple, AbstractTorque):
 class MissingVoltageRipple(_Ripple, AbstractVoltage):
     """Voltage that is periodic in time and that no effect of the catalogue explains."""
 
-    equation: ClassVar[str] = "electrical"
-    unit: ClassVar[str] = "V"
+    equation = "electrical"
+    unit = "V"
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The voltage [V]."""
         return self._missing(signals, states, values)
-
-
-_KINDS: Final[dict[str, Any]] = {
-    "mechanical": MissingTorqueRipple,
-    "electrical": MissingVoltageRipple,
-}
-
-
-def ripples(scales: CampaignScales, frequencies: Array) -> list[Candidate]:
-    """Ripple candidates in both equations, scored with amplitudes free in each record.
-
-    Args:
-        scales: Scales of the campaign.
-        frequencies: (n,) starting frequencies [Hz].
-    """
-    found = []
-    for equation in ("mechanical", "electrical"):
-        size = scales.torque if equation == "mechanical" else scales.voltage
-        shared = (size, 1.0 / scales.duration, 0.4 / scales.interval, scales.duration)
-        kind = _KINDS[equation]
-        amplitudes = 0.05 * size * np.eye(2 * _HARMONICS)[:2]
-        starts = [(float(f), 0.0, *row) for f in frequencies for row in amplitudes]
-        if starts:
-            found.append(
-                Candidate(kind(*shared, False), np.array(starts).T, joint=2, fitted=kind(*shared))
-            )
-    return found

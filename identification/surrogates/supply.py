@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
-from identification.effects.effect import CampaignScales, Candidate, amplitude, columns
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, columns
+from identification.effects.parameters import amplitude
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractVoltage, Expression, Signals, Values
 
@@ -13,7 +13,7 @@ __all__ = ["SupplySag"]
 
 
 @dataclass(frozen=True)
-class SupplySag(AbstractVoltage):
+class SupplySag(AbstractEffect, AbstractVoltage):
     """Voltage sag by the supply resistance of a chopper, if the commanded voltage v is logged.
 
         voltage = -R_s (v / v_0)^2 i                                        [V]
@@ -31,10 +31,10 @@ class SupplySag(AbstractVoltage):
     voltage_size: float
     resistance_size: float
 
-    name: ClassVar[str] = "unlisted"
-    equation: ClassVar[str] = "electrical"
-    drivers: ClassVar[tuple[str, ...]] = ("voltage", "current")
-    source: ClassVar[str] = (
+    name = "unlisted"
+    equation = "electrical"
+    drivers = ("voltage", "current")
+    source = (
         "Erickson and Maksimovic, Fundamentals of Power Electronics (2001), chapter 3 (dc "
         "transformer model of a converter)"
     )
@@ -45,7 +45,7 @@ class SupplySag(AbstractVoltage):
         return "voltage sag of the supply of a chopper"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The resistance R_s at v_0."""
         meaning = f"equivalent resistance of the supply at {self.voltage_size:.3g} V"
         return (amplitude("resistance", "ohm", meaning, self.resistance_size),)
@@ -57,5 +57,5 @@ class SupplySag(AbstractVoltage):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate."""
-        size = float(scales.values[0])
+        size = scales.nominal("Ra25")
         return [Candidate(cls(scales.voltage, size), columns((0.05 * size,)))]

@@ -54,6 +54,7 @@ def test_one_zero_of_all_runs_stays_one_number() -> None:
 
     assert [effect.name for effect in outcome.effects] == ["current_offset"]
     (term,) = outcome.fit.simulator.model.terms
+    assert isinstance(term, CurrentOffset)
     assert term.variant == ""
 
 

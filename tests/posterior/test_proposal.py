@@ -88,7 +88,7 @@ def test_a_chain_of_proposals_samples_its_target(
 
 def test_the_position_along_the_ridge_has_the_traced_density() -> None:
     """The share of draws on the side with the tail is that of the two half normals."""
-    proposal = AlongRidge(ridge(), NOISE, NOISE_SD)
+    proposal = RidgeProposal(ridge(), NOISE, NOISE_SD)
     many = np.repeat(np.append(CENTRE, NOISE)[None, :], 40_000, axis=0)
 
     drawn, _ = proposal(many, np.random.RandomState(5))  # noqa: NPY002

@@ -12,18 +12,11 @@ from identification.fit.solve import Fit
 from identification.report.story import searched_entries, story_of
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
+from identification.surrogates.curves import MissingVoltage
 
 PASSED = AcceptanceCriteria(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
 CHANCE = AcceptanceCriteria(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
-
-
-class Unlisted:
-    """A term that stands for no kind of the catalogue."""
-
-    name = "unlisted"
-    equation = "electrical"
-    drivers = ("current", "speed")
-    variant = ""
+UNLISTED = MissingVoltage("speed", "current", 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def fit_with(*terms: object) -> Fit:
@@ -80,7 +73,7 @@ def test_a_shift_that_is_none_is_not_told() -> None:
 
 def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
     """The catalogue knows nothing of it: equation and drivers are those of the term."""
-    story = story_of(outcome("unlisted"), result(), fit_with(Unlisted()))
+    story = story_of(outcome("unlisted"), result(), fit_with(UNLISTED))
 
     assert story is not None
     told = " ".join(story.sentences)

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import FitOptions, identify
+from identification.effects.effect import AbstractEffect
 from identification.effects.load import LoadStep
 from identification.feedback.closed_loop import acting_terms
 from identification.fit.evaluate import Simulated
@@ -19,7 +20,8 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.prediction import predict
 from identification.report.worse import worse_warnings
-from identification.surrogates.curve import HEIGHTS, MissingTorque
+from identification.surrogates.curve import HEIGHTS
+from identification.surrogates.curves import MissingTorque
 from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]
@@ -82,7 +84,7 @@ def test_a_load_that_recurs_at_a_time_is_of_those_runs_and_of_no_other() -> None
     ("term", "values"), [(STEP, VALUES[7:]), (CURVE, np.full(HEIGHTS, TORQUE))]
 )
 def test_what_belongs_to_training_runs_leaves_other_runs_and_the_loop_alone(
-    term: AbstractTerm, values: Array
+    term: AbstractEffect, values: Array
 ) -> None:
     """The same bytes as run 1 differ from the nominal model, as run 4 they do not."""
     runs = campaign(MOTOR, seed=7, runs=1, rows=800)

@@ -20,9 +20,9 @@ from identification.selection.non_identifiable import lines_of, with_linear_part
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
-from identification.surrogates.curves import curves
-from identification.surrogates.imitation import imitated, is_formed
+from identification.surrogates.collinear import imitated, is_formed
+from identification.surrogates.curve import HEIGHTS, AbstractCurve
+from identification.surrogates.curves import MissingTorque, MissingVoltage
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
     """The fit with a curve beside it."""
     (candidate,) = [
-        c for c in curves(scales_of(fit))
-        if isinstance(c.term, MissingTorque | MissingVoltage)
+        c for kind in (MissingTorque, MissingVoltage) for c in kind.candidates(scales_of(fit))
+        if isinstance(c.term, AbstractCurve)
         and (c.term.along, c.term.carrier, c.term.equation) == (along, carrier, equation)
     ]  # fmt: skip
     return refitted_with(fit, candidate.term, [Start(np.zeros(HEIGHTS))])
@@ -64,7 +64,7 @@ def test_a_line_moves_parameters_and_not_the_motor(
     """
     closed = with_curve(declared, along, carrier, equation)
     (term,) = closed.simulator.model.terms
-    assert isinstance(term, MissingTorque | MissingVoltage)
+    assert isinstance(term, AbstractCurve)
     own = {"speed": closed.values[5] * term.speed, "voltage": term.size}
     own["current"] = closed.values[0 if equation == "electrical" else 2] * term.current
     widths = [0.3 * own[name] * (name == signal) for name in ("current", "speed", "voltage")]

@@ -13,25 +13,25 @@ from identification.fit.declared import fit_declared
 from identification.model.excitation import records_of
 from identification.model.term import Signals
 from identification.selection.scales import scales_of
-from identification.surrogates.curve import HEIGHTS, MissingTorque, MissingVoltage
-from identification.surrogates.curves import curves
+from identification.surrogates.curve import HEIGHTS
+from identification.surrogates.curves import MissingTorque
 from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def term() -> MissingTorque | MissingVoltage:
+def term() -> MissingTorque:
     """A curve in the speed, nothing taken away from it."""
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
-    for candidate in curves(scales_of(fit)):
+    for candidate in MissingTorque.candidates(scales_of(fit)):
         found = candidate.term
         if isinstance(found, MissingTorque) and (found.along, found.carrier) == ("speed", ""):
             return replace(found, imitated=((0.0, 0.0),) * HEIGHTS)
     raise AssertionError("no curve in the speed")
 
 
-def basis(term: MissingTorque | MissingVoltage, speed: Array) -> Array:
+def basis(term: MissingTorque, speed: Array) -> Array:
     """Basis functions by the expressions that are simulated, (n_sample, n_height)."""
     w = ca.SX.sym("w")
     none = [ca.SX(0)] * 6
@@ -41,7 +41,7 @@ def basis(term: MissingTorque | MissingVoltage, speed: Array) -> Array:
     return found
 
 
-def speeds(term: MissingTorque | MissingVoltage, beyond: float) -> Array:
+def speeds(term: MissingTorque, beyond: float) -> Array:
     """Speeds over what was seen and a share of it beyond, even in the drawn coordinate."""
     reach = term.upper - term.lower
     drawn = np.linspace(term.lower - beyond * reach, term.upper + beyond * reach, 900)
@@ -49,13 +49,13 @@ def speeds(term: MissingTorque | MissingVoltage, beyond: float) -> Array:
 
 
 def test_heights_that_are_all_alike_are_a_constant_everywhere(
-    term: MissingTorque | MissingVoltage,
+    term: MissingTorque,
 ) -> None:
     """Beyond the ends as well."""
     np.testing.assert_allclose(basis(term, speeds(term, 0.3)).sum(axis=1), 1.0, atol=1e-12)
 
 
-def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque | MissingVoltage) -> None:
+def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque) -> None:
     """In the coordinate in which it is drawn second differences vanish there, without a jump."""
     found = basis(term, speeds(term, 0.3))
 
@@ -65,7 +65,7 @@ def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque | MissingVo
     assert bend.max() < 3e-3
 
 
-def test_what_is_scored_is_what_is_simulated(term: MissingTorque | MissingVoltage) -> None:
+def test_what_is_scored_is_what_is_simulated(term: MissingTorque) -> None:
     """Tables and expressions give the same basis, within what was seen and beyond."""
     (record, *_) = records_of(campaign(motor_named("servo 100 W"), seed=4))
     speed = np.interp(np.arange(record.rows), np.linspace(0, record.rows, 900), speeds(term, 0.3))

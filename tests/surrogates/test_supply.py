@@ -13,8 +13,8 @@ from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.selection.outcome import Outcome
 from identification.selection.search import search
+from identification.surrogates.entry import term_of
 from identification.surrogates.supply import SupplySag
-from identification.surrogates.unlisted import unlisted_term
 
 ROWS = 1500
 TEMPERATURES = (30.0, 65.0, 100.0, 50.0)
@@ -64,4 +64,5 @@ def test_a_sag_comes_back_from_a_result() -> None:
     """By its settings, as every form of the unlisted does."""
     settings = {"voltage_size": 12.0, "resistance_size": 0.5}
 
-    assert unlisted_term("electrical", settings) == SupplySag(12.0, 0.5)
+    entry = {"name": "unlisted", "equation": "electrical", "settings": settings}
+    assert term_of(entry) == SupplySag(12.0, 0.5)

@@ -23,13 +23,10 @@ from identification.selection.refit import refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.search import search
 from identification.selection.tracing import missing_curves, traced
-from identification.surrogates.angular import AngularFriction
-from identification.surrogates.backlash import Backlash
-from identification.surrogates.curve import MissingTorque
-from identification.surrogates.curves import curves
-from identification.surrogates.dahl import DahlFriction
-from identification.surrogates.ripple import ripples
-from identification.surrogates.unlisted import unlisted_term
+from identification.surrogates.curves import MissingTorque
+from identification.surrogates.entry import term_of
+from identification.surrogates.friction import AngularFriction
+from identification.surrogates.unlisted import LAWS, SURROGATES
 from tests.effects.hidden import records_of_bench
 from tests.motors import Motor, campaign, motor_named
 
@@ -121,7 +118,7 @@ def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
     """Each basis function is orthogonal to current and speed over the runs, by construction."""
     campaign = _campaign("servo_150w", [], seed=23)
     scales = scales_of(fit_declared(campaign.training, "zoh"))
-    term = next(c.term for c in curves(scales) if c.term.drivers == ("speed",))
+    term = next(c.term for c in MissingTorque.candidates(scales) if c.term.drivers == ("speed",))
     assert isinstance(term, MissingTorque)
 
     columns = np.concatenate([term.columns(r, *r.measured.T) for r in scales.records])
@@ -148,17 +145,16 @@ def test_a_search_that_begins_with_a_curve_adds_no_second_one() -> None:
 def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
     """Its settings go through JSON; expected are the same rates of the same motor."""
     campaign = _campaign("servo_150w", [], seed=24)
-    scales = scales_of(fit_declared(campaign.training, "zoh"))
+    scales = replace(scales_of(fit_declared(campaign.training, "zoh")), frequencies=(20.0,))
 
-    forms = (AngularFriction, DahlFriction, Backlash)
-    others = [candidate for form in forms for candidate in form.candidates(scales)]
-    assert len(others) == len(forms)
+    terms = [c.final for kind in (*SURROGATES, *LAWS) for c in kind.candidates(scales)]
+    assert {type(term) for term in terms} == {*SURROGATES, *LAWS}
 
-    for candidate in [*curves(scales), *ripples(scales, np.array([20.0])), *others]:
-        settings = json.loads(json.dumps(dict(vars(candidate.final))))
-        again = unlisted_term(candidate.final.equation, settings)
+    for term in terms:
+        entry = {"name": "unlisted", "equation": term.equation, "settings": term.settings}
+        again = term_of(json.loads(json.dumps(entry)))
 
-        assert again == candidate.final
+        assert again == term
         model = MotorModel((again,))
         x, u = ca.SX.sym("x", len(model.state_names)), ca.SX.sym("u", len(INPUTS))
         p = ca.SX.sym("p", len(model.parameters))
@@ -220,5 +216,6 @@ def test_a_friction_that_runs_in_anew_is_traced_to_the_time_in_the_run() -> None
     outcome = search(fit_declared(found.training, "zoh"), found)
 
     (term,) = [t for t in outcome.fit.simulator.model.terms if t.name == "unlisted"]
+    assert isinstance(term, MissingTorque)
     assert term.variant.startswith("curve over time in the run, times sign of speed")
     assert term.drivers == ("time", "speed")

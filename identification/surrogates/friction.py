@@ -1,25 +1,35 @@
-"""Dry friction that is periodic in the shaft angle, as a Fourier series per record.
+"""Dry friction with a memory or with a phase, which no curve in a signal has.
 
-A bent shaft rubs in one part of the revolution.  The angle may be counted from wherever a run
-began, or be integrated from the speed.  The phase is then unknown, so the amplitudes are free in
+Contacts bend before they slide, so friction reverses over a distance instead of at once.  A bent
+shaft rubs in one part of the revolution.  The angle may be counted from wherever a run began, or be
+integrated from the speed; the phase of this friction is then unknown, so its amplitudes are free in
 each record.
+
+Source: Dahl, AIAA Journal 14 (1976), 1675-1682 (solid friction damping of mechanical vibrations).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, CampaignScales, Candidate, amplitude
+from identification.effects.effect import (
+    AbstractEffect,
+    AbstractForced,
+    CampaignScales,
+    Candidate,
+    columns,
+)
+from identification.effects.parameters import amplitude, shape
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 
-__all__ = ["AngularFriction"]
+__all__ = ["AngularFriction", "DahlFriction"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +37,8 @@ _HARMONICS: Final = 4
 _LEAST_TURNS: Final = 1.0
 _STEEP: Final = 3e-3
 """Width of the smoothed sign of the speed, over the speed scale."""
+_ROUNDED: Final = 1e-3
+"""Width of the smoothed magnitude of the speed, over the speed scale."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +58,10 @@ class AngularFriction(AbstractForced, AbstractTorque):
     turning: float
     free: bool = True
 
-    name: ClassVar[str] = "unlisted"
-    equation: ClassVar[str] = "mechanical"
-    drivers: ClassVar[tuple[str, ...]] = ("position", "speed")
-    source: ClassVar[str] = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
+    name = "unlisted"
+    equation = "mechanical"
+    drivers = ("position", "speed")
+    source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
 
     @property
     def variant(self) -> str:
@@ -57,7 +69,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
         return "Coulomb friction periodic in the shaft angle"
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The amplitudes, unless they are per-record states."""
         if self.free:
             return ()
@@ -66,7 +78,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
         )
 
     @property
-    def states(self) -> tuple[State, ...]:  # type: ignore[override]
+    def states(self) -> tuple[State, ...]:
         """The amplitudes, if they are free in each record."""
         names = _names() if self.free else []
         return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
@@ -102,6 +114,71 @@ class AngularFriction(AbstractForced, AbstractTorque):
         shared = (scales.torque, scales.speed)
         starts = 0.05 * scales.torque * np.eye(len(_names()))
         return [Candidate(cls(*shared, False), starts, joint=len(_names()), fitted=cls(*shared))]
+
+
+@dataclass(frozen=True)
+class DahlFriction(AbstractEffect, AbstractTorque):
+    """Dahl friction: a torque that follows the direction of the motion over a distance d.
+
+        tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
+
+    Args:
+        torque_size: Torque scale [N m].
+        speed_size: Speed scale [rad/s].
+        nearest: Shortest distance that the sampling resolves [rad].
+        farthest: Longest distance that a record resolves [rad].
+    """
+
+    torque_size: float
+    speed_size: float
+    nearest: float
+    farthest: float
+
+    name = "unlisted"
+    equation = "mechanical"
+    drivers = ("speed",)
+    source = "Dahl, AIAA Journal 14 (1976), 1675-1682"
+    states = (State("deflection", "-", scale=1.0, fades=True),)
+
+    @property
+    def variant(self) -> str:
+        """The law in words."""
+        return "Dahl friction"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Torque and distance."""
+        return (
+            amplitude("torque", "N m", "friction torque in sliding", self.torque_size),
+            shape(
+                "distance",
+                "rad",
+                "presliding distance d in the formula",
+                self.nearest,
+                self.farthest,
+            ),
+        )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque opposite to the relative deflection z [N m]."""
+        return -values.torque * states.deflection
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rate of the relative deflection z [1/s]."""
+        speed = signals.speed
+        size = ca.sqrt(speed * speed + (_ROUNDED * self.speed_size) ** 2)
+        return [(speed - size * states.deflection) / values.distance]
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate, its distance scanned."""
+        nearest = 0.3 * scales.speed * scales.interval
+        farthest = 0.3 * scales.speed * scales.duration
+        if farthest < 10 * nearest:
+            return []
+        scanned = np.geomspace(2 * nearest, farthest / 3, 5)
+        starts = [(0.05 * scales.torque, float(d)) for d in scanned]
+        return [Candidate(cls(scales.torque, scales.speed, nearest, farthest), columns(*starts))]
 
 
 def _names() -> list[str]:

@@ -1,0 +1,53 @@
+"""Parameters that many effects have, with their usual priors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.model.parameter import Parameter
+
+__all__ = ["amplitude", "asymmetry", "shape"]
+
+
+def amplitude(
+    name: str, unit: str, meaning: str, size: float, *, signed: bool = False
+) -> Parameter:
+    """Parameter to which the effect is proportional.
+
+    Args:
+        name: Name in the result.
+        unit: Unit.
+        meaning: One phrase.
+        size: Scale of the quantity that the effect changes; the prior's standard deviation is
+            three times as large [unit].
+        signed: Whether it may be negative.
+    """
+    lower = -np.inf if signed else 0.0
+    return Parameter(name, unit, meaning, scale=size, lower=lower, prior_sd=3.0)
+
+
+def asymmetry() -> Parameter:
+    """Parameter for the difference between two directions, as in contacts or preloaded bearings."""
+    meaning = "(forward - reverse) / (forward + reverse)"
+    return Parameter("asymmetry", "-", meaning, scale=0.1, lower=-0.6, upper=0.6, prior_sd=2.0)
+
+
+def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:
+    """Positive shape parameter, searched in its logarithm.
+
+    The prior is normal in the logarithm and broad: its standard deviation is twice that of a
+    uniform distribution between the bounds.
+
+    Args:
+        name: Name in the result.
+        unit: Unit.
+        meaning: One phrase.
+        lower: Smallest value that is distinguishable from a limit case [unit].
+        upper: Largest such value [unit].
+    """
+    middle = float(np.sqrt(lower * upper))
+    width = float(np.log(upper / lower) / np.sqrt(12.0))
+    return Parameter(
+        name, unit, meaning, search="log", lower=lower, upper=upper,
+        prior_mean=middle, prior_sd=2.0 * width,
+    )  # fmt: skip
