@@ -1,6 +1,8 @@
 """Generator of the documentation page on effects, from the catalogue classes.
 
-    python -m identification.report.effects_page        writes docs/effects.md
+    python -m identification.report.effects_page
+
+writes docs/effects.md, and the names of the effects in the schema of result.json.
 
 Each class of the catalogue provides its description, formula, drivers, parameters and source, so
 that the page repeats nothing by hand.  Priors scale with the motor at hand; the page shows those of
@@ -10,8 +12,8 @@ an example motor.
 from __future__ import annotations
 
 import inspect
+import json
 import re
-import sys
 from pathlib import Path
 from typing import Final
 
@@ -26,11 +28,13 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.report.atomic import write_text
+from identification.report.result import result_schema
 from identification.selection.scales import scales_of
 
 __all__ = ["effects_page", "example_scales", "main"]
 
 PAGE: Final = Path("docs/effects.md")
+SCHEMA: Final = Path("identification/report/result.schema.json")
 
 _MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
 """Ra25, alpha_Ra, Kt25, alpha_Kt, J, b and L of the example: a servo motor of 100 W at 24 V."""
@@ -123,10 +127,10 @@ def example_scales() -> CampaignScales:
     return scales_of(fit_declared(records_of(runs), "zoh"))
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Write the page to the given path, by default docs/effects.md."""
-    given = sys.argv[1:] if arguments is None else arguments
-    write_text(Path(given[0]) if given else PAGE, effects_page(example_scales()))
+def main() -> None:
+    """Write the page and the schema of result.json, from the root of the project."""
+    write_text(PAGE, effects_page(example_scales()))
+    write_text(SCHEMA, json.dumps(result_schema(), indent=2) + "\n")
 
 
 def _documentation(kind: type[AbstractEffect]) -> tuple[str, list[str], str]:

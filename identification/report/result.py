@@ -120,11 +120,15 @@ def write_result(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def result_schema() -> dict[str, Any]:
-    """JSON Schema (2020-12) of result.json."""
+    """JSON Schema (2020-12) of result.json, with the names of all effects of the catalogue."""
+    # Imported here: a program that only reads results needs no model.
+    from identification.effects.catalogue import CATALOGUE
+
     text = (
         resources.files("identification.report").joinpath("result.schema.json").read_text("utf-8")
     )
     schema: dict[str, Any] = json.loads(text)
+    schema["$defs"]["effect"]["properties"]["name"]["enum"] = [*CATALOGUE, "unlisted"]
     return schema
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from importlib import resources
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import CampaignScales, Candidate
+from identification.effects.effect import CampaignScales, Candidate, register
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
@@ -75,9 +78,28 @@ def _candidates(name: str) -> list[Candidate]:
     return CATALOGUE[name].candidates(_scales())
 
 
-def test_the_catalogue_holds_exactly_the_effects_that_users_script_against() -> None:
-    """The names are those of the published interface."""
-    assert set(CATALOGUE) == set(CONTRACT)
+def test_the_catalogue_begins_with_the_effects_that_users_script_against() -> None:
+    """The names are those of the published interface, in the order that decides ties."""
+    assert list(CATALOGUE)[: len(CONTRACT)] == list(CONTRACT)
+
+
+def test_the_schema_of_a_result_names_every_effect() -> None:
+    """`python -m identification.report.effects_page` writes them anew."""
+    text = resources.files("identification.report").joinpath("result.schema.json").read_text()
+    names = json.loads(text)["$defs"]["effect"]["properties"]["name"]["enum"]
+
+    assert names == [*CATALOGUE, "unlisted"]
+
+
+def test_a_second_effect_of_a_name_is_refused() -> None:
+    """The message names both classes, and the first one stays."""
+    first = CATALOGUE["brush_drop"]
+    second = type("Other", (first,), {"__module__": "elsewhere"})
+
+    with pytest.raises(ValueError, match=r"'brush_drop' of elsewhere .*electrical\.BrushDrop"):
+        register(second)
+
+    assert CATALOGUE["brush_drop"] is first
 
 
 @pytest.mark.parametrize("name", CONTRACT)
@@ -92,7 +114,7 @@ def test_each_effect_is_in_the_equation_and_has_the_drivers_that_are_published(n
     assert kind.__doc__
 
 
-@pytest.mark.parametrize("name", CONTRACT)
+@pytest.mark.parametrize("name", CATALOGUE)
 def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
     """A start outside the bounds would be moved by the fit before it began."""
     candidates = _candidates(name)
@@ -104,7 +126,7 @@ def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
             assert np.all(row <= parameter.upper), parameter.name
 
 
-@pytest.mark.parametrize("name", CONTRACT)
+@pytest.mark.parametrize("name", CATALOGUE)
 def test_each_prototype_changes_what_the_sensors_log(name: str) -> None:
     """A prototype that changes nothing could never be found; simulated on two moving runs."""
     records = _records()
