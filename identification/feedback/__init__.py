@@ -2,9 +2,10 @@
 
     controller.py     controller specifications: P:1, PI:2,0.5, PID:2,0.5,0.1
     loop.py           motor and controller as transfer functions, one for each draw
-    roots.py          roots of many polynomials of degree two and three
+    roots.py          roots of many polynomials at once
     modes.py          sums of exponential modes, also for coincident poles
     envelope.py       time after which such a sum stays below a level
+    turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly
     spread.py         these metrics over the posterior draws: the feedback list of a result

@@ -3,7 +3,7 @@
 Two bounds hold for all t >= 0.  The modal bound, sum |c_k| exp(Re p_k t), is tight, but useless
 for nearly coincident poles, whose weights grow without limit.  The Newton bound,
 
-    (|a_1| + |a_2| t + |a_3| t^2 / 2) exp(p t)          p the largest real part,
+    (|a_1| + |a_2| t + |a_3| t^2 / 2 + ...) exp(p t)          p the largest real part,
 
 holds for all poles, because a divided difference of the exponential is a mean of its derivatives
 (Hermite-Genocchi formula), but is loose for widely separated poles.  The bound that falls below the
@@ -76,27 +76,28 @@ def time_below(modes: Modes, level: float) -> Array:
 
 
 def _modal_weights(modes: Modes) -> Array:
-    return np.nan_to_num(np.abs(modes.residues()), nan=_LARGEST_WEIGHT).clip(max=_LARGEST_WEIGHT)
+    return np.nan_to_num(np.abs(modes.residues), nan=_LARGEST_WEIGHT).clip(max=_LARGEST_WEIGHT)
 
 
 def _polynomial(weights: Array, time: Array) -> Array:
-    total = weights[:, 0] + weights[:, 1] * time
-    if weights.shape[1] == 3:
-        total = total + weights[:, 2] * time**2 / 2
-    return np.asarray(total)
+    """|a_1| + |a_2| t + |a_3| t^2 / 2 + ..., by Horner's rule."""
+    total: Array = np.zeros_like(time)
+    for k in range(weights.shape[1], 0, -1):
+        total = np.asarray(weights[:, k - 1] + total * time / k)
+    return total
 
 
 def _newton_time(weights: Array, slowest: Array, level: float) -> Array:
     """Largest fixed point of t = log(polynomial(t) / level) / -slowest, approached from above.
 
-    The right-hand side grows with t, but more slowly than t, so each iterate stays above the fixed
-    point: stopping early only loosens the bound.
+    From t = (n_pole - 1) / -slowest the right-hand side grows more slowly than t, so each iterate
+    stays above the fixed point: stopping early only loosens the bound.
     """
 
     def later(time: Array) -> Array:
         return np.log(np.maximum(_polynomial(weights, time) / level, 1.0)) / -slowest
 
-    time = 1.0 / -slowest
+    time: Array = max(1, weights.shape[1] - 1) / -slowest
     while np.any(short := later(time) > time):
         time = np.where(short, 2 * time, time)
     for _ in range(_FIXED_POINT_STEPS):

@@ -116,10 +116,10 @@ def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
 
 
 def _positive(squared: Array) -> Array:
-    """Frequencies omega > 0 whose square is a real root, (n_loop, n_root); NaN for other roots."""
+    """Falling frequencies omega > 0 whose square is a root, (n_loop, n_root), padded with NaN."""
     roots = monic_roots(squared)
     usable = (roots.imag == 0) & (roots.real > 0)
-    return np.sqrt(np.where(usable, roots.real, np.nan))
+    return -np.sort(-np.sqrt(np.where(usable, roots.real, np.nan)), axis=1)
 
 
 def _parts(falling: Array) -> tuple[Array, Array]:

@@ -1,14 +1,17 @@
-"""Sums of exponential modes in Newton's divided-difference form, for any distance of the poles.
+"""Sums of exponential modes, also for coincident poles.
 
-Partial fractions write a response as a sum of c_k exp(p_k t).  For two nearly coincident poles the
+Partial fractions write a response as a sum of c_k exp(p_k t).  For nearly coincident poles the
 weights c_k grow without bound and cancel; for coincident poles the form does not exist.  Newton's
-form has no such singularity:
+divided-difference form has no such singularity:
 
-    x(t) = a_1 f[p_1] + a_2 f[p_1, p_2] + a_3 f[p_1, p_2, p_3]          f(p) = exp(p t)
+    x(t) = a_1 f[p_1] + a_2 f[p_1, p_2] + a_3 f[p_1, p_2, p_3] + ...         f(p) = exp(p t)
 
-Its divided differences f[...] are smooth in the poles: f[p, p] is t exp(p t).  For separate poles
-both forms are equal.  A matrix exponential for each draw and time would be as robust, but two
-hundred times slower.
+Its divided differences f[...] are smooth in the poles: f[p, p] is t exp(p t).  The faster partial
+fractions are evaluated for separate poles, Newton's form for the others.  A matrix exponential for
+each draw and time would be as robust, but two hundred times slower.
+
+Newton's form also shows what the operator D - p_1 (D = d/dt) does: it removes the first pole and
+the first weight.  `Modes.tail` is that sum; its zeros bracket the turns of exp(-p_1 t) x(t).
 
 Source: McCurdy, Ng and Parlett, Mathematics of Computation 43 (1984), 501-528 (divided
 differences of the exponential).
@@ -17,6 +20,8 @@ differences of the exponential).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
 from typing import Final
 
 import numpy as np
@@ -25,9 +30,12 @@ from numpy.typing import NDArray
 __all__ = ["Modes"]
 
 Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 
+# Relative distance of poles above which partial fractions lose no more than two digits.
+_APART: Final = 0.1
 # Poles closer than 1/t are summed as a series around their mean; the terms decay as 1/k!.
 _SERIES_TERMS: Final = 18
 _SMALLEST_GAP: Final = 1e-150
@@ -35,53 +43,108 @@ _SMALLEST_GAP: Final = 1e-150
 
 @dataclass(frozen=True)
 class Modes:
-    """Inverse Laplace transforms of N(s) / ((s - p_1) ... (s - p_n)), n = 2 or 3.
+    """Inverse Laplace transforms of N(s) / ((s - p_1) ... (s - p_n)).
 
     Args:
         poles: (n_loop, n_pole) [1/s].
-        numerator: N, (n_loop, n_pole), falling powers from s^(n_pole - 1).
         weights: Coefficients a_1 to a_n of Newton's form, (n_loop, n_pole).
+        residues: Weights c_1 to c_n of the partial fractions, (n_loop, n_pole); not finite for
+            coincident poles.
     """
 
     poles: Complex
-    numerator: Array
     weights: Complex
+    residues: Complex
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:
-        """Sum of modes of a strictly proper fraction, given by numerator and poles."""
+        """Sums of modes of strictly proper fractions.
+
+        Args:
+            numerator: N, (n_loop, n_pole), falling powers from s^(n_pole - 1).
+            poles: (n_loop, n_pole) [1/s].
+        """
         weights = numerator.astype(np.complex128)
-        count = poles.shape[1]
         # Repeated synthetic division: by the last pole, then the one before it.
-        for last in range(count - 1, 0, -1):
+        for last in range(poles.shape[1] - 1, 0, -1):
             for k in range(1, last + 1):
                 weights[:, k] += weights[:, k - 1] * poles[:, last]
-        return cls(poles, numerator, weights)
+        value = np.zeros_like(poles)
+        for coefficient in numerator.T:
+            value = value * poles + coefficient[:, None]
+        apart = poles[:, :, None] - poles[:, None, :] + np.eye(poles.shape[1])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return cls(poles, weights, value / apart.prod(axis=2))
+
+    def selected(self, rows: Bool, scale: Array) -> Modes:
+        """Sums of the selected loops, each divided by its `scale`, (n_selected,)."""
+        share = 1 / scale[:, None]
+        return Modes(self.poles[rows], self.weights[rows] * share, self.residues[rows] * share)
+
+    def tail(self, count: int) -> Modes:
+        """(D - p_1) ... (D - p_count) x, over the slowest exponential left, so that it lasts."""
+        poles = self.poles[:, count:]
+        removed = poles[:, None] - self.poles[:, :count, None]
+        residues = self.residues[:, count:] * removed.prod(axis=1)
+        slowest = poles.real.max(axis=1, keepdims=True)
+        return Modes(poles - slowest, self.weights[:, count:], residues)
 
     def at(self, time: Array, loop: Index) -> Array:
-        """Values of the sums.
+        """Values of the sums, which are real if complex poles are paired.
 
         Args:
             time: Times, any shape [s].
             loop: Index of the loop for each time, of a shape that broadcasts with `time`.
         """
-        poles, weights = self.poles[loop], self.weights[loop]
-        first = np.exp(poles[..., 0] * time)
-        second = _pair(poles[..., 0], poles[..., 1], time)
-        total = weights[..., 0] * first + weights[..., 1] * second
-        if poles.shape[-1] == 3:
-            total = total + weights[..., 2] * _triple(poles, time)
-        return np.asarray(total.real)
+        return np.asarray(self.complex_at(time, loop).real)
 
-    def residues(self) -> Complex:
-        """Weights c_k of the partial fractions, (n_loop, n_pole); infinite for coincident poles."""
-        value = np.zeros_like(self.poles)
-        for k in range(self.numerator.shape[1]):
-            value = value * self.poles + self.numerator[:, k, None]
-        apart = self.poles[:, :, None] - self.poles[:, None, :]
-        apart += np.eye(self.poles.shape[1])
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.asarray(value / apart.prod(axis=2))
+    def complex_at(self, time: Array, loop: Index) -> Complex:
+        """Values of sums that may contain only one pole of a pair; arguments as for `at`."""
+        modes = np.exp(self.poles[loop] * time[..., None])
+        with np.errstate(invalid="ignore"):
+            total = np.asarray((self.residues[loop] * modes).sum(axis=-1))
+        nearby = np.broadcast_to(self._have_neighbours[loop], total.shape)
+        if nearby.any():
+            rows = np.broadcast_to(loop, total.shape)[nearby]
+            times = np.broadcast_to(time, total.shape)[nearby]
+            poles, weights = self.poles[rows], self.weights[rows]
+            total[nearby] = sum(
+                weights[:, k] * _divided_difference(poles[:, : k + 1], times)
+                for k in range(poles.shape[1])
+            )
+        return total
+
+    @cached_property
+    def _have_neighbours(self) -> Bool:
+        """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
+        gaps = np.abs(self.poles[:, :, None] - self.poles[:, None, :])
+        size = np.maximum(np.abs(self.poles)[:, :, None], np.abs(self.poles)[:, None, :])
+        apart = (gaps > _APART * size) | np.eye(self.poles.shape[1], dtype=bool)
+        return np.asarray(~apart.all(axis=(1, 2)))
+
+
+def _divided_difference(poles: Complex, time: Array) -> Complex:
+    """f[p_1, ..., p_k] by recursion on the most distant pair, or by a series if all are close.
+
+    Args:
+        poles: (n_time, k) [1/s].
+        time: (n_time,) [s].
+    """
+    count = poles.shape[1]
+    if count == 1:
+        return np.asarray(np.exp(poles[:, 0] * time))
+    if count == 2:
+        return _pair(poles[:, 0], poles[:, 1], time)
+    gaps = np.abs(poles[:, :, None] - poles[:, None, :]).reshape(-1, count**2)
+    first, last = np.divmod(gaps.argmax(axis=1)[:, None], count)
+    number = np.arange(count)
+    order = np.argsort(1 * (number == last) - (number == first), axis=1, kind="stable")
+    poles = np.take_along_axis(poles, order, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        upper, lower = (_divided_difference(p, time) for p in (poles[:, :-1], poles[:, 1:]))
+        apart = (upper - lower) / (poles[:, 0] - poles[:, -1])
+    together = gaps.max(axis=1) * time < 1
+    return np.where(together, _series(poles, time * together), apart)
 
 
 def _pair(p: Complex, q: Complex, time: Array) -> Complex:
@@ -94,35 +157,22 @@ def _pair(p: Complex, q: Complex, time: Array) -> Complex:
     return np.asarray(np.exp(slow * time) * time * ratio)
 
 
-def _triple(poles: Complex, time: Array) -> Complex:
-    """f[p_1, p_2, p_3], by recursion on the most distant pair, or by a series if all are close."""
-    p, q, r = poles[..., 0], poles[..., 1], poles[..., 2]
-    # Put the pole outside the most distant pair into the middle.
-    gaps = np.abs(np.stack([q - r, p - r, p - q]))
-    widest = gaps.argmax(axis=0)
-    left = np.where(widest == 0, q, p)
-    right = np.where(widest == 2, q, r)
-    middle = np.where(widest == 0, p, np.where(widest == 1, q, r))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        apart = (_pair(left, middle, time) - _pair(middle, right, time)) / (left - right)
-    together = gaps.max(axis=0) * time < 1
-    if not np.any(together):
-        return np.asarray(apart)
-    return np.where(together, _series(left, middle, right, time * together), apart)
+def _series(poles: Complex, time: Array) -> Complex:
+    """f[p_1, ..., p_n] = t^(n-1) exp(m t) sum h_k / (k + n - 1)!, with m the mean of the poles.
 
-
-def _series(p: Complex, q: Complex, r: Complex, time: Array) -> Complex:
-    """f[p, q, r] = t^2 exp(m t) sum h_k / (k + 2)!, with m the mean of the poles.
-
-    h_k is the complete homogeneous symmetric polynomial of degree k of the differences (p - m) t.
+    h_k is the complete homogeneous symmetric polynomial of degree k of z_i = (p_i - m) t; Newton's
+    recursion gives it from the elementary ones e_i: h_k = e_1 h_(k-1) - e_2 h_(k-2) + ...
     """
-    mean = (p + q + r) / 3
-    x, y, z = (p - mean) * time, (q - mean) * time, (r - mean) * time
-    pairs, product = x * y + y * z + z * x, x * y * z
-    before, last, newest = np.zeros_like(x), np.zeros_like(x), np.ones_like(x)
-    total, factor = newest / 2, 2.0
+    mean = poles.mean(axis=1)
+    count = poles.shape[1]
+    elementary = [np.ones_like(mean)] + [np.zeros_like(mean)] * count
+    for z in ((poles - mean[:, None]) * time[:, None]).T:
+        for k in range(count, 0, -1):
+            elementary[k] = elementary[k] + z * elementary[k - 1]
+    complete = [elementary[0]]
+    total = complete[0] / factorial(count - 1)
     for k in range(1, _SERIES_TERMS):
-        before, last, newest = last, newest, -pairs * last + product * before
-        factor *= k + 2
-        total = total + newest / factor
-    return np.asarray(time**2 * np.exp(mean * time) * total)
+        terms = range(1, min(k, count) + 1)
+        complete.append(sum((-1) ** (i - 1) * elementary[i] * complete[k - i] for i in terms))
+        total = total + complete[k] / factorial(k + count - 1)
+    return np.asarray(time ** (count - 1) * np.exp(mean * time) * total)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import factorial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -53,17 +55,29 @@ def test_complex_pair_and_real_pole_sum_like_the_matrix_exponential(
 
 
 @settings(deadline=None, max_examples=60)
+@given(RATES, st.floats(0, 1e-2), RATES, st.floats(0, 20.0), st.floats(0, 1e-2))
+def test_six_poles_sum_like_the_matrix_exponential(
+    real: float, near: float, decay: float, swing: float, nearer: float
+) -> None:
+    """Two real poles and two pairs, each of which may nearly meet the other of its kind."""
+    pairs = [-decay + 1j * swing, -decay - nearer + 1j * (swing + nearer)]
+    poles = [-real, -real - near, *(q for p in pairs for q in (p, p.conjugate()))]
+
+    check_against_realisation(poles, np.array([0.5, 1.0, 0.5, -3.0, 2.0, 1.0]))
+
+
+@settings(deadline=None, max_examples=60)
 @given(RATES, RATES)
 def test_two_poles_sum_like_the_matrix_exponential(first: float, second: float) -> None:
     """Two real poles, also equal ones."""
     check_against_realisation([-first, -second], np.array([-0.7, 2.0]))
 
 
-@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
 def test_repeated_pole_gives_the_power_of_time_of_the_table_of_transforms(order: int) -> None:
     """1 / (s + 2)^n is the transform of t^(n-1) exp(-2 t) / (n-1)!."""
     numerator = np.eye(order)[-1:]
-    expected = TIMES ** (order - 1) * np.exp(-2 * TIMES) / (order - 1)
+    expected = TIMES ** (order - 1) * np.exp(-2 * TIMES) / factorial(order - 1)
 
     modes = Modes.of(numerator, np.full((1, order), -2 + 0j))
 
@@ -74,7 +88,7 @@ def test_residues_are_the_partial_fractions() -> None:
     """(s + 3) / ((s + 1)(s + 2)) = 2 / (s + 1) - 1 / (s + 2)."""
     modes = Modes.of(np.array([[1.0, 3.0]]), np.array([[-1 + 0j, -2 + 0j]]))
 
-    np.testing.assert_allclose(modes.residues(), [[2, -1]], rtol=1e-14)
+    np.testing.assert_allclose(modes.residues, [[2, -1]], rtol=1e-14)
 
 
 @settings(deadline=None, max_examples=60)
@@ -83,8 +97,8 @@ def test_no_later_instant_leaves_the_level(
     real: float, decay: float, swing: float, middle: float, level: float
 ) -> None:
     """Response and bound are checked at two thousand instants after the returned time."""
-    poles = np.array([[-real, -decay + 1j * swing, -decay - 1j * swing]])
-    modes = Modes.of(np.array([[1.0, middle, 0.4]]), poles)
+    poles = np.array([[-real, -2 * real, -decay + 1j * swing, -decay - 1j * swing]])
+    modes = Modes.of(np.array([[1.0, middle, 0.4, -middle]]), poles)
     zeros = np.zeros(2000, dtype=int)
 
     begin = time_below(modes, level)[0]

@@ -252,13 +252,18 @@ def stable_loops(draw: st.DrawFn) -> Loop:
     apart = 0.0 if swing else draw(st.sampled_from([0.0, 1e-7, 0.1, 3.0]))
     pair: list[complex] = [-decay + 1j * swing, -decay * (1 + apart) - 1j * swing]
     poles = poles + pair if draw(st.booleans()) else pair
+    further = -draw(RATES)
+    swing = further * draw(st.sampled_from([0.3, 7.0]))
+    poles += draw(
+        st.sampled_from([[], [], [further], [further + 1j * swing, further - 1j * swing]])
+    )
     closed = np.real(np.poly(poles))
     final = draw(st.floats(0.1, 3.0))
     lead = draw(st.floats(-0.5, 3.0))
     numerator = [lead * closed[-2], final * closed[-1]]
-    if len(poles) == 3:
-        numerator = [draw(st.floats(0, 1)) * closed[1], *numerator]
-    return loop_with(numerator, closed)
+    if len(poles) > 2:
+        numerator = [draw(st.floats(0, 1)) * closed[-3], *numerator]
+    return loop_with([0.0] * (len(poles) - len(numerator)) + numerator, closed)
 
 
 @settings(deadline=None, max_examples=40)
