@@ -1,6 +1,6 @@
 """Performance of the identified motor in a closed speed loop at chosen temperatures.
 
-    controller.py     controller specifications: P:1, PI:2,0.5, PID:2,0.5,0.1
+    controller.py     controllers: P:1, PI:2,0.5, PID:2,0.5,0.1 and the class of further ones
     loop.py           motor and controller as transfer functions, one for each draw
     roots.py          roots of many polynomials at once
     modes.py          sums of exponential modes, also for coincident poles
@@ -20,14 +20,20 @@ and, for the motor with its effects, `nonlinear.simulated_loops`.
 
 from __future__ import annotations
 
-from identification.feedback.controller import Controller, parse_controller, parse_controllers
+from identification.feedback.controller import (
+    AbstractController,
+    TransferFunction,
+    parse_controller,
+    parse_controllers,
+)
 from identification.feedback.curves import StepCurve, step_curves
 from identification.feedback.spread import METRIC_UNITS, feedback_metrics
 
 __all__ = [
     "METRIC_UNITS",
-    "Controller",
+    "AbstractController",
     "StepCurve",
+    "TransferFunction",
     "feedback_metrics",
     "parse_controller",
     "parse_controllers",

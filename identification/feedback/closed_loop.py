@@ -1,8 +1,9 @@
 """State equations and simulation of the closed speed loop around the motor with its effects.
 
-    v = kp (r - w) + ki z - kd dw/dt,     dz/dt = r - w
+    v = x_1 + dr r - d w - k dw/dt,     dx_i/dt = x_(i+1) - a_i x_1 + br_i r - b_i w
 
-The reference r replaces the logged voltage among the inputs, and the shaft angle is a state if an
+realise the transfer function of the controller in observer canonical form, where x_(n+1) = 0.  The
+reference r replaces the logged voltage among the inputs, and the shaft angle is a state if an
 effect depends on it.  The loop is simulated by the same integration step as the fit, which is
 exact for a linear motor.
 
@@ -21,7 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.feedback.controller import Controller
+from identification.feedback.controller import AbstractController, P
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
@@ -62,10 +63,10 @@ class ClosedLoop(MotorModel):
     """Motor and controller; the input ``voltage`` is the speed reference [rad/s].
 
     Args:
-        controller: Controller of the speed error.
+        controller: Controller of the speed.
     """
 
-    controller: Controller = Controller("P:1", 1.0)
+    controller: AbstractController = P("P:1", 1.0)
 
     @cached_property
     def motor(self) -> MotorModel:
@@ -79,16 +80,31 @@ class ClosedLoop(MotorModel):
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
-        """States of the motor, then the integral of the error and the shaft angle if present."""
-        integral = ("integral",) if self.controller.integral else ()
-        return (*self.motor.state_names, *integral, *(("angle",) if self.turns else ()))
+        """States of the motor and of the controller, and the shaft angle if an effect needs it."""
+        own = tuple(f"controller_{k}" for k in range(self._realisation.poles.size))
+        return (*self.motor.state_names, *own, *(("angle",) if self.turns else ()))
+
+    @cached_property
+    def _realisation(self) -> _Realisation:
+        return _Realisation.of(self.controller)
+
+    @property
+    def kick(self) -> float:
+        """Voltage impulse of the controller for a reference step of 1 rad/s [V s^2/rad]."""
+        return self._realisation.kick
 
     def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
         """Right-hand side (n_state,) of motor, controller and shaft angle."""
         own, driven = self._driven(state, inputs, parameter)
         rates = [self.motor.rates(own, driven, parameter)]
-        if self.controller.integral:
-            rates.append(inputs[_REFERENCE] - own[1])
+        form, first = self._realisation, len(self.motor.state_names)
+        for k in range(form.poles.size):
+            following = state[first + k + 1] if k + 1 < form.poles.size else 0.0
+            rates.append(
+                following
+                - form.poles[k] * state[first]
+                + (form.reference[k] * inputs[_REFERENCE] - form.speed[k] * own[1])
+            )
         if self.turns:
             rates.append(own[1])
         return ca.vertcat(*rates)
@@ -101,21 +117,57 @@ class ClosedLoop(MotorModel):
         self, state: Expression, inputs: Expression, parameter: Expression
     ) -> tuple[Expression, Expression]:
         """State of the motor, and the inputs with the controller's voltage and the shaft angle."""
-        count = len(self.motor.state_names)
-        own, further = state[:count], [state[k] for k in range(count, len(self.state_names))]
+        form, count = self._realisation, len(self.motor.state_names)
+        own = state[:count]
         rows = [inputs[k] for k in range(len(INPUTS))]
         if self.turns:
-            rows[INPUTS.index("angle")] = further[-1]
-        voltage = self.controller.proportional * (inputs[_REFERENCE] - own[1])
-        if self.controller.integral:
-            voltage += self.controller.integral * further[0]
+            rows[INPUTS.index("angle")] = state[len(self.state_names) - 1]
+        voltage = form.direct_reference * inputs[_REFERENCE] - form.direct_speed * own[1]
+        if form.poles.size:
+            voltage += state[count]
         rows[_REFERENCE] = voltage
-        if self.controller.derivative:
+        if form.derivative:
             # No algebraic loop: the acceleration depends on the current, not on the voltage.
             acceleration = self.motor.rates(own, ca.vertcat(*rows), parameter)[1]
-            rows[_REFERENCE] = voltage - self.controller.derivative * acceleration
+            rows[_REFERENCE] = voltage - form.derivative * acceleration
         driven = ca.vertcat(*rows)
         return own, driven
+
+
+@dataclass(frozen=True)
+class _Realisation:
+    """Observer canonical form of a controller of order n.
+
+    Args:
+        poles: a_1 to a_n, the monic denominator after s^n, (n,).
+        speed: b_1 to b_n, (n,).
+        reference: br_1 to br_n, (n,).
+        direct_speed: d [V s/rad].
+        direct_reference: dr [V s/rad].
+        derivative: k [V s^2/rad].
+        kick: Factor of the derivative of the reference [V s^2/rad].
+    """
+
+    poles: Array
+    speed: Array
+    reference: Array
+    direct_speed: float
+    direct_reference: float
+    derivative: float
+    kick: float
+
+    @classmethod
+    def of(cls, controller: AbstractController) -> _Realisation:
+        """Realisation by polynomial division of numerator by denominator."""
+        speed, reference, monic = controller.transfer_function().padded()
+        quotients = []
+        for row in (speed, reference):
+            # Remove k s, then d: what is left is strictly proper.
+            for first in (0, 1):
+                row[first + 1 : first + monic.size] -= row[first] * monic[1:]
+            quotients.append((float(row[0]), float(row[1])))
+        (derivative, direct), (kick, direct_reference) = quotients
+        return cls(monic[1:], speed[2:], reference[2:], direct, direct_reference, derivative, kick)
 
 
 @dataclass(frozen=True)
@@ -192,12 +244,12 @@ def _symbols(states: int, parameters: int) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step: float) -> Array:
-    """State just after the step, including the impulse kd r of the derivative [V s].
+    """State just after the step, including the impulse k r of the derivative [V s].
 
     The impulse acts on the inductance alone.  The midpoint rule integrates the current from zero,
     because the inductance may depend on the current.
     """
-    kick = loop.controller.derivative * step
+    kick = loop.kick * step
     if not kick:
         return start
     x, u, p = _symbols(len(loop.motor.state_names), len(loop.parameters))

@@ -1,36 +1,144 @@
-"""Controller specifications ``P:kp``, ``PI:kp,ki`` and ``PID:kp,ki,kd``, and their parser.
+"""Speed controllers: P, PI and PID, the class that others extend, and the parser.
 
-The controller maps the speed error to the motor's voltage, in the ideal parallel form
+A controller maps the reference r and the speed w to the motor's voltage v,
+
+    v = (Nr(s) r - N(s) w) / D(s),          Nr = N for a controller of the speed error r - w
+
+P, PI and PID control the error in the ideal parallel form
 
     C(s) = kp + ki / s + kd s          kp [V s/rad], ki [V/rad], kd [V s^2/rad]
 
 The derivative acts on the error and has no filter.  It needs none: the motor has two poles and no
 zero from voltage to speed, so C(s) w/v is strictly proper, and every response and margin of the
 speed is finite.  Only the voltage has an impulse at a step of the reference, and no result reports
-the voltage.
+the voltage.  docs/write-a-controller.md shows how to add another controller.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = ["ACCEPTED_CONTROLLERS", "Controller", "parse_controller", "parse_controllers"]
+__all__ = [
+    "ACCEPTED_CONTROLLERS",
+    "PI",
+    "PID",
+    "AbstractController",
+    "P",
+    "TransferFunction",
+    "parse_controller",
+    "parse_controllers",
+]
 
 ACCEPTED_CONTROLLERS: Final = "P:kp, PI:kp,ki or PID:kp,ki,kd, such as P:1 or PI:2,0.5"
 
-_GAINS: Final = {"P": 1, "PI": 2, "PID": 3}
 _LONGEST_SHOWN: Final = 60
+
+Array = NDArray[np.float64]
+Coefficients = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Controller:
-    """Linear controller of the speed error.
+class TransferFunction:
+    """Controller v = (Nr(s) r - N(s) w) / D(s), by coefficients of falling powers of s.
+
+    Args:
+        numerator: N; the coefficient of s^k has the unit V s/rad s^k.
+        denominator: D; the coefficient of s^k has the unit s^k.
+        reference: Nr, like `numerator`; None if the controller acts on the error r - w.
+
+    Raises:
+        OptionError: A coefficient is not finite, D begins with 0, or a numerator has a degree above
+            that of D plus 1.
+    """
+
+    numerator: Coefficients
+    denominator: Coefficients = (1.0,)
+    reference: Coefficients | None = None
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.numerator, *self.denominator, *(self.reference or ())]).all():
+            raise OptionError(f"{self} has a coefficient that is not finite")
+        if not self.denominator or self.denominator[0] == 0.0:
+            raise OptionError(f"{self} has a denominator that begins with 0; leave that power out")
+        if max(len(self.numerator), len(self.reference or ())) > len(self.denominator) + 1:
+            raise OptionError(f"{self} differentiates more than once; expected at most degree 1")
+
+    def padded(self) -> tuple[Array, Array, Array]:
+        """N and Nr with one leading coefficient more than D, (n + 2,), and D, (n + 1,), monic."""
+        size = len(self.denominator) + 1
+        reference = self.numerator if self.reference is None else self.reference
+        rows = [
+            np.pad(np.array(row) / self.denominator[0], (size - len(row), 0))
+            for row in (self.numerator, reference)
+        ]
+        return rows[0], rows[1], np.array(self.denominator) / self.denominator[0]
+
+
+class AbstractController(ABC):
+    """Linear controller of the speed.
+
+    A member is a frozen dataclass whose fields are its gains.
+
+    Attributes:
+        text: Specification as the user wrote it; it names the controller in the result.
+    """
+
+    text: str
+
+    @abstractmethod
+    def transfer_function(self) -> TransferFunction:
+        """Transfer function without common roots of numerator and denominator."""
+
+
+@dataclass(frozen=True)
+class P(AbstractController):
+    """Proportional controller.
+
+    Args:
+        text: Specification as the user wrote it.
+        proportional: Gain kp [V s/rad].
+    """
+
+    text: str
+    proportional: float
+
+    def transfer_function(self) -> TransferFunction:
+        """C(s) = kp."""
+        return TransferFunction((self.proportional,))
+
+
+@dataclass(frozen=True)
+class PI(AbstractController):
+    """Proportional-integral controller.
+
+    Args:
+        text: Specification as the user wrote it.
+        proportional: Gain kp [V s/rad].
+        integral: Gain ki [V/rad].
+    """
+
+    text: str
+    proportional: float
+    integral: float
+
+    def transfer_function(self) -> TransferFunction:
+        """C(s) = kp + ki / s."""
+        return _parallel(self.proportional, self.integral, 0.0)
+
+
+@dataclass(frozen=True)
+class PID(AbstractController):
+    """Proportional-integral-derivative controller.
 
     Args:
         text: Specification as the user wrote it.
@@ -41,11 +149,23 @@ class Controller:
 
     text: str
     proportional: float
-    integral: float = 0.0
-    derivative: float = 0.0
+    integral: float
+    derivative: float
+
+    def transfer_function(self) -> TransferFunction:
+        """C(s) = kp + ki / s + kd s."""
+        return _parallel(self.proportional, self.integral, self.derivative)
 
 
-def parse_controller(text: str) -> Controller:
+def _parallel(kp: float, ki: float, kd: float) -> TransferFunction:
+    # Without integral gain the pole of the integrator would cancel.
+    return TransferFunction((kd, kp, ki), (1.0, 0.0)) if ki else TransferFunction((kd, kp))
+
+
+_KINDS: Final[dict[str, type[P | PI | PID]]] = {"P": P, "PI": PI, "PID": PID}
+
+
+def parse_controller(text: str) -> AbstractController:
     """Parse a controller specification such as ``PI:2,0.5``.
 
     Negative gains are accepted; an unstable loop is reported as such.
@@ -59,31 +179,32 @@ def parse_controller(text: str) -> Controller:
     """
     kind, colon, rest = text.partition(":")
     kind = kind.strip().upper()
-    if not colon or kind not in _GAINS:
+    if not colon or kind not in _KINDS:
         raise _refused(text, "is of unknown type")
     cells = [cell.strip() for cell in rest.split(",")]
-    if len(cells) != _GAINS[kind]:
+    count = len(fields(_KINDS[kind])) - 1
+    if len(cells) != count:
         few = "1 gain" if len(cells) == 1 else f"{len(cells)} gains"
-        raise _refused(text, f"has {few}; {kind} requires {_GAINS[kind]}")
+        raise _refused(text, f"has {few}; {kind} requires {count}")
     gains = [_gain(text, cell) for cell in cells]
     if not any(gains):
         raise _refused(text, "has only zero gains")
-    return Controller(text.strip(), *gains)
+    return _KINDS[kind](text.strip(), *gains)
 
 
-def parse_controllers(texts: Iterable[str]) -> list[Controller]:
-    """Parse each text by `parse_controller`.
+def parse_controllers(controllers: Iterable[str | AbstractController]) -> list[AbstractController]:
+    """Parse each text by `parse_controller`; controllers pass unchanged.
 
     Args:
-        texts: At least one specification.
+        controllers: At least one.
 
     Raises:
         OptionError: There is none, or one is not accepted.
     """
-    controllers = [parse_controller(text) for text in texts]
-    if not controllers:
+    parsed = [parse_controller(one) if isinstance(one, str) else one for one in controllers]
+    if not parsed:
         raise OptionError(f"no controller given; expected {ACCEPTED_CONTROLLERS}")
-    return controllers
+    return parsed
 
 
 def _gain(text: str, cell: str) -> float:

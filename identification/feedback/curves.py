@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.feedback.controller import parse_controllers
+from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import close, motor_draws
 from identification.feedback.spread import checked_temperatures
 from identification.feedback.step_response import StepResponse, step_characteristics
@@ -49,7 +49,7 @@ class StepCurve:
 def step_curves(
     draws: Mapping[str, ArrayLike],
     temperatures: Sequence[float],
-    controllers: Sequence[str],
+    controllers: Sequence[str | AbstractController],
     n_time: int = 300,
     most_draws: int = 500,
 ) -> list[StepCurve]:
@@ -60,7 +60,7 @@ def step_curves(
     Args:
         draws: As for `feedback_metrics`.
         temperatures: Temperatures of winding and magnet [degC].
-        controllers: Texts that `parse_controller` accepts.
+        controllers: Controllers, or texts that `parse_controller` accepts.
         n_time: Number of grid points.
         most_draws: Largest number of draws used, evenly spaced among those given.
 

@@ -5,8 +5,8 @@
                   +--------------------------------------------------------+
 
 `plant` is equation 10 of the source (its equations 13 and 14 at 25 and 125 degC).  `close` returns
-the loop under unity feedback (equations 15 and 16).  All polynomials are arrays over loops, so a
-thousand draws cost little more than one.
+the loop under feedback of the speed (equations 15 and 16 for unity feedback and gain 1).  All
+polynomials are arrays over loops, so a thousand draws cost little more than one.
 
 Source: Sidahmed and Mahmoud, Int. J. Advance Research in Computer Science and Management
 Studies 2(9), 2014, pages 384-388, equations 7 to 16.
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.errors import OptionError
-from identification.feedback.controller import Controller
+from identification.feedback.controller import AbstractController
 from identification.model.declared import coefficient_at
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 
@@ -39,17 +39,24 @@ _POSITIVE: Final = ("Ra25", "J")
 
 @dataclass(frozen=True)
 class Loop:
-    """Open loop L = N / D and closed loop N / (D + N), monic, in falling powers of s.
+    """Open loop L = N / D and closed loop Nr / (D + N), monic, in falling powers of s.
 
-    The order n_pole is 3 with an integral gain, else 2.
+    The order n_pole is that of the controller plus 2.
 
     Args:
         numerator: N, (n_loop, n_pole), from s^(n_pole - 1) down to s^0.
         open_denominator: D, (n_loop, n_pole + 1), first coefficient 1.
+        reference: Nr, like `numerator`; None if the controller acts on the error, where it is N.
     """
 
     numerator: Array
     open_denominator: Array
+    reference: Array | None = None
+
+    @property
+    def closed_numerator(self) -> Array:
+        """Nr, (n_loop, n_pole)."""
+        return self.numerator if self.reference is None else self.reference
 
     @property
     def closed_denominator(self) -> Array:
@@ -65,7 +72,7 @@ class Loop:
         NaN if the closed loop has no finite DC gain.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = self.numerator[:, -1] / self.closed_denominator[:, -1]
+            value = self.closed_numerator[:, -1] / self.closed_denominator[:, -1]
         return np.where(np.isfinite(value), value, np.nan)
 
 
@@ -154,24 +161,23 @@ def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]
 
 
 def close(
-    draws: Mapping[str, Array], temperatures: Sequence[float], controller: Controller
+    draws: Mapping[str, Array], temperatures: Sequence[float], controller: AbstractController
 ) -> Loop:
-    """Speed loop under unity feedback, for all draws at all temperatures.
+    """Speed loop under feedback of the speed, for all draws at all temperatures.
 
     Args:
         draws: (n_draw,) for each nominal parameter, as `motor_draws` returns them.
         temperatures: Temperatures [degC].
-        controller: Controller of the speed error.
+        controller: Controller of the speed.
 
     Returns:
         Loops in the order of the temperatures, n_loop = n_temperature * n_draw.
     """
     motors = [plant(draws, temperature) for temperature in temperatures]
-    gain = np.concatenate([motor[0] for motor in motors])
-    denominator = np.concatenate([motor[1] for motor in motors])
-    gains = [controller.derivative, controller.proportional]
-    if controller.integral:
-        # Pole of the integrator.  Without integral gain it would cancel, so it is left out.
-        gains.append(controller.integral)
-        denominator = np.pad(denominator, ((0, 0), (0, 1)))
-    return Loop(gain[:, None] * np.array(gains), denominator)
+    gain = np.concatenate([motor[0] for motor in motors])[:, None]
+    motor = np.concatenate([motor[1] for motor in motors])
+    numerator, reference, poles = controller.transfer_function().padded()
+    denominator = np.zeros((motor.shape[0], poles.size + 2))
+    for k, coefficient in enumerate(poles):
+        denominator[:, k : k + 3] += coefficient * motor
+    return Loop(gain * numerator, denominator, gain * reference)

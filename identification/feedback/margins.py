@@ -63,13 +63,14 @@ def bandwidth(loop: Loop) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         wanted = 10 ** (_BANDWIDTH_DROP_DB / 10) / loop.final_value**2
         has_value = np.isfinite(wanted)
-        closed[:, 1:] -= np.where(has_value, wanted, 0.0)[:, None] * _numerator_modulus(loop)
+        numerator = _squared_modulus(loop.closed_numerator)
+        closed[:, 1:] -= np.where(has_value, wanted, 0.0)[:, None] * numerator
     return np.where(has_value, np.nanmin(_positive(closed), axis=1, initial=np.inf), np.nan)
 
 
 def _phase_margin(loop: Loop) -> Array:
     crossing = _squared_modulus(loop.open_denominator)
-    crossing[:, 1:] -= _numerator_modulus(loop)
+    crossing[:, 1:] -= _squared_modulus(loop.numerator)
     frequency = _positive(crossing)
     lead = np.angle(-_open_loop(loop, frequency), deg=True)
     margin = _nearest_to_zero(lead)
@@ -79,20 +80,16 @@ def _phase_margin(loop: Loop) -> Array:
 def _gain_margin(loop: Loop) -> Array:
     """Gain margin at the phase crossovers, where Im N conj(D) = 0 and Re N conj(D) < 0.
 
-    The imaginary part is omega times a quadratic in x.
+    The imaginary part is omega times a polynomial in x of degree n_pole - 1 at most.
     """
     numerator_even, numerator_odd = _parts(loop.numerator)
     even, odd = _parts(loop.open_denominator)
-    phase = _product(numerator_odd, even) - _product(numerator_even, odd)
-    c, b, a = phase.T
-    root = np.sqrt(b**2 - 4 * a * c)
-    far = -(b + np.copysign(root, b)) / 2
-    crossings = np.sqrt(np.stack([far / a, c / far], axis=1))
-    crossings[~np.isfinite(crossings) | (crossings <= 0)] = np.nan
-    if loop.numerator.shape[1] == 2:
-        # Without an integrator the DC loop gain is finite and may be negative, so omega = 0 is a
-        # candidate.
-        crossings = np.pad(crossings, ((0, 0), (1, 0)))
+    phase = np.zeros_like(loop.numerator)
+    for sign, product in ((1, _product(numerator_odd, even)), (-1, _product(numerator_even, odd))):
+        phase[:, : product.shape[1]] += sign * product
+    # Without an integrator the DC loop gain is finite and may be negative.
+    at_rest = np.where(loop.open_denominator[:, -1:] == 0, np.nan, 0.0)
+    crossings = np.concatenate([at_rest, _positive(phase[:, ::-1])], axis=1)
     value = _open_loop(loop, crossings).real
     margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
     return np.where(np.isnan(margin), np.inf, margin)
@@ -116,33 +113,43 @@ def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
 
 
 def _positive(squared: Array) -> Array:
-    """Falling frequencies omega > 0 whose square is a root, (n_loop, n_root), padded with NaN."""
-    roots = monic_roots(squared)
-    usable = (roots.imag == 0) & (roots.real > 0)
-    return -np.sort(-np.sqrt(np.where(usable, roots.real, np.nan)), axis=1)
+    """Falling frequencies omega > 0 whose square is a root of a polynomial in falling powers.
+
+    Args:
+        squared: (n_loop, n_root + 1); leading coefficients may be 0.
+
+    Returns:
+        (n_loop, n_root), padded with NaN.
+    """
+    frequencies = np.full((squared.shape[0], squared.shape[1] - 1), np.nan)
+    leading = (squared != 0).argmax(axis=1)
+    for first in np.unique(leading[leading < squared.shape[1] - 1]):
+        rows = leading == first
+        roots = monic_roots(squared[rows, first:] / squared[rows, first, None])
+        usable = (roots.imag == 0) & (roots.real > 0)
+        frequencies[rows, first:] = np.sqrt(np.where(usable, roots.real, np.nan))
+    return -np.sort(-frequencies, axis=1)
 
 
 def _parts(falling: Array) -> tuple[Array, Array]:
-    """Even and odd part of P(j omega) = even(x) + j omega odd(x), rising powers of x, two each."""
-    rising = np.pad(falling[:, ::-1], ((0, 0), (0, 4 - falling.shape[1])))
-    signs = np.array([1.0, -1.0])
-    return rising[:, 0::2] * signs, rising[:, 1::2] * signs
+    """Even and odd part of P(j omega) = even(x) + j omega odd(x), rising powers of x."""
+    even, odd = falling[:, ::-2], falling[:, -2::-2]
+    signs = (-1.0) ** np.arange(even.shape[1])
+    return even * signs, odd * signs[: odd.shape[1]]
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Product of two polynomials of two coefficients each, rising powers."""
-    middle = left[:, 0] * right[:, 1] + left[:, 1] * right[:, 0]
-    return np.stack([left[:, 0] * right[:, 0], middle, left[:, 1] * right[:, 1]], axis=1)
+    """Product of polynomials in rising powers."""
+    product = np.zeros((left.shape[0], left.shape[1] + right.shape[1] - 1))
+    for k in range(left.shape[1]):
+        product[:, k : k + right.shape[1]] += left[:, k, None] * right
+    return product
 
 
 def _squared_modulus(falling: Array) -> Array:
     """|P(j omega)|^2 as a polynomial in x, falling powers, of the degree that P has in s."""
     even, odd = _parts(falling)
-    rising = np.pad(_product(even, even), ((0, 0), (0, 1)))
-    rising[:, 1:] += _product(odd, odd)
-    return rising[:, falling.shape[1] - 1 :: -1]
-
-
-def _numerator_modulus(loop: Loop) -> Array:
-    """|N(j omega)|^2 as a polynomial in x, of one degree less than that of D."""
-    return _squared_modulus(loop.numerator)
+    rising = np.zeros_like(falling)
+    for first, part in ((0, _product(even, even)), (1, _product(odd, odd))):
+        rising[:, first : first + part.shape[1]] += part
+    return rising[:, ::-1]

@@ -25,7 +25,7 @@ from identification.feedback.closed_loop import (
     acting_terms,
     simulated_loop,
 )
-from identification.feedback.controller import Controller, parse_controllers
+from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import close, motor_draws
 from identification.feedback.sampled import SampledEvents, is_at_rest, sampled_events
 from identification.feedback.spread import METRIC_UNITS, checked_temperatures, quantity
@@ -76,7 +76,7 @@ def simulated_loops(
     fit: Fit,
     draws: Mapping[str, ArrayLike],
     temperatures: Sequence[float],
-    controllers: Sequence[str],
+    controllers: Sequence[str | AbstractController],
 ) -> list[SimulatedLoop]:
     """Step responses of the closed loop with the effects of the final model.
 
@@ -84,7 +84,7 @@ def simulated_loops(
         fit: Fit of the final model; its records define the range of the signals.
         draws: Values of its parameters by name, (n_draw,) each.
         temperatures: Temperatures of winding and magnet [degC].
-        controllers: Texts that `parse_controller` accepts.
+        controllers: Controllers, or texts that `parse_controller` accepts.
 
     Returns:
         In the order of `feedback_metrics`, without controllers whose linear loops do not settle;
@@ -165,7 +165,7 @@ class _Bench:
             ]
         )
 
-    def responses(self, controller: Controller) -> list[SimulatedLoop]:
+    def responses(self, controller: AbstractController) -> list[SimulatedLoop]:
         """Simulated loops of one controller, by temperature.
 
         The list is empty if fewer than half of the linear loops settle, or if no step stays within
@@ -187,7 +187,7 @@ class _Bench:
             for temperature, run, event in zip(self.temperatures, runs, events, strict=True)
         ]  # fmt: skip
 
-    def _horizon(self, controller: Controller) -> float | None:
+    def _horizon(self, controller: AbstractController) -> float | None:
         """Simulated time: six times the 95 % quantile of the linear settling times [s].
 
         None if fewer than half of the linear loops settle.
@@ -199,7 +199,7 @@ class _Bench:
             return None
         return _BEYOND_SETTLING * float(np.quantile(settling, 0.95))
 
-    def _step(self, controller: Controller, horizon: float) -> float | None:
+    def _step(self, controller: AbstractController, horizon: float) -> float | None:
         """Largest step, to two digits, whose linear response stays in the range of the runs.
 
         None if that range is zero.

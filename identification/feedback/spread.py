@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.errors import OptionError
-from identification.feedback.controller import parse_controllers
+from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import Loop, close, motor_draws
 from identification.feedback.margins import bandwidth, stability_margins
 from identification.feedback.step_response import StepResponse, step_characteristics
@@ -49,7 +49,9 @@ _LEAST_DEFINED: Final = 0.5
 
 @np.errstate(all="ignore")
 def feedback_metrics(
-    draws: Mapping[str, ArrayLike], temperatures: Sequence[float], controllers: Sequence[str]
+    draws: Mapping[str, ArrayLike],
+    temperatures: Sequence[float],
+    controllers: Sequence[str | AbstractController],
 ) -> list[dict[str, Any]]:
     """Metrics of the closed speed loop for each controller at each temperature.
 
@@ -57,7 +59,7 @@ def feedback_metrics(
         draws: Values of the nominal parameters by name, (n_draw,) or single numbers; other names
             are ignored.
         temperatures: Temperatures of winding and magnet [degC].
-        controllers: Texts that `parse_controller` accepts.
+        controllers: Controllers, or texts that `parse_controller` accepts.
 
     Returns:
         One entry for each controller and, within it, each temperature.  In addition to the metrics

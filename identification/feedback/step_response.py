@@ -76,11 +76,11 @@ class StepResponse:
         closed = loop.closed_denominator
         self.final = loop.final_value
         self.poles = monic_roots(closed)
-        self._speed_rate = Modes.of(loop.numerator, self.poles)
-        # y - y_final has the transform (N - y_final D) / (s D), D the closed denominator; its
+        self._speed_rate = Modes.of(loop.closed_numerator, self.poles)
+        # y - y_final has the transform (Nr - y_final D) / (s D), D the closed denominator; its
         # numerator has no constant term, so s cancels.
         shifted = -self.final[:, None] * closed
-        shifted[:, 1:] += loop.numerator
+        shifted[:, 1:] += loop.closed_numerator
         self._error = Modes.of(shifted[:, :-1], self.poles)
 
     @property

@@ -5,20 +5,26 @@ from __future__ import annotations
 import pytest
 
 from identification.errors import OptionError
-from identification.feedback import Controller, parse_controller, parse_controllers
+from identification.feedback import (
+    AbstractController,
+    TransferFunction,
+    parse_controller,
+    parse_controllers,
+)
+from identification.feedback.controller import PI, PID, P
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("P:1", Controller("P:1", 1.0)),
-        ("PI:2,0.5", Controller("PI:2,0.5", 2.0, 0.5)),
-        ("PID:2,0.5,1e-3", Controller("PID:2,0.5,1e-3", 2.0, 0.5, 1e-3)),
-        (" pid : 2 , 0 , 0 ", Controller("pid : 2 , 0 , 0", 2.0)),
-        ("P:-1", Controller("P:-1", -1.0)),
+        ("P:1", P("P:1", 1.0)),
+        ("PI:2,0.5", PI("PI:2,0.5", 2.0, 0.5)),
+        ("PID:2,0.5,1e-3", PID("PID:2,0.5,1e-3", 2.0, 0.5, 1e-3)),
+        (" pid : 2 , 0 , 0 ", PID("pid : 2 , 0 , 0", 2.0, 0.0, 0.0)),
+        ("P:-1", P("P:-1", -1.0)),
     ],
 )
-def test_controller_is_read_with_its_gains(text: str, expected: Controller) -> None:
+def test_controller_is_read_with_its_gains(text: str, expected: AbstractController) -> None:
     """The gains are in the order kp, ki, kd."""
     assert parse_controller(text) == expected
 
@@ -60,3 +66,28 @@ def test_no_controller_at_all_is_refused() -> None:
     """An empty list of controllers gives no result."""
     with pytest.raises(OptionError, match="no controller given"):
         parse_controllers([])
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "message"),
+    [
+        ((1.0, float("nan")), (1.0,), "not finite"),
+        ((1.0,), (float("inf"), 1.0), "not finite"),
+        ((1.0,), (0.0, 1.0), r"denominator=\(0.0, 1.0\).* begins with 0"),
+        ((1.0,), (), "begins with 0"),
+        ((1.0, 2.0, 3.0), (1.0,), "differentiates more than once"),
+    ],
+)
+def test_transfer_function_that_no_loop_can_use_is_refused(
+    numerator: tuple[float, ...], denominator: tuple[float, ...], message: str
+) -> None:
+    """Each with its coefficients: the loop with the motor must be finite and strictly proper."""
+    with pytest.raises(OptionError, match=message):
+        TransferFunction(numerator, denominator)
+
+
+def test_controller_object_passes_where_a_text_is_parsed() -> None:
+    """A controller of one's own needs no specification text."""
+    own = PI("tuned", 2.0, 0.5)
+
+    assert parse_controllers([own, "P:1"]) == [own, P("P:1", 1.0)]

@@ -36,13 +36,19 @@ def test_plant_solves_the_two_balances_at_a_frequency(
 
 
 @pytest.mark.parametrize("temperature", [25.0, 125.0])
-@pytest.mark.parametrize("text", ["P:3", "PI:3,2", "PID:3,2,0.1", "PID:3,0,0.1"])
-def test_closed_loop_is_the_open_one_over_one_plus_it(text: str, temperature: float) -> None:
+@pytest.mark.parametrize(
+    ("text", "gains"),
+    [("P:3", (3, 0, 0)), ("PI:3,2", (3, 2, 0)), ("PID:3,2,0.1", (3, 2, 0.1)),
+     ("PID:3,0,0.1", (3, 0, 0.1))],
+)  # fmt: skip
+def test_closed_loop_is_the_open_one_over_one_plus_it(
+    text: str, gains: tuple[float, float, float], temperature: float
+) -> None:
     """T = C G / (1 + C G), with each factor evaluated separately at 2 + 3j."""
     s, controller = 2 + 3j, parse_controller(text)
     motors = motor_draws(PAPER, [temperature])
     gain, denominator = plant(motors, temperature)
-    action = controller.proportional + controller.integral / s + controller.derivative * s
+    action = gains[0] + gains[1] / s + gains[2] * s
     forward = action * gain[0] / np.polyval(denominator[0], s)
 
     loop = close(motors, [temperature], controller)

@@ -197,14 +197,12 @@ def test_slow_creep_after_a_fast_oscillation_is_found_without_a_search(ratio: fl
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1e-2, 1e3])
-@pytest.mark.parametrize("text", ["P:1", "PI:1,2", "PID:1,2,0.1"])
-def test_times_scale_with_the_time_constants(text: str, scale: float) -> None:
+@pytest.mark.parametrize(("kp", "ki", "kd"), [(1, 0, 0), (1, 2, 0), (1, 2, 0.1)])
+def test_times_scale_with_the_time_constants(kp: float, ki: float, kd: float, scale: float) -> None:
     """With J, L and gains scaled so that s becomes scale * s, every time grows by `scale`."""
-    controller = parse_controller(text)
+    controller = parse_controller(f"PID:{kp},{ki},{kd}")
     slow = motor_draws(PAPER | {"J": 0.01 * scale, "L": 0.5 * scale}, [25.0])
-    gains = (
-        f"{controller.proportional},{controller.integral / scale},{controller.derivative * scale}"
-    )
+    gains = f"{kp},{ki / scale},{kd * scale}"
 
     expected = step_characteristics(
         StepResponse(close(motor_draws(PAPER, [25.0]), [25.0], controller))
