@@ -38,9 +38,9 @@ from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.sample import Sample, sample
-from identification.report.assemble import assemble
-from identification.report.findings import Findings
-from identification.report.gather import write_outputs
+from identification.report.files import write_outputs
+from identification.result.content import assemble
+from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms
 from identification.selection.long import search_long
 from identification.selection.non_identifiable import (

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from identification.report.numbers import UNKNOWN, interval_text, unit_text
+from identification.result.numbers import UNKNOWN, interval_text, unit_text
 
 __all__ = [
     "Progress",
@@ -164,7 +164,7 @@ def _table(title: str, *left: str) -> Table:
 
 
 def _parameters(result: Mapping[str, Any]) -> Table:
-    from identification.report.result import known_only_from
+    from identification.result.entries import known_only_from
 
     table = _table("Parameters", "name", "unit")
     for name in ("median", "90 % interval"):

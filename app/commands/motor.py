@@ -170,7 +170,7 @@ def predict(
     measured = read_run(run, mapping=mapping)
     with writable_file(out):
         from identification.prediction import predict as simulate
-        from identification.report.atomic import write_text
+        from identification.result.atomic import write_text
 
         prediction = simulate(content, measured, declared)
         table = io.StringIO()
@@ -196,7 +196,7 @@ def feedback(
     """
     entries = feedback_metrics(draws, temperatures, controllers)
     if out is not None:
-        from identification.report.atomic import write_text
+        from identification.result.atomic import write_text
 
         with writable_file(out):
             write_text(out, json.dumps(entries, indent=2, allow_nan=False) + "\n")

@@ -19,7 +19,7 @@ from typing import Any
 
 from app.disk import open_regular, sha256_of
 from app.fits.job import OUTPUT_SUMS, OUTPUTS
-from identification.report.atomic import write_text
+from identification.result.atomic import write_text
 
 __all__ = ["expected_outputs", "open_output", "read_result", "seal", "sums_of"]
 

@@ -65,7 +65,7 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
 def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
     """View of the main content of a result for the page of a fit; the report has the rest."""
     # Lazy import: numpy would slow down every start.
-    from identification.report.result import known_only_from
+    from identification.result.entries import known_only_from
 
     return {
         "warnings": [_text(warning) for warning in result.get("warnings", [])],

@@ -21,7 +21,7 @@ from identification.fleet.figure import fleet_figure, marks_of
 from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, spread_of
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.numbers import (
+from identification.result.numbers import (
     Interval,
     interval_text,
     number_text,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.result import known_only_from
+from identification.result.entries import known_only_from
 
 __all__ = ["Estimate", "Refit", "compared_with", "refit_of"]
 

@@ -1,1 +1,1 @@
-"""Output files of a fit: result.json, the HTML report and the posterior as NetCDF."""
+"""HTML report: text, tables and figures of a result; it computes no statistics."""

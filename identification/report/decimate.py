@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["extremes", "gaps", "packed", "packed_time", "with_corners"]
+__all__ = ["extremes", "packed", "packed_time", "with_corners"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
@@ -83,17 +83,6 @@ def with_corners(kept: Indices, channel: Array, most: int) -> Indices:
         room -= found.size
         kept = np.union1d(kept, found)
     return kept
-
-
-def gaps(time: Array, factor: float = 4.0) -> Indices:
-    """Indices (n_gap,) of the samples before a gap in the record, where a line must break.
-
-    Args:
-        time: (n_sample,) increasing [s].
-        factor: A gap is longer than this many median intervals.
-    """
-    steps = np.diff(time)
-    return np.flatnonzero(steps > factor * np.median(steps)) if steps.size else np.zeros(0, np.int_)
 
 
 def packed(values: Array) -> dict[str, Any]:

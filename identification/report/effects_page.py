@@ -27,14 +27,14 @@ from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
-from identification.report.atomic import write_text
-from identification.report.result import result_schema
+from identification.result.atomic import write_text
+from identification.result.entries import result_schema
 from identification.selection.scales import scales_of
 
 __all__ = ["effects_page", "example_scales", "main"]
 
 PAGE: Final = Path("docs/effects.md")
-SCHEMA: Final = Path("identification/report/result.schema.json")
+SCHEMA: Final = Path("identification/result/result.schema.json")
 
 _MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
 """Ra25, alpha_Ra, Kt25, alpha_Kt, J, b and L of the example: a servo motor of 100 W at 24 V."""

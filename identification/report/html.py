@@ -22,9 +22,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identification.diagnosis.residual import Correlation
-from identification.report.attempts import Attempts
-from identification.report.data import ReportData, RunTraces, StepResponse
+from identification.effects.catalogue import confusions_of
 from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
 from identification.report.figures.correlation import correlation_figure
 from identification.report.figures.curves import coefficient_figure, step_figure
@@ -32,7 +30,12 @@ from identification.report.figures.missing import missing_over_time, missing_ter
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
 from identification.report.loops import loop_comparisons
-from identification.report.numbers import (
+from identification.report.summary import key_figures, summary_sentences
+from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
+from identification.report.traces import run_payload
+from identification.result.attempts import Attempts
+from identification.result.entries import finite_or_null
+from identification.result.numbers import (
     count_text,
     number_text,
     percent_text,
@@ -40,11 +43,13 @@ from identification.report.numbers import (
     signed_percent_text,
     unit_text,
 )
-from identification.report.residuals import ResidualCheck, coloured_channels, residual_checks
-from identification.report.result import finite_or_null
-from identification.report.summary import key_figures, summary_sentences
-from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
-from identification.report.traces import run_payload
+from identification.result.report_data import ReportData, RunTraces, StepResponse
+from identification.result.residuals import (
+    Correlation,
+    ResidualCheck,
+    coloured_channels,
+    residual_checks,
+)
 
 __all__ = ["content_security_policy", "render_report"]
 
@@ -86,6 +91,7 @@ def render_report(data: ReportData) -> str:
         coefficients=_coefficient_figures(data, attempts),
         steps=[figure("step response", partial(step_figure, steps))
                for steps in _by_controller(data.steps)],
+        confusions=confusions_of([effect["name"] for effect in result["effects"]]),
         feedback=rows("table of the loop", lambda: feedback_tables(result["feedback"])),
         comparisons=rows("comparison of loops", lambda: loop_comparisons(result)),
         errors=rows("table of errors", lambda: error_rows(result)),

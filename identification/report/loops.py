@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from identification.report.numbers import UNKNOWN, Interval, interval_text, number_text, unit_text
+from identification.result.numbers import UNKNOWN, Interval, interval_text, number_text, unit_text
 
 __all__ = ["METRICS", "LoopComparison", "loop_comparisons", "metric_text"]
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from identification.report.numbers import (
+from identification.result.entries import known_only_from
+from identification.result.numbers import (
     UNKNOWN,
     count_text,
     interval_text,
@@ -14,15 +15,13 @@ from identification.report.numbers import (
     percent_text,
     probability_text,
 )
-from identification.report.result import known_only_from
+from identification.result.simulation_errors import NEAR_NOISE
 
-__all__ = ["NEAR_NOISE", "KeyFigure", "key_figures", "summary_sentences"]
+__all__ = ["KeyFigure", "key_figures", "summary_sentences"]
 
 Entry = Mapping[str, Any]
 
 _DOWN_TO_NOISE = 1.02
-NEAR_NOISE = 1.10
-"""Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
 _NAMED = 2
 _HALF = 0.5
 """NRMSE above which a fit is poor regardless of its noise ratio [-]."""

@@ -19,7 +19,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.report.numbers import number_text
+from identification.result.numbers import number_text
 
 __all__ = [
     "Frame",

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from identification.diagnosis.simulation_error import pooled_errors
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.data import ReportData, RunTraces
 from identification.report.loops import METRICS, metric_text
-from identification.report.numbers import (
+from identification.result.entries import known_only_from
+from identification.result.numbers import (
     UNKNOWN,
     Interval,
     count_text,
@@ -22,8 +21,8 @@ from identification.report.numbers import (
     signed_percent_text,
     unit_text,
 )
-from identification.report.residuals import channel_whiteness
-from identification.report.result import known_only_from
+from identification.result.report_data import ReportData, RunTraces
+from identification.result.residuals import channel_errors, channel_whiteness
 
 __all__ = [
     "ErrorRow",
@@ -196,17 +195,11 @@ def _with_meaning(row: ParameterRow, meaning: str) -> ParameterRow:
 def _run_row(run: RunTraces, noise: Entry) -> RunRow:
     fits, ratios, whites = {}, {}, {}
     for channel, key in (("current", "current_A"), ("speed", "speed_rad_s")):
-        measured = getattr(run, f"measured_{channel}")
-        residual = measured - getattr(run, f"after_{channel}")
-        used = np.isfinite(residual)
-        test = channel_whiteness(run, channel)
+        test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
         whites[channel] = _probability(test.p_value) if test else UNKNOWN
-        if not used.any():
-            fits[channel] = ratios[channel] = UNKNOWN
-            continue
-        errors = pooled_errors([residual[used]], [measured[used]])
-        fits[channel] = percent_text(1.0 - errors.nrmse, 4)
-        ratios[channel] = number_text(errors.rmse / noise[key], 3) if noise[key] else UNKNOWN
+        fits[channel] = percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN
+        ratio = errors.rmse / noise[key] if errors and noise[key] else None
+        ratios[channel] = number_text(ratio, 3)
     return RunRow(
         name=run.name,
         role=run.role,

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.data import RunTraces
-from identification.report.decimate import extremes, gaps, packed, packed_time, with_corners
+from identification.report.decimate import extremes, packed, packed_time, with_corners
+from identification.result.report_data import RunTraces
+from identification.result.residuals import gaps
 
 __all__ = ["run_payload"]
 

@@ -18,17 +18,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from identification.diagnosis.residual import Correlation
-from identification.report import gather
-from identification.report.attempts import Attempts
-from identification.report.data import (
-    CoefficientCurve,
-    MissingTerm,
-    MissingTrace,
-    PosteriorChain,
-    ReportData,
-    RunTraces,
-    StepResponse,
-)
+from identification.report import files
 from identification.report.figures.corner import corner_figure
 from identification.report.figures.correlation import correlation_figure
 from identification.report.figures.curves import coefficient_figure, step_figure
@@ -36,7 +26,9 @@ from identification.report.figures.missing import missing_over_time, missing_ter
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
 from identification.report.html import render_report
-from identification.report.numbers import (
+from identification.result.attempts import Attempts
+from identification.result.entries import result_text
+from identification.result.numbers import (
     interval_text,
     number_text,
     percent_text,
@@ -45,10 +37,17 @@ from identification.report.numbers import (
     signed_percent_text,
     unit_power,
 )
-from identification.report.result import result_text
+from identification.result.report_data import (
+    CoefficientCurve,
+    MissingTerm,
+    MissingTrace,
+    PosteriorChain,
+    RunTraces,
+    StepResponse,
+)
+from tests.reports import make_report
 
 Array = NDArray[np.float64]
-MakeReport = Callable[..., ReportData]
 
 SPECIAL = [0.0, -0.0, 5e-324, -1e-310, 1e-300, 1e300, -1.7e308, np.nan, np.inf, -np.inf]
 NUMBERS = st.one_of(st.sampled_from(SPECIAL), st.floats(), st.integers(-(10**400), 10**400))
@@ -150,7 +149,7 @@ def _spoilt(value: Any, number: Any) -> Any:
 @pytest.mark.parametrize("number", [None, 0.0, 5e-324, 1e300, -1.0, np.nan, -np.inf])
 @pytest.mark.parametrize("with_effect", [False, True])
 def test_a_page_is_complete_with_any_number_in_the_result(
-    make_report: MakeReport, number: float | None, with_effect: bool
+    number: float | None, with_effect: bool
 ) -> None:
     """Each floating-point number of result.json replaced; the page ends and the JSON is strict."""
     data = make_report(with_effect=with_effect)
@@ -164,9 +163,7 @@ def test_a_page_is_complete_with_any_number_in_the_result(
 
 @settings(deadline=None, max_examples=10)
 @given(one=SERIES, two=SERIES, three=SERIES)
-def test_a_page_is_complete_with_any_run(
-    make_report: MakeReport, one: Array, two: Array, three: Array
-) -> None:
+def test_a_page_is_complete_with_any_run(one: Array, two: Array, three: Array) -> None:
     """Measured and simulated channels of a run that diverges or does not turn."""
     page = render_report(replace(make_report(), runs=(_run(one, two, three),)))
 
@@ -185,7 +182,7 @@ def test_a_figure_that_fails_says_so_in_its_place(monkeypatch: pytest.MonkeyPatc
     assert "cannot convert &lt;NaN&gt;" in drawn
 
 
-def test_a_part_that_fails_leaves_its_remark_on_the_page(make_report: MakeReport) -> None:
+def test_a_part_that_fails_leaves_its_remark_on_the_page() -> None:
     """A result without `errors` has no table of them; the figures are there."""
     data = make_report()
     broken = {name: value for name, value in data.result.items() if name != "errors"}
@@ -204,11 +201,11 @@ def test_the_result_is_on_the_disk_before_anything_is_drawn(
     def fails(*_: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(gather, "report_data", fails)
+    monkeypatch.setattr(files, "report_data", fails)
     (tmp_path / "report.html").write_text("of another fit", encoding="utf-8")
 
     with pytest.raises(MemoryError):
-        gather.write_outputs(
+        files.write_outputs(
             tmp_path, {"schema_version": 1}, cast(Any, SimpleNamespace(sample=None))
         )
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from identification.report.data import ReportData
 from identification.report.html import render_report
+from tests.reports import make_report
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 SWITCHES = (
@@ -22,9 +21,7 @@ SWITCHES = (
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-def test_the_script_draws_every_panel_of_a_run_and_complains_of_nothing(
-    make_report: Callable[..., ReportData], tmp_path: Path
-) -> None:
+def test_the_script_draws_every_panel_of_a_run_and_complains_of_nothing(tmp_path: Path) -> None:
     """Speed, current, their residuals, voltage and temperature: six plots, no console message."""
     page = tmp_path / "report.html"
     page.write_text(render_report(make_report(with_effect=True)), encoding="utf-8")

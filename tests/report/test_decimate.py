@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from identification.report.decimate import extremes, gaps, packed, packed_time, with_corners
+from identification.report.decimate import extremes, packed, packed_time, with_corners
+from identification.result.residuals import gaps
 
 
 def test_a_single_spike_in_a_long_record_is_kept() -> None:

@@ -8,7 +8,6 @@ import hashlib
 import json
 import re
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from typing import Any
@@ -16,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.report.data import PosteriorChain, ReportData
 from identification.report.html import content_security_policy, render_report
+from identification.result.report_data import PosteriorChain, ReportData
+from tests.reports import make_report
 
-MakeReport = Callable[..., ReportData]
 HOSTILE = '<script>alert("x")</script><img src=x onerror=alert(1)>.csv'
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
@@ -67,13 +66,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def clean(make_report: MakeReport) -> str:
+def clean() -> str:
     """The report of a motor that lacks nothing."""
     return render_report(make_report())
 
 
 @pytest.fixture(scope="module")
-def told(make_report: MakeReport) -> str:
+def told() -> str:
     """The report of a motor with an effect, and how it was found."""
     return render_report(make_report(with_effect=True))
 
@@ -115,7 +114,7 @@ def test_no_element_carries_a_style_or_a_handler(told: str) -> None:
         assert not {name for name in attributes if name == "style" or name.startswith("on")}, tag
 
 
-def test_a_hostile_file_name_is_shown_and_not_run(make_report: MakeReport) -> None:
+def test_a_hostile_file_name_is_shown_and_not_run() -> None:
     """Markup in a name reaches warnings, tables, pictures and the data of the script."""
     data = make_report(rows=400, with_effect=True)
     result = copy.deepcopy(dict(data.result))
@@ -129,7 +128,7 @@ def test_a_hostile_file_name_is_shown_and_not_run(make_report: MakeReport) -> No
     text = render_report(
         replace(
             data, result=result, runs=(run, *data.runs[1:]), title=HOSTILE,
-            story=replace(data.story, traces=(trace,)), reasons={"J": HOSTILE}, limits=(HOSTILE,),
+            story=replace(data.story, traces=(trace,)), reasons={"J": HOSTILE},
         )
     )  # fmt: skip
 
@@ -188,7 +187,7 @@ def test_the_story_of_an_effect_is_told_only_where_there_is_one(
     assert words not in Page(clean).text
 
 
-def test_table_of_candidates_that_were_not_fitted_is_left_out(make_report: MakeReport) -> None:
+def test_table_of_candidates_that_were_not_fitted_is_left_out() -> None:
     """A head without a row tells nothing; the names of what was screened do."""
     data = make_report(rows=300, with_effect=True)
     assert data.story is not None
@@ -232,9 +231,7 @@ def test_links_of_the_contents_lead_to_their_sections(told: str) -> None:
     assert {(target or "")[1:] for target in targets} <= {a.get("id") for _, a in elements}
 
 
-def test_seven_long_runs_make_a_page_under_three_megabytes_in_two_seconds(
-    make_report: MakeReport,
-) -> None:
+def test_seven_long_runs_make_a_page_under_three_megabytes_in_two_seconds() -> None:
     """Seven runs of 24,000 rows, before and after; the clock counts this process alone."""
     data = make_report(rows=24_000, with_effect=True)
     started = time.process_time()
@@ -246,7 +243,7 @@ def test_seven_long_runs_make_a_page_under_three_megabytes_in_two_seconds(
     assert time.process_time() - started < 4.0
 
 
-def test_forty_runs_share_the_size_of_the_page(make_report: MakeReport) -> None:
+def test_forty_runs_share_the_size_of_the_page() -> None:
     """The budget of points is divided among the runs."""
     data = make_report(rows=8000)
     runs = tuple(replace(run, name=f"{i}.csv") for i in range(6) for run in data.runs)
@@ -254,7 +251,7 @@ def test_forty_runs_share_the_size_of_the_page(make_report: MakeReport) -> None:
     assert len(render_report(replace(data, runs=runs)).encode()) < 3_000_000
 
 
-def test_a_campaign_with_next_to_nothing_still_makes_a_page(make_report: MakeReport) -> None:
+def test_a_campaign_with_next_to_nothing_still_makes_a_page() -> None:
     """One short training run without temperature, no posterior, no validation, all unknown."""
     data = make_report(rows=20)
     result: dict[str, Any] = copy.deepcopy(dict(data.result))
@@ -280,7 +277,7 @@ def test_a_campaign_with_next_to_nothing_still_makes_a_page(make_report: MakeRep
     assert not re.search(r"\b(nan|None|inf)\b", words)
 
 
-def test_gaps_and_missing_samples_reach_the_page_as_breaks(make_report: MakeReport) -> None:
+def test_gaps_and_missing_samples_reach_the_page_as_breaks() -> None:
     """A pause of the logger and samples at the limit of the sensor leave no NaN in the text."""
     data = make_report(rows=3000, with_effect=True)
     late = data.runs[0].time.copy()
@@ -295,7 +292,7 @@ def test_gaps_and_missing_samples_reach_the_page_as_breaks(make_report: MakeRepo
     assert 'd="Mnan' not in text
 
 
-def test_a_chain_that_never_moved_still_has_a_picture(make_report: MakeReport) -> None:
+def test_a_chain_that_never_moved_still_has_a_picture() -> None:
     """A sampler that is stuck must not stop the report that would show it."""
     chain = PosteriorChain(("Ra25", "J"), ("ohm", "kg m^2"), np.ones((30, 8, 2)))
 

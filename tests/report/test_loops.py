@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from identification.report.data import ReportData
 from identification.report.loops import loop_comparisons, metric_text
+from tests.reports import make_report
 
 
 @pytest.fixture
-def result(make_report: Callable[..., ReportData]) -> dict[str, Any]:
+def result() -> dict[str, Any]:
     """The result of a motor with friction, free to be changed."""
     copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300, with_effect=True).result))
     return copied

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from identification.report.data import ReportData
 from identification.report.summary import key_figures, summary_sentences
 from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
-
-MakeReport = Callable[..., ReportData]
+from tests.reports import make_report
 
 
 @pytest.fixture
-def result(make_report: MakeReport) -> dict[str, Any]:
+def result() -> dict[str, Any]:
     """The result of the clean motor, free to be changed."""
     copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300).result))
     return copied
@@ -81,7 +78,7 @@ def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[
     assert "changes the final value" not in " ".join(summary_sentences(result))
 
 
-def test_a_shift_is_taken_relative_to_the_final_value(make_report: MakeReport) -> None:
+def test_a_shift_is_taken_relative_to_the_final_value() -> None:
     """The declared fit of the made-up motor lies 11 % above the final one, in size."""
     rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
 
@@ -108,7 +105,7 @@ def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> No
     assert {row.role for row in error_rows(result)} == {"training"}
 
 
-def test_a_run_is_rated_by_the_noise_it_was_made_with(make_report: MakeReport) -> None:
+def test_a_run_is_rated_by_the_noise_it_was_made_with() -> None:
     """The simulation is exact, so error over noise is 1 and the residual is white."""
     for row in run_rows(make_report(rows=4000)):
         assert float(row.current_ratio) == pytest.approx(1.0, abs=0.06)

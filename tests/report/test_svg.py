@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.report.data import PosteriorChain
 from identification.report.figures.corner import corner_figure
 from identification.report.svg import Frame, axes, band, line, span, svg, text, tick_words, ticks
+from identification.result.report_data import PosteriorChain
 
 FRAME = Frame((10.0, 20.0, 100.0, 50.0), (0.0, 10.0), (-1.0, 1.0))
 

@@ -17,7 +17,7 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
-from identification.report.omitted import confounded_warnings
+from identification.result.omitted import confounded_warnings
 from identification.selection.confounded import LIMIT, confounded_terms
 from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
 from identification.selection.refit import refitted_with

@@ -19,7 +19,7 @@ from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.prediction import predict
-from identification.report.worse import worse_warnings
+from identification.result.simulation_errors import worse_warnings
 from identification.surrogates.curve import HEIGHTS
 from identification.surrogates.curves import MissingTorque
 from tests.motors import campaign, motor_named

@@ -15,7 +15,7 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
-from identification.report.omitted import omitted_warnings
+from identification.result.omitted import omitted_warnings
 from identification.selection.omitted import (
     OmittedTerm,
     consider_variances,

@@ -28,7 +28,7 @@ from identification.fleet.refit import Refit, compared_with, refit_of
 from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 from identification.options import FitOptions
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.atomic import replacing, write_text
+from identification.result.atomic import replacing, write_text
 
 __all__ = ["run_batch"]
 

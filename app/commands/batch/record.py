@@ -24,7 +24,7 @@ from app.commands.files import read_result
 from app.disk import open_regular, sync_directory
 from identification.errors import InputError, OptionError
 from identification.fleet.refit import Refit, refit_of
-from identification.report.atomic import write_text
+from identification.result.atomic import write_text
 
 __all__ = [
     "finish",

@@ -22,7 +22,7 @@ from app.batches import MOST_MOTORS, MOST_RUNS
 from app.commands.batch.local import MotorJob
 from app.commands.batch.record import finish, make_way, previous_refit, remember
 from identification.errors import ComputationError, InputError
-from identification.report.atomic import write_text
+from identification.result.atomic import write_text
 from motorid.client import BadKey, Batch, Client, ClientError, NotFound, Refused, Run
 
 __all__ = ["fit_all_at"]

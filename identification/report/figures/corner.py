@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.contours import density, enclosing_heights, outlines
-from identification.report.data import PosteriorChain
-from identification.report.numbers import scaled_unit, unit_power
 from identification.report.svg import Frame, path, svg, text, tick_words
+from identification.result.highest_density import density, enclosing_heights, outlines
+from identification.result.numbers import scaled_unit, unit_power
+from identification.result.report_data import PosteriorChain
 
 __all__ = ["MOST_PARAMETERS", "corner_figure"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.residual import Correlation
 from identification.report.svg import Frame, axes, band, path, svg
+from identification.result.residuals import Correlation
 
 __all__ = ["correlation_figure"]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.data import CoefficientCurve, StepResponse
-from identification.report.numbers import number_text, unit_text
 from identification.report.svg import Frame, axes, band, line, span, svg, text
+from identification.result.numbers import number_text, unit_text
+from identification.result.report_data import CoefficientCurve, StepResponse
 
 __all__ = ["coefficient_figure", "step_figure", "temperature_classes"]
 

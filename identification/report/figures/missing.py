@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.data import MissingTerm, MissingTrace
 from identification.report.decimate import extremes
-from identification.report.numbers import scaled_unit, unit_power, unit_text
 from identification.report.svg import Frame, axes, band, dots, line, span, svg
+from identification.result.numbers import scaled_unit, unit_power, unit_text
+from identification.result.report_data import MissingTerm, MissingTrace
 
 __all__ = ["missing_over_time", "missing_term_figure"]
 

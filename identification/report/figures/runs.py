@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.report.data import RunTraces
 from identification.report.decimate import Array, extremes
 from identification.report.svg import Frame, line, span, svg, text
+from identification.result.report_data import RunTraces
 
 __all__ = ["run_thumbnail"]
 

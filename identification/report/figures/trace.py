@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.data import PosteriorChain
-from identification.report.numbers import scaled_unit, unit_power
 from identification.report.svg import Frame, axes, band, line, span, svg, text
+from identification.result.numbers import scaled_unit, unit_power
+from identification.result.report_data import PosteriorChain
 
 __all__ = ["trace_figure"]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from identification.report.result import result_schema
+from identification.result.entries import result_schema
 from tests.motors import NAMES, motor_named
 
 FAST = ["--no-posterior", "--no-effects"]

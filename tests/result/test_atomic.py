@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from identification.report.atomic import replacing, write_text
+from identification.result.atomic import replacing, write_text
 
 
 def test_a_failure_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identification.report.numbers import (
+from identification.result.numbers import (
     count_text,
     interval_text,
     number_text,

@@ -16,8 +16,8 @@ import h5netcdf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.report.atomic import replacing
-from identification.report.result import INTERVAL_KIND, INTERVAL_LEVEL, SCHEMA_VERSION
+from identification.result.atomic import replacing
+from identification.result.entries import INTERVAL_KIND, INTERVAL_LEVEL, SCHEMA_VERSION
 
 __all__ = ["write_posterior"]
 

@@ -9,7 +9,7 @@ regression slope: of the missing voltage on the current (resistance) or the spee
 or of the missing torque on the speed (friction).
 
 An effect with states of its own or a dependence on time is not a function of a driver;
-`missing_time` plots it over time.
+`missing_traces` plots it over time.
 """
 
 from __future__ import annotations
@@ -21,26 +21,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.localise import Missing
-from identification.effects.effect import effects_of
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
-from identification.model.term import AbstractCoefficient, AbstractTerm
-from identification.report.along import Along
-from identification.report.data import MissingTerm
-from identification.report.pictured import (
-    AGAINST,
-    CHANGES,
-    UNITS,
-    WORDS,
-    carrier_of,
-    column_of,
-    drivers_of,
-    has_a_curve,
+from identification.model.term import (
+    AbstractCoefficient,
+    AbstractTerm,
+    AbstractTorque,
+    AbstractVoltage,
 )
+from identification.result.partial_residuals import Along
+from identification.result.report_data import MissingTerm
 
-__all__ = ["missing_terms", "unexplained_terms"]
+__all__ = [
+    "UNITS",
+    "WORDS",
+    "column_of",
+    "has_a_picture",
+    "missing_terms",
+    "undrawn_sentence",
+    "unexplained_terms",
+]
 
 Array = NDArray[np.float64]
 
+UNITS: Final = ("V", "N m")
+"""Units of the missing terms: column 0 is the electrical equation, column 1 the mechanical one."""
+
+WORDS: Final = ("missing voltage", "missing torque")
+_AGAINST: Final = ("current", "motion")
+"""Direction that a positive missing voltage or torque opposes, for the axis label."""
+
+_CHANGES: Final = {
+    "Ra": (0, "change of Ra", "ohm"),
+    "Kt": (0, "change of Kt", "N m/A"),
+    "b": (1, "change of b", "N m s/rad"),
+}
+"""Coefficients whose change is plotted: column of the equation, axis label and unit.  A change of L
+shows only in the few samples after a voltage step, too few for the smoother."""
 _DRIVERS: Final = {
     "current": ("current", "A"),
     "speed": ("speed", "rad/s"),
@@ -64,9 +81,9 @@ def missing_terms(final: Fit, found: Along) -> list[MissingTerm]:
     """
     pictures = []
     for term in effects_of(final.simulator.model.terms):
-        if not has_a_curve(term):
+        if not _has_a_curve(term):
             continue
-        for driver in drivers_of(term):
+        for driver in _drivers_of(term):
             if isinstance(term, AbstractCoefficient):
                 pictures.append(_changed(term, driver, found))
             else:
@@ -105,9 +122,9 @@ def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
     """Voltage or torque against a driver: bin means."""
     column = column_of(term, found)
     values = _wrapped(driver, found)
-    carrier = carrier_of(term)
+    carrier = _carrier_of(term)
     turned = -np.sign(found.drivers[carrier]) if carrier else np.ones(values.size)
-    words = f"{WORDS[column]} opposing the {AGAINST[column]}" if carrier else WORDS[column]
+    words = f"{WORDS[column]} opposing the {_AGAINST[column]}" if carrier else WORDS[column]
     effects = found.effects[term.name][:, :, column] * turned
     bins = _Bins(values)
     curve = _spread([bins.means(effect) for effect in effects])
@@ -121,7 +138,7 @@ def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
 
 def _changed(term: AbstractCoefficient, driver: str, found: Along) -> MissingTerm:
     """Change of a coefficient against a driver: regression slopes in bins."""
-    column, words, unit = CHANGES[term.coefficient]
+    column, words, unit = _CHANGES[term.coefficient]
     against = found.drivers["current" if term.coefficient == "Ra" else "speed"]
     bins = _Bins(_wrapped(driver, found))
     places = bins.means(bins.values)
@@ -199,3 +216,54 @@ class _Bins:
         weak = squares < _LEAST_WEIGHT * squares.max(initial=0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(weak, np.nan, self.sums(values * against) / squares)
+
+
+def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
+    """Report sentence on the effects that cannot be plotted; empty if all can."""
+    names = [term.name.replace("_", " ") for term in terms if not has_a_picture(term)]
+    if not names:
+        return ""
+    return (
+        f"{' and '.join(names).capitalize()} {_verb(names)} on the logged signals and "
+        "not in the motor, so there is no missing voltage or torque to plot."
+    )
+
+
+def _verb(names: Sequence[str]) -> str:
+    return "acts" if len(names) == 1 else "act"
+
+
+def has_a_picture(term: AbstractTerm) -> bool:
+    """Whether the effect acts in the motor and not in a sensor."""
+    return term.equation != "sensor"
+
+
+def _has_a_curve(term: AbstractEffect) -> bool:
+    """Whether the effect is a static function of its drivers and does not depend on time."""
+    changes = isinstance(term, AbstractCoefficient) and term.coefficient in _CHANGES
+    plain = isinstance(term, AbstractTorque | AbstractVoltage) or changes
+    return has_a_picture(term) and plain and not term.states and "time" not in _drivers_of(term)
+
+
+def _drivers_of(term: AbstractEffect) -> tuple[str, ...]:
+    """Drivers to plot the effect against; a constant effect is plotted against the speed."""
+    carrier = _carrier_of(term)
+    return tuple(name for name in term.plotted[:2] if name != carrier) or ("speed",)
+
+
+def _carrier_of(term: AbstractTerm) -> str:
+    """Driver that only gives an effect of two drivers its sign; empty if there is none."""
+    carrier = "speed" if term.equation == "mechanical" else "current"
+    plain = isinstance(term, AbstractTorque | AbstractVoltage)
+    return carrier if plain and len(term.drivers) == 2 and carrier in term.drivers else ""
+
+
+def column_of(term: AbstractTerm, found: Along) -> int:
+    """Column of the equation in which an effect is plotted: 0 electrical, 1 mechanical."""
+    if isinstance(term, AbstractTorque):
+        return 1
+    if isinstance(term, AbstractCoefficient) and term.coefficient in ("b", "J"):
+        return 1
+    if term.equation == "mechanical":
+        return 1 if np.any(found.effects[term.name][0, :, 1]) else 0
+    return 0

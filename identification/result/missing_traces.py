@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.term import AbstractTerm
-from identification.report.along import Along, FinalPath
-from identification.report.data import MissingTrace
-from identification.report.pictured import UNITS, WORDS, column_of, has_a_picture
+from identification.result.missing_terms import UNITS, WORDS, column_of, has_a_picture
+from identification.result.partial_residuals import Along, FinalPath
+from identification.result.report_data import MissingTrace
 
 __all__ = ["missing_traces"]
 

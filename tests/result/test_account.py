@@ -9,7 +9,8 @@ import pytest
 
 from identification.effects.friction import CoulombFriction
 from identification.fit.solve import Fit
-from identification.report.story import searched_entries, story_of
+from identification.result.account import story_of
+from identification.result.search import searched_entries
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage

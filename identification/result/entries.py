@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.report.atomic import write_text
+from identification.result.atomic import write_text
 
 __all__ = [
     "INTERVAL_KIND",
@@ -125,7 +125,7 @@ def result_schema() -> dict[str, Any]:
     from identification.effects.catalogue import CATALOGUE
 
     text = (
-        resources.files("identification.report").joinpath("result.schema.json").read_text("utf-8")
+        resources.files("identification.result").joinpath("result.schema.json").read_text("utf-8")
     )
     schema: dict[str, Any] = json.loads(text)
     schema["$defs"]["effect"]["properties"]["name"]["enum"] = [*CATALOGUE, "unlisted"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.report.contours import Density, density, enclosing_heights, outlines
+from identification.result.highest_density import Density, density, enclosing_heights, outlines
 
 Array = NDArray[np.float64]
 LIMITS = ((-4.5, 4.5), (-4.5, 4.5))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation, Missing
 from identification.model.excitation import Record
-from identification.report.result import quantity_entry
+from identification.result.entries import quantity_entry
 from identification.selection.outcome import Outcome
 
 __all__ = ["detection_entry", "shift_entries", "signals_at", "trace_entry"]

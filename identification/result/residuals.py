@@ -16,10 +16,18 @@ from identification.diagnosis.residual import (
     cross_correlation,
     whiteness,
 )
-from identification.report.data import RunTraces
-from identification.report.decimate import gaps
+from identification.diagnosis.simulation_error import Errors, pooled_errors
+from identification.result.report_data import RunTraces
 
-__all__ = ["ResidualCheck", "channel_whiteness", "coloured_channels", "residual_checks"]
+__all__ = [
+    "Correlation",
+    "ResidualCheck",
+    "channel_errors",
+    "channel_whiteness",
+    "coloured_channels",
+    "gaps",
+    "residual_checks",
+]
 
 Array = NDArray[np.float64]
 
@@ -99,6 +107,30 @@ def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:
     """
     residuals, _ = _pieces([run], channel, "after")
     return whiteness(residuals) if residuals else None
+
+
+def channel_errors(run: RunTraces, channel: str) -> Errors | None:
+    """Simulation error of one run by the final model; None if no sample of the channel was used.
+
+    Args:
+        run: The run.
+        channel: ``current`` or ``speed``.
+    """
+    residual = _residual(run, channel, "after")
+    used = np.isfinite(residual)
+    measured: Array = getattr(run, f"measured_{channel}")
+    return pooled_errors([residual[used]], [measured[used]]) if used.any() else None
+
+
+def gaps(time: Array, factor: float = 4.0) -> NDArray[np.int_]:
+    """Indices (n_gap,) of the samples before a gap in the record, where a line must break.
+
+    Args:
+        time: (n_sample,) increasing [s].
+        factor: A gap is longer than this many median intervals.
+    """
+    steps = np.diff(time)
+    return np.flatnonzero(steps > factor * np.median(steps)) if steps.size else np.zeros(0, np.int_)
 
 
 def _residual(run: RunTraces, channel: str, stage: str) -> Array:

@@ -8,8 +8,8 @@ import pytest
 from identification.diagnosis.detection import ChannelCheck, Detection
 from identification.diagnosis.localise import Deficiency, Localisation, Missing
 from identification.model.excitation import records_of
-from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
-from identification.report.result import parameter_entry
+from identification.result.diagnosis import detection_entry, shift_entries, trace_entry
+from identification.result.entries import parameter_entry
 from tests.motors import motor_named, noiseless
 
 

@@ -17,12 +17,9 @@ from numpy.typing import NDArray
 from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
-from identification.diagnosis.odd_runs import odd_runs
 from identification.diagnosis.outliers import outlier_warnings
-from identification.diagnosis.simulation_error import pooled_errors
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import Simulated
 from identification.fit.identifiability import identified
 from identification.fit.sensors import coarse_warnings
 from identification.fit.solve import Fit
@@ -30,24 +27,28 @@ from identification.fit.temperature import estimated_temperatures
 from identification.model.unlogged import COLDEST, HOTTEST
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
-from identification.report.diagnosis import detection_entry, shift_entries, trace_entry
-from identification.report.early_ends import early_ends
-from identification.report.findings import CHANNELS, Findings
-from identification.report.knowledge import (
+from identification.result.diagnosis import detection_entry, shift_entries, trace_entry
+from identification.result.early_stop import early_ends
+from identification.result.entries import finite_or_null, parameter_entry
+from identification.result.findings import Findings
+from identification.result.known_values import (
     contradiction_warnings,
     known_only_warnings,
     prior_entries,
 )
-from identification.report.omitted import (
+from identification.result.omitted import (
     confounded_entries,
     confounded_warnings,
     omitted_entries,
     omitted_warnings,
 )
-from identification.report.result import parameter_entry
-from identification.report.story import effect_entries, searched_entries
-from identification.report.summary import NEAR_NOISE
-from identification.report.worse import worse_warnings
+from identification.result.search import effect_entries, searched_entries
+from identification.result.simulation_errors import (
+    error_entries,
+    missed_channels,
+    unexplained_channels,
+    worse_runs,
+)
 from identification.selection.non_identifiable import lines_of
 from identification.selection.omitted import consider_variances
 
@@ -55,9 +56,6 @@ __all__ = ["assemble"]
 
 Array = NDArray[np.float64]
 
-_NOTHING = 0.9
-"""NRMSE above which a model explains nothing of a channel [-]."""
-_BEYOND_NOISE = 2.0
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
@@ -70,7 +68,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
     implausible = _implausible(findings)
-    missed = _missed(findings)
+    missed = missed_channels(findings)
     if missed:
         after = {name: entry | {"identified": False} for name, entry in after.items()}
     return {
@@ -96,13 +94,10 @@ def assemble(findings: Findings) -> dict[str, object]:
             if findings.has_effects
             else {},
         },
-        "errors": {
-            stage: {role: _errors(simulated, findings.noise) for role, simulated in by_role.items()}
-            for stage, by_role in findings.simulated.items()
-        },
+        "errors": error_entries(findings),
         "noise": {
-            "current_A": _number(findings.noise[0]),
-            "speed_rad_s": _number(findings.noise[1]),
+            "current_A": finite_or_null(findings.noise[0]),
+            "speed_rad_s": finite_or_null(findings.noise[1]),
         },
         "feedback": findings.feedback,
         "feedback_before": findings.feedback_before,
@@ -124,7 +119,7 @@ def _sampler(sample: Sample) -> dict[str, object]:
         "r_hat_max": convergence.r_hat_max,
         "converged": convergence.reached,
         "draws": sample.source,
-        "pareto_k": None if sample.shape is None else _number(sample.shape),
+        "pareto_k": None if sample.shape is None else finite_or_null(sample.shape),
     }
 
 
@@ -141,62 +136,6 @@ def _implausible(findings: Findings) -> list[Finding]:
     values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
     return time_constant_findings(values, trusted)
-
-
-def _missed(findings: Findings) -> list[str]:
-    """Warnings on channels that the final model does not explain although they exceed the noise."""
-    errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
-    return [
-        f"the model does not explain the {channel} of the training runs: the NRMSE is "
-        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the RMSE is "
-        f"{entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as identified; "
-        "check signs, units and columns of the runs"
-        for channel, entry in errors.items()
-        if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
-    ]
-
-
-def _missing(findings: Findings) -> list[str]:
-    """Warnings on what the final model leaves unexplained, and on outlying runs."""
-    if not findings.options.effects:
-        return _unsearched(findings)
-    if findings.after is None or findings.left is None or not findings.after.missing:
-        return []
-    messages = []
-    for role, simulated in findings.simulated["after"].items():
-        errors = _errors(simulated, findings.noise) or {}
-        for channel, entry in errors.items():
-            ratio = entry["noise_ratio"]
-            checks = [c for c in findings.after.of(channel, role) if c.is_too_large]
-            if ratio is not None and checks:
-                off = max(ratio, checks[0].noise_ratio)
-                messages.append(
-                    f"the model does not explain the {channel} of the {role} runs: the residual is "
-                    f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
-                )
-    odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
-    return (messages or [findings.after.sentence]) + odd
-
-
-def _unsearched(findings: Findings) -> list[str]:
-    """Warnings on channels whose error exceeds the noise when no effect search was made."""
-    return [
-        f"the nominal model does not explain the {channel} of the {role} runs: the RMSE is "
-        f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
-        "parameters are biased; run the effect search (fit without --no-effects)"
-        for role, simulated in findings.simulated["after"].items()
-        for channel, entry in (_errors(simulated, findings.noise) or {}).items()
-        if (entry["noise_ratio"] or 0.0) > NEAR_NOISE
-    ]
-
-
-def _worse(findings: Findings) -> list[str]:
-    """Warnings on validation runs that the nominal model predicts better."""
-    if findings.outcome is None or not findings.outcome.effects:
-        return []
-    before, after = (findings.simulated[stage]["validation"] for stage in ("before", "after"))
-    names = [found.name for found in findings.outcome.effects]
-    return worse_warnings(before, after, findings.noise, names)
 
 
 def _software() -> dict[str, str]:
@@ -264,40 +203,11 @@ def _parameters(
         parameter.name: parameter_entry(
             draws[parameter.name], parameter.unit, known[parameter.name]
         )
-        | {"estimate": _number(value)}
+        | {"estimate": finite_or_null(value)}
         | priors.get(parameter.name, {})
         for parameter, value in zip(fit.coordinates.parameters, fit.values, strict=True)
         if parameter.name in DECLARED_PARAMETERS
     }
-
-
-def _errors(
-    simulated: Sequence[Simulated], noise: Array
-) -> dict[str, dict[str, float | None]] | None:
-    if not simulated:
-        return None
-    entries: dict[str, dict[str, float | None]] = {}
-    for channel, name in enumerate(CHANNELS):
-        kept = [s.record.weight[:, channel] > 0 for s in simulated]
-        if not any(mask.any() for mask in kept):
-            entries[name] = {"rmse": None, "nrmse": None, "noise_ratio": None}
-            continue
-        pairs = [(s, mask) for s, mask in zip(simulated, kept, strict=True) if mask.any()]
-        errors = pooled_errors(
-            [s.residual[mask, channel] for s, mask in pairs],
-            [s.record.measured[mask, channel] for s, mask in pairs],
-        )
-        ratio = errors.rmse / noise[channel] if noise[channel] > 0 else np.nan
-        entries[name] = {
-            "rmse": _number(errors.rmse),
-            "nrmse": _number(errors.nrmse),
-            "noise_ratio": _number(ratio),
-        }
-    return entries
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _temperatures(findings: Findings) -> list[str]:
@@ -338,13 +248,13 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
         *contradiction_warnings(findings.contradicted, runs),
         *(findings.admission.warnings if findings.admission else []),
         *missed,
-        *_missing(findings),
+        *unexplained_channels(findings),
         *_undetermined(findings),
         *findings.warnings,
         *early_ends(findings.final, findings.outcome, findings.sample, *stopped),
         *outlier_warnings(findings.simulated["after"]["training"]),
         *coarse_warnings(campaign.training_runs, findings.noise),
-        *_worse(findings),
+        *worse_runs(findings),
         *omitted_warnings(findings.final, findings.omitted),
         *confounded_warnings(findings.final, findings.fraction, findings.omitted),
         *known_only_warnings(findings.final, findings.fraction),

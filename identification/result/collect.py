@@ -1,22 +1,24 @@
-"""Report data from the findings, and the files of a result directory."""
+"""Report data from the findings of all stages."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.catalogue import confusions_of
 from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
-from identification.report.along import final_path
-from identification.report.atomic import write_text
-from identification.report.attempts import Attempts
-from identification.report.data import (
+from identification.result.account import story_of
+from identification.result.attempts import Attempts
+from identification.result.diagnosis import signals_at
+from identification.result.findings import Findings
+from identification.result.missing_terms import missing_terms, unexplained_terms
+from identification.result.missing_traces import missing_traces
+from identification.result.partial_residuals import final_path
+from identification.result.report_data import (
     CoefficientCurve,
     Equation,
     MissingTerm,
@@ -27,47 +29,12 @@ from identification.report.data import (
     StepResponse,
     Story,
 )
-from identification.report.diagnosis import signals_at
-from identification.report.findings import Findings
-from identification.report.html import render_report
-from identification.report.missing import missing_terms, unexplained_terms
-from identification.report.missing_time import missing_traces
-from identification.report.netcdf import write_posterior
-from identification.report.result import finite_or_null, write_result
-from identification.report.story import story_of
 
-__all__ = ["report_data", "write_outputs"]
+__all__ = ["report_data"]
 
 Array = NDArray[np.float64]
 
 _POINTS: Final = 80
-
-
-def write_outputs(directory: Path, result: dict[str, Any], findings: Findings) -> None:
-    """Write posterior.nc if sampled, then result.json, then report.html.
-
-    All numbers are on disk before anything is drawn.  A posterior or a report of an earlier fit is
-    removed.
-    """
-    directory.mkdir(parents=True, exist_ok=True)
-    posterior = directory / "posterior.nc"
-    sample = findings.sample
-    if sample is None:
-        posterior.unlink(missing_ok=True)
-    else:
-        write_posterior(
-            posterior,
-            sample.names,
-            sample.units,
-            sample.chain,
-            sample.log_density,
-            acceptance=sample.convergence.acceptance,
-            attributes={name: str(value) for name, value in result["software"].items()},
-        )
-    report = directory / "report.html"
-    report.unlink(missing_ok=True)
-    write_result(directory / "result.json", result)
-    write_text(report, render_report(report_data(finite_or_null(result), findings)))
 
 
 def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
@@ -87,10 +54,6 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         ),
         story=_story(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", lambda: _reasons(findings)) or {},
-        limits=tuple(
-            f"{confusion.title.capitalize()}. {confusion.apart}"
-            for confusion in confusions_of([effect["name"] for effect in result["effects"]])
-        ),
         undrawn=tuple(attempts.remarks),
     )
 

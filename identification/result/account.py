@@ -1,4 +1,4 @@
-"""Result entries and report text of the effect search."""
+"""Account of the effect search in plain words, and its table of candidates."""
 
 from __future__ import annotations
 
@@ -6,107 +6,23 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
-from identification.report.data import Candidate, MissingTerm, MissingTrace, Story
-from identification.report.numbers import number_text
-from identification.report.pictured import undrawn_sentence
-from identification.report.result import parameter_entry
+from identification.result.missing_terms import undrawn_sentence
+from identification.result.numbers import number_text
+from identification.result.report_data import Candidate, MissingTerm, MissingTrace, Story
+from identification.result.search import reason_of
 from identification.selection.evidence import AcceptanceCriteria
-from identification.selection.outcome import Found, Outcome, Searched
+from identification.selection.outcome import Found, Outcome
 from identification.surrogates.unlisted import LAWS
 
-__all__ = ["effect_entries", "searched_entries", "story_of"]
-
-Array = NDArray[np.float64]
+__all__ = ["story_of"]
 
 _UNEXPLAINED: Final = "does not explain"
 """Phrase common to all warnings on an unexplained channel."""
 _LARGEST_LOG: Final = 14.0
 """Logarithm of the largest factor that is written, about a million."""
-
-
-def effect_entries(
-    outcome: Outcome | None, final: Fit, draws: Mapping[str, Array], known: Mapping[str, bool]
-) -> list[dict[str, Any]]:
-    """Result entries of the effects in the final model, strongest evidence first.
-
-    Args:
-        outcome: Outcome of the effect search; None if none was made.
-        final: Fit of the final model.
-        draws: Draws of its posterior by name.
-        known: Whether each parameter is identified.
-    """
-    terms = {term.name: term for term in effects_of(final.simulator.model.terms)}
-    estimates = dict(zip(final.coordinates.names, final.values, strict=True))
-    entries = []
-    for found in outcome.effects if outcome else ():
-        term = terms[found.name]
-        parameters = {}
-        for parameter in term.parameters:
-            full = f"{found.name}.{parameter.name}"
-            parameters[parameter.name] = parameter_entry(
-                draws[full], parameter.unit, known[full]
-            ) | {"estimate": float(estimates[full]), "meaning": parameter.meaning}
-        entries.append(
-            {
-                "name": found.name,
-                "variant": term.variant or None,
-                "equation": term.equation,
-                "drivers": list(term.drivers),
-                "probability": found.probability,
-                "parameters": parameters,
-                "evidence": _evidence(found),
-                "alternatives": [
-                    {"name": other.name, "probability": other.probability}
-                    for other in found.alternatives
-                ],
-                "settings": term.settings,
-            }
-        )
-    return entries
-
-
-def _evidence(found: Found) -> dict[str, Any]:
-    criteria = found.criteria
-    return {
-        "log_likelihood_gain": criteria.gain,
-        "log_likelihood_gain_by_chance": criteria.needed,
-        "error_fall_training": criteria.training,
-        "error_fall_validation": criteria.validation,
-    }
-
-
-def searched_entries(outcome: Outcome | None) -> list[dict[str, Any]]:
-    """Result entries of all candidates, in the order of the search."""
-    return [
-        {
-            "name": s.name,
-            "variant": s.detail or None,
-            "round": s.round,
-            "promised_log_likelihood_gain": s.predicted_gain,
-            "log_likelihood_gain": s.criteria.gain if s.criteria else None,
-            "error_fall_training": s.criteria.training if s.criteria else None,
-            "error_fall_validation": s.criteria.validation if s.criteria else None,
-            "chosen": s.chosen,
-            "reason": _reason(s),
-        }
-        for s in (outcome.searched if outcome else ())
-    ]
-
-
-def _reason(searched: Searched) -> str:
-    if searched.chosen:
-        return "meets all acceptance criteria and reduces the error most"
-    if searched.flaw:
-        return searched.flaw
-    if searched.criteria is None:
-        return "predicted gain smaller than that of the candidates that were fitted"
-    return searched.criteria.refusal or "another candidate reduces the error more"
 
 
 def story_of(
@@ -280,7 +196,7 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[C
                 s.name, _equation(s.name, terms), s.criteria,
                 "alternative" if s.name in alternatives else "ruled out",
                 alternatives.get(s.name),
-                "selected first, then replaced by another effect" if s.chosen else _reason(s),
+                "selected first, then replaced by another effect" if s.chosen else reason_of(s),
             )  # fmt: skip
     order = {"chosen": 0, "alternative": 1, "ruled out": 2}
     return sorted(rows.values(), key=lambda row: (order[row.verdict], -(row.explained or 0.0)))

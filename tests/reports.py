@@ -6,16 +6,15 @@ No part of the identification runs here; the report must only draw what it is gi
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy import linalg, signal
 
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.data import (
+from identification.result.entries import parameter_entry, quantity_entry
+from identification.result.report_data import (
     Candidate,
     CoefficientCurve,
     Equation,
@@ -27,7 +26,6 @@ from identification.report.data import (
     StepResponse,
     Story,
 )
-from identification.report.result import parameter_entry, quantity_entry
 
 Array = NDArray[np.float64]
 
@@ -293,24 +291,19 @@ def _story(run: RunTraces) -> Story:
     )  # fmt: skip
 
 
-@pytest.fixture(scope="session")
-def make_report() -> Callable[..., ReportData]:
-    """A function that makes the data of a report, clean or with an effect, long or short."""
-
-    def make(rows: int = 1500, with_effect: bool = False) -> ReportData:
-        roles = ["training"] * 5 + ["validation"] * 2
-        runs = [_run(index, role, rows, with_effect) for index, role in enumerate(roles)]
-        return ReportData(
-            result=_result(runs, with_effect),
-            runs=tuple(runs),
-            coefficients=_coefficients(with_effect),
-            steps=_steps(),
-            posterior=_posterior(),
-            story=_story(runs[5]) if with_effect else None,
-            equations=(
-                Equation("L di/dt = v - Ra(T) i - Kt(T) w", "voltage balance of the armature"),
-                Equation("J dw/dt = Kt(T) i - b w", "torque balance of the shaft"),
-            ),
-        )
-
-    return make
+def make_report(rows: int = 1500, with_effect: bool = False) -> ReportData:
+    """Data of a report, clean or with an effect, long or short."""
+    roles = ["training"] * 5 + ["validation"] * 2
+    runs = [_run(index, role, rows, with_effect) for index, role in enumerate(roles)]
+    return ReportData(
+        result=_result(runs, with_effect),
+        runs=tuple(runs),
+        coefficients=_coefficients(with_effect),
+        steps=_steps(),
+        posterior=_posterior(),
+        story=_story(runs[5]) if with_effect else None,
+        equations=(
+            Equation("L di/dt = v - Ra(T) i - Kt(T) w", "voltage balance of the armature"),
+            Equation("J dw/dt = Kt(T) i - b w", "torque balance of the shaft"),
+        ),
+    )

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.report.data import ReportData, RunTraces
-from identification.report.residuals import (
+from identification.result.report_data import RunTraces
+from identification.result.residuals import (
     channel_whiteness,
     coloured_channels,
     residual_checks,
 )
-
-MakeReport = Callable[..., ReportData]
+from tests.reports import make_report
 
 
 @pytest.fixture
-def run(make_report: MakeReport) -> RunTraces:
+def run() -> RunTraces:
     """A run whose simulation is exact."""
     return make_report(rows=3000).runs[0]
 
 
-def test_white_residuals_are_not_called_coloured(make_report: MakeReport) -> None:
+def test_white_residuals_are_not_called_coloured() -> None:
     """The made-up simulations are exact: what is left is the white noise that was added."""
     assert coloured_channels(residual_checks(make_report(rows=3000).runs)) == []
 
@@ -38,7 +36,7 @@ def test_a_slow_error_of_the_speed_is_called_coloured(run: RunTraces) -> None:
     assert coloured_channels(checks) == ["speed"]
 
 
-def test_a_declared_model_is_checked_only_where_it_is_another(make_report: MakeReport) -> None:
+def test_a_declared_model_is_checked_only_where_it_is_another() -> None:
     """`before` is given for the motor with an effect alone."""
     clean, told = (make_report(rows=500, with_effect=effect).runs for effect in (False, True))
 

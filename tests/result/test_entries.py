@@ -15,8 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator, ValidationError
 
-from identification.report.data import ReportData
-from identification.report.result import (
+from identification.result.entries import (
     finite_or_null,
     parameter_entry,
     quantity_entry,
@@ -24,6 +23,7 @@ from identification.report.result import (
     result_text,
     write_result,
 )
+from tests.reports import make_report
 
 ROOT = Path(__file__).parents[2]
 VALIDATOR = Draft202012Validator(result_schema())
@@ -31,7 +31,7 @@ NUMBERS = st.floats() | st.integers() | st.none() | st.text() | st.booleans()
 
 
 @pytest.fixture
-def result(make_report: Callable[..., ReportData]) -> dict[str, Any]:
+def result() -> dict[str, Any]:
     """A complete result with one effect, free to be changed."""
     made = make_report(rows=300, with_effect=True).result
     copied: dict[str, Any] = copy.deepcopy(dict(made))

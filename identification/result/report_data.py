@@ -246,7 +246,6 @@ class ReportData:
         posterior: The chain; None if not sampled.
         story: Account of the effect search; None if none was made.
         equations: The final model, printed from the simulated expressions.
-        limits: Sentences on what the data cannot tell apart, in addition to the general ones.
         reasons: Why a parameter is not identified, one sentence by name.
         undrawn: What could not be drawn and why, one sentence each.
         title: Title of the report.
@@ -259,7 +258,6 @@ class ReportData:
     posterior: PosteriorChain | None = None
     story: Story | None = None
     equations: tuple[Equation, ...] = ()
-    limits: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     undrawn: tuple[str, ...] = ()
     title: str = "Motor identification"

@@ -1,0 +1,161 @@
+"""Simulation errors of the result, and warnings on errors larger than the sensor noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.odd_runs import odd_runs
+from identification.diagnosis.simulation_error import pooled_errors
+from identification.fit.evaluate import Simulated
+from identification.result.entries import finite_or_null
+from identification.result.findings import CHANNELS, Findings
+
+__all__ = [
+    "NEAR_NOISE",
+    "error_entries",
+    "missed_channels",
+    "unexplained_channels",
+    "worse_runs",
+    "worse_warnings",
+]
+
+Array = NDArray[np.float64]
+Errors = dict[str, dict[str, float | None]]
+
+NEAR_NOISE: Final = 1.10
+"""Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
+_NOTHING: Final = 0.9
+"""NRMSE above which a model explains nothing of a channel [-]."""
+_BEYOND_NOISE: Final = 2.0
+_CODE: Final = "effects_predict_worse"
+_WORSE: Final = 1.05
+"""Error ratio above which an increase is reported; both models see the same noise, so it is not
+scatter."""
+
+
+def error_entries(findings: Findings) -> dict[str, dict[str, Errors | None]]:
+    """Member ``errors`` of the result, by ``before`` or ``after`` and by role of the runs."""
+    return {
+        stage: {role: _errors(simulated, findings.noise) for role, simulated in by_role.items()}
+        for stage, by_role in findings.simulated.items()
+    }
+
+
+def missed_channels(findings: Findings) -> list[str]:
+    """Warnings on channels that the final model does not explain although they exceed the noise."""
+    errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
+    return [
+        f"the model does not explain the {channel} of the training runs: the NRMSE is "
+        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the RMSE is "
+        f"{entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as identified; "
+        "check signs, units and columns of the runs"
+        for channel, entry in errors.items()
+        if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
+    ]
+
+
+def unexplained_channels(findings: Findings) -> list[str]:
+    """Warnings on what the final model leaves unexplained, and on outlying runs."""
+    if not findings.options.effects:
+        return _unsearched(findings)
+    if findings.after is None or findings.left is None or not findings.after.missing:
+        return []
+    messages = []
+    for role, simulated in findings.simulated["after"].items():
+        errors = _errors(simulated, findings.noise) or {}
+        for channel, entry in errors.items():
+            ratio = entry["noise_ratio"]
+            checks = [c for c in findings.after.of(channel, role) if c.is_too_large]
+            if ratio is not None and checks:
+                off = max(ratio, checks[0].noise_ratio)
+                messages.append(
+                    f"the model does not explain the {channel} of the {role} runs: the residual is "
+                    f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
+                )
+    odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
+    return (messages or [findings.after.sentence]) + odd
+
+
+def _unsearched(findings: Findings) -> list[str]:
+    """Warnings on channels whose error exceeds the noise when no effect search was made."""
+    return [
+        f"the nominal model does not explain the {channel} of the {role} runs: the RMSE is "
+        f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
+        "parameters are biased; run the effect search (fit without --no-effects)"
+        for role, simulated in findings.simulated["after"].items()
+        for channel, entry in (_errors(simulated, findings.noise) or {}).items()
+        if (entry["noise_ratio"] or 0.0) > NEAR_NOISE
+    ]
+
+
+def worse_runs(findings: Findings) -> list[str]:
+    """Warnings on validation runs that the nominal model predicts better."""
+    if findings.outcome is None or not findings.outcome.effects:
+        return []
+    before, after = (findings.simulated[stage]["validation"] for stage in ("before", "after"))
+    names = [found.name for found in findings.outcome.effects]
+    return worse_warnings(before, after, findings.noise, names)
+
+
+def worse_warnings(
+    before: Sequence[Simulated],
+    after: Sequence[Simulated],
+    noise: Array,
+    effects: Sequence[str],
+) -> list[str]:
+    """One warning for each run and channel whose error increases with the effects.
+
+    Args:
+        before: Validation records simulated by the nominal model.
+        after: The same records simulated by the final model.
+        noise: (2,) standard deviation of the noise of current and speed [A, rad/s].
+        effects: Names of the effects of the final model.
+    """
+    found = []
+    for run in dict.fromkeys(one.record.name for one in after):
+        nominal = _rms([one for one in before if one.record.name == run])
+        final = _rms([one for one in after if one.record.name == run])
+        for channel, name in enumerate(CHANNELS):
+            if final[channel] > _WORSE * max(nominal[channel], noise[channel]):
+                found.append(
+                    f"{_CODE}: {run}: with {', '.join(effects)} the RMSE of the {name} is "
+                    f"{final[channel] / noise[channel]:.3g} times the sensor noise, with the "
+                    f"nominal model {nominal[channel] / noise[channel]:.3g} times; predict this "
+                    "run with --declared, or add it to the training runs, so that the search can "
+                    "find the missing effect"
+                )
+    return found
+
+
+def _rms(simulated: Sequence[Simulated]) -> Array:
+    """(2,) RMS error of current and speed [A, rad/s]; zero if all samples have zero weight."""
+    squares = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
+    counts = np.sum([np.sum(s.record.weight, axis=0) for s in simulated], axis=0)
+    return np.asarray(np.sqrt(squares / np.maximum(counts, 1.0)))
+
+
+def _errors(simulated: Sequence[Simulated], noise: Array) -> Errors | None:
+    if not simulated:
+        return None
+    entries: Errors = {}
+    for channel, name in enumerate(CHANNELS):
+        kept = [s.record.weight[:, channel] > 0 for s in simulated]
+        if not any(mask.any() for mask in kept):
+            entries[name] = {"rmse": None, "nrmse": None, "noise_ratio": None}
+            continue
+        pairs = [(s, mask) for s, mask in zip(simulated, kept, strict=True) if mask.any()]
+        errors = pooled_errors(
+            [s.residual[mask, channel] for s, mask in pairs],
+            [s.record.measured[mask, channel] for s, mask in pairs],
+        )
+        ratio = errors.rmse / noise[channel] if noise[channel] > 0 else np.nan
+        entries[name] = {
+            "rmse": finite_or_null(errors.rmse),
+            "nrmse": finite_or_null(errors.nrmse),
+            "noise_ratio": finite_or_null(ratio),
+        }
+    return entries
