@@ -213,6 +213,9 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
             "draws": "chain",
             "pareto_k": None,
         },
+        "warning_details": [{"code": "clipped_channel", "severity": "note", "fix": ""}]
+        if with_effect
+        else [],
         "warnings": ["bench_training_1.csv: 3 samples of current_A are at the limit of the sensor"]
         if with_effect
         else [],

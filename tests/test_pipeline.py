@@ -101,11 +101,16 @@ def test_warnings_about_the_result_precede_those_about_the_files() -> None:
     """Without temperature, the open coefficients matter more than their cause."""
     runs = [replace(RUN, temperature=None)]
 
-    said = identify(runs, (), FitOptions(effects=False, posterior=False)).result["warnings"]
+    result = identify(runs, (), FitOptions(effects=False, posterior=False)).result
+    said, details = result["warnings"], result["warning_details"]
 
     assert isinstance(said, list)
+    assert isinstance(details, list)
     found = [
         next(k for k, message in enumerate(said) if message.startswith(words))
         for words in ("the runs do not determine alpha_Ra", "the runs have no temperature")
     ]
     assert found == [0, len(said) - 1]
+    codes = [one["code"] for one in details]
+    assert (codes[0], codes[-1]) == ("parameters_not_identified", "unknown_temperature")
+    assert all(message.endswith(one["fix"]) for message, one in zip(said, details, strict=True))

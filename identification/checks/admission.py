@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
 from identification.errors import ContradictoryRuns
 from identification.ingest.run import Run
 from identification.options import FitOptions
+from identification.warning import ResultWarning
 
 __all__ = ["Admission", "admitted"]
+
+_FORCED: Final = (
+    "do not rely on this result: it was fitted with --force although the runs contradict physics "
+    "or each other: "
+)
+_ASIDE: Final = "run set aside (neither fitted nor used for validation): "
 
 
 @dataclass(frozen=True)
@@ -33,21 +41,13 @@ class Admission:
     forced: bool = False
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[ResultWarning]:
         """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}
-        forced = [
-            f"do not rely on this result: it was fitted with --force although the runs contradict "
-            f"physics or each other: {f}"
-            for f in self.findings
-            if f.severity == "refuse" and f.file not in left_out
-        ]
-        aside = [
-            f"run set aside (neither fitted nor used for validation): {f}"
-            for f in self.findings
-            if f.severity == "refuse" and f.file in left_out
-        ]
-        return forced + aside + [str(f) for f in self.findings if f.severity == "suspect"]
+        refused = [f for f in self.findings if f.severity == "refuse"]
+        forced = [f.warning(_FORCED, "critical") for f in refused if f.file not in left_out]
+        aside = [f.warning(_ASIDE) for f in refused if f.file in left_out]
+        return forced + aside + [f.warning() for f in self.findings if f.severity == "suspect"]
 
 
 def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from identification.warning import ResultWarning, WarningSeverity
+
 __all__ = ["Finding", "Severity"]
 
 Severity = Literal["refuse", "suspect"]
@@ -41,12 +43,20 @@ class Finding:
 
     def __str__(self) -> str:
         """Location, message, statistic with its limit, and the correction to type."""
+        return str(self.warning())
+
+    def warning(self, lead: str = "", severity: WarningSeverity = "warning") -> ResultWarning:
+        """The finding as a warning of the result.
+
+        Args:
+            lead: Words before the location.
+            severity: Consequence for the result.
+        """
         place = ", column ".join(word for word in (self.file, self.column) if word)
         text = f"{place}: {self.message}" if place else self.message
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"
-        if self.corrections:
-            text += "; correct it with " + " ".join(f"--map '{word}'" for word in self.corrections)
-        return text
+        maps = " ".join(f"--map '{word}'" for word in self.corrections)
+        return ResultWarning(self.code, severity, lead + text, maps and f"correct it with {maps}")
 
     def entry(self) -> dict[str, object]:
         """The finding as plain data for result.json and HTTP."""

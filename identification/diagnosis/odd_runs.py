@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.evaluate import Simulated
+from identification.warning import ResultWarning
 
 __all__ = ["noise_of_most", "odd_runs", "root_mean_square"]
 
@@ -20,7 +21,7 @@ _LEAST: Final = 1.5
 """Error of an outlying run over the noise, at least."""
 
 
-def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
+def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[ResultWarning]:
     """Warnings for runs whose error is far larger than that of the others.
 
     Args:
@@ -39,8 +40,12 @@ def odd_runs(simulated: Sequence[Simulated], noise: Array) -> list[str]:
             )
             told.setdefault(names[k], []).append(how)
     return [
-        f"{name}: outlying run: {'; '.join(found)}; check motor, load and sensors of this run, or "
-        "omit it from the fit"
+        ResultWarning(
+            "outlying_run",
+            "warning",
+            f"{name}: outlying run: {'; '.join(found)}",
+            "check motor, load and sensors of this run, or omit it from the fit",
+        )
         for name, found in told.items()
     ]
 

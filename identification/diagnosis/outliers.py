@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.evaluate import Simulated
+from identification.warning import ResultWarning
 
 __all__ = ["outlier_warnings"]
 
@@ -33,13 +34,13 @@ _SHARE: Final = 0.5
 _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
 
 
-def outlier_warnings(simulated: Sequence[Simulated]) -> list[str]:
+def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
     """Warnings for channels in which isolated outliers cause more than half of the squared error.
 
     Args:
         simulated: Training records with their simulation.
     """
-    messages = []
+    warnings = []
     for channel, (column, unit) in enumerate(_CHANNELS):
         pieces = [
             (s.record.name, s.residual[s.record.weight[:, channel] > 0, channel]) for s in simulated
@@ -55,15 +56,16 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[str]:
         names = [name for name, piece in pieces if _alone(piece, _FAR * scale).any()]
         farthest = float(np.abs(residual[alone]).max())
         whole = float(np.sqrt(np.mean(residual**2)))
-        messages.append(
+        message = (
             f"{', '.join(dict.fromkeys(names))}, column {column}: {int(alone.sum())} isolated "
             f"outliers: the residual exceeds {_FAR:g} standard deviations of the noise (largest "
             f"{farthest:.3g} {unit}), the residuals of the neighbouring samples are less than half "
             f"as large; the noise is {scale:.3g} {unit} without and {whole:.3g} {unit} with these "
-            "samples, so intervals may be too narrow; check sensor, cable and converter, or remove "
-            "these samples"
+            "samples, so intervals may be too narrow"
         )
-    return messages
+        fix = "check sensor, cable and converter, or remove these samples"
+        warnings.append(ResultWarning("isolated_outliers", "warning", message, fix))
+    return warnings
 
 
 def _alone(residual: Array, far: float) -> NDArray[np.bool_]:

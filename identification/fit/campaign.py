@@ -12,6 +12,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -19,8 +20,11 @@ from identification.errors import InputError
 from identification.ingest.run import Run
 from identification.model.excitation import Record, records_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+from identification.warning import ResultWarning
 
 __all__ = ["Campaign", "campaign_of", "first_alike"]
+
+_ONCE: Final = "give each run once"
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Campaign:
     validation_runs: tuple[Run, ...]
     training: tuple[Record, ...]
     validation: tuple[Record, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[ResultWarning, ...]
     alike: tuple[int | None, ...]
 
 
@@ -77,18 +81,20 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
         )
     for channel, name in enumerate(("current_A", "speed_rad_s")):
         if dead[channel]:
-            warnings.append(
+            message = (
                 f"{name} never changes in any training run, so it was not fitted; what only that "
                 "channel can tell is not identified"
             )
+            warnings.append(ResultWarning("unfitted_channel", "warning", message))
     if dead.any():
         records = [_without(record, dead) for record in records]
         held_out = [_without(record, dead) for record in held_out]
     if all(run.temperature is None for run in training):
-        warnings.append(
+        message = (
             "the runs have no temperature: Ra25 and Kt25 are those of the unknown temperature of "
             f"{training[0].name}, and the temperature coefficients are not identified"
         )
+        warnings.append(ResultWarning("unknown_temperature", "warning", message))
     return Campaign(
         tuple(training),
         tuple(validation),
@@ -133,31 +139,31 @@ def _key(run: Run) -> str | None:
 
 def _repeat_warnings(
     runs: Sequence[Run], training: int, alike: Sequence[int | None]
-) -> tuple[str, ...]:
+) -> tuple[ResultWarning, ...]:
     """Warnings about identical runs, of which the first `training` are fitted."""
     groups: dict[int, list[int]] = {}
-    for place, first in enumerate(alike):
-        groups.setdefault(place if first is None else first, []).append(place)
+    for index, first in enumerate(alike):
+        groups.setdefault(index if first is None else first, []).append(index)
     warnings = []
-    for places in groups.values():
-        fitted = [runs[place].name for place in places if place < training]
-        checked = [runs[place].name for place in places if place >= training]
+    for indices in groups.values():
+        fitted = [runs[index].name for index in indices if index < training]
+        checked = [runs[index].name for index in indices if index >= training]
         if len(fitted) > 1:
-            warnings.append(
+            message = (
                 f"{_same(fitted)}: all are fitted, so they count {len(fitted)} times, and "
-                f"intervals are too narrow by up to {math.sqrt(len(fitted)):.2g} times; give each "
-                "run once"
+                f"intervals are too narrow by up to {math.sqrt(len(fitted)):.2g} times"
             )
+            warnings.append(ResultWarning("repeated_runs", "warning", message, _ONCE))
         if fitted and checked:
-            warnings.append(
+            message = (
                 f"{_same([*fitted[:1], *checked])}: the model was fitted to them, so they check "
-                "neither it nor its effects; give --validation runs that are not fitted"
+                "neither it nor its effects"
             )
+            fix = "give --validation runs that are not fitted"
+            warnings.append(ResultWarning("fitted_validation_run", "warning", message, fix))
         elif len(checked) > 1:
-            warnings.append(
-                f"{_same(checked)}: they count {len(checked)} times in the validation errors; give "
-                "each run once"
-            )
+            message = f"{_same(checked)}: they count {len(checked)} times in the validation errors"
+            warnings.append(ResultWarning("repeated_runs", "warning", message, _ONCE))
     return tuple(warnings)
 
 

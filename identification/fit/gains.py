@@ -22,6 +22,7 @@ from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.quantities import DECLARED_PARAMETERS
+from identification.warning import ResultWarning
 
 __all__ = ["GainRatio", "current_gains", "with_one_gain"]
 
@@ -104,7 +105,7 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
         for records in (campaign.training, campaign.validation)
     )
     told = ", ".join(f"{gain.name} ({gain.ratio:.3g} times)" for gain in gains)
-    warning = (
+    message = (
         f"the gain of the current sensor is not determined: for the same current it reads "
         f"differently in {told} than in {campaign.training[0].name}; all runs were taken as the "
         "latter reads them, so Ra25, L, J, b and torques are known up to that gain"
@@ -113,7 +114,7 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
         campaign,
         training=training,
         validation=validation,
-        warnings=(*campaign.warnings, warning),
+        warnings=(*campaign.warnings, ResultWarning("unknown_current_gain", "warning", message)),
     )
 
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from identification.ingest.run import Run
 from identification.model.excitation import Record
+from identification.warning import ResultWarning
 
 __all__ = ["bounded_noise", "coarse_warnings", "noise_ceiling", "step_of"]
 
@@ -110,7 +111,7 @@ def _white(signal: Array) -> float:
     return float((np.median(np.abs(np.diff(signal, n=_ORDER))) / (_NORMAL * gain)) ** 2)
 
 
-def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[str, ...]:
+def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, ...]:
     """Warnings about channels whose quantisation step is too coarse for their noise.
 
     Args:
@@ -127,12 +128,14 @@ def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[str, ...]:
                 steps[number] = step
         if steps:
             sizes = [f"{size:.3g}" for size in (min(steps.values()), max(steps.values()))]
-            warnings.append(
+            message = (
                 f"{_named([runs[number].name for number in steps])}, {name}: logged in steps of "
                 f"{' to '.join(dict.fromkeys(sizes))} {unit}, while the residual, rounding "
                 f"included, is {noise[channel]:.3g} {unit}; its rounding is no noise that averages "
-                "out, so values may be off and intervals are too narrow; log it in finer steps"
+                "out, so values may be off and intervals are too narrow"
             )
+            fix = "log it in finer steps"
+            warnings.append(ResultWarning("coarse_quantisation", "warning", message, fix))
     return tuple(warnings)
 
 

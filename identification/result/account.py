@@ -13,14 +13,13 @@ from identification.result.missing_terms import undrawn_sentence
 from identification.result.numbers import number_text
 from identification.result.report_data import Candidate, MissingTerm, MissingTrace, Story
 from identification.result.search import reason_of
+from identification.result.simulation_errors import UNEXPLAINED_CHANNEL
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome
 from identification.surrogates.unlisted import LAWS
 
 __all__ = ["story_of"]
 
-_UNEXPLAINED: Final = "does not explain"
-"""Phrase common to all warnings on an unexplained channel."""
 _LARGEST_LOG: Final = 14.0
 """Logarithm of the largest factor that is written, about a million."""
 
@@ -54,7 +53,11 @@ def story_of(
     sentences += [_shifts(diagnosis.get("shifts", {}), list(by_name))]
     sentences += [undrawn_sentence(tuple(by_name.values()))]
     remaining = [diagnosis["remaining"].get("sentence", "")]
-    remaining += [f"{w[0].upper()}{w[1:]}." for w in result["warnings"] if _UNEXPLAINED in w]
+    remaining += [
+        f"{warning[0].upper()}{warning[1:]}."
+        for warning, details in zip(result["warnings"], result["warning_details"], strict=True)
+        if details["code"] == UNEXPLAINED_CHANNEL
+    ]
     return Story(
         sentences=tuple(sentence for sentence in sentences if sentence),
         terms=tuple(terms),

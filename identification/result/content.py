@@ -51,6 +51,7 @@ from identification.result.simulation_errors import (
 )
 from identification.selection.non_identifiable import lines_of
 from identification.selection.omitted import consider_variances
+from identification.warning import ResultWarning
 
 __all__ = ["assemble"]
 
@@ -71,6 +72,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     missed = missed_channels(findings)
     if missed:
         after = {name: entry | {"identified": False} for name, entry in after.items()}
+    warnings = _warnings(findings, [*missed, *(one.warning() for one in implausible)])
     return {
         "schema_version": 1,
         "software": _software(),
@@ -103,7 +105,8 @@ def assemble(findings: Findings) -> dict[str, object]:
         "feedback_before": findings.feedback_before,
         "feedback_nonlinear": nonlinear_entries(findings.loops),
         "sampler": None if sample is None else _sampler(sample),
-        "warnings": _warnings(findings, [*missed, *map(str, implausible)]),
+        "warnings": [str(warning) for warning in warnings],
+        "warning_details": [warning.details() for warning in warnings],
     }
 
 
@@ -210,7 +213,7 @@ def _parameters(
     }
 
 
-def _temperatures(findings: Findings) -> list[str]:
+def _temperatures(findings: Findings) -> list[ResultWarning]:
     """Warnings on runs without logged temperature: the estimate and its basis."""
     unseen = [one.record for one in findings.simulated["after"]["validation"]]
     found = estimated_temperatures(findings.final, unseen)
@@ -225,21 +228,26 @@ def _temperatures(findings: Findings) -> list[str]:
     if all(run.temperature is None for run in training):
         reference = f"{training[0].name}, which is assumed to be at "
         reference += f"{REFERENCE_TEMPERATURE_DEGC:g} degC, and the usual coefficient of a winding"
-    messages = [
+    message = (
         f"the temperature was not logged in {estimates}: the temperature in brackets was "
         f"estimated from resistance and torque constant relative to {reference}"
-    ]
+    )
+    warnings = [ResultWarning("estimated_temperature", "note", message)]
     beyond = [name for name, value in found.items() if not COLDEST < value < HOTTEST]
     if beyond:
-        messages.append(
+        message = (
             f"implausible winding temperature in {', '.join(beyond[:_MOST_NAMED])}: resistance and "
-            f"torque constant require a value outside {COLDEST:g} to {HOTTEST:g} degC; check the "
-            "gain of the current sensor and the leads of these runs, or log their temperature"
+            f"torque constant require a value outside {COLDEST:g} to {HOTTEST:g} degC"
         )
-    return messages
+        fix = (
+            "check the gain of the current sensor and the leads of these runs, or log their "
+            "temperature"
+        )
+        warnings.append(ResultWarning("implausible_temperature", "warning", message, fix))
+    return warnings
 
 
-def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
+def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[ResultWarning]:
     """All warnings: validity of the result first, notes on the files last."""
     campaign, options = findings.campaign, findings.options
     runs = (*campaign.training_runs, *campaign.validation_runs)
@@ -250,7 +258,6 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
         *missed,
         *unexplained_channels(findings),
         *_undetermined(findings),
-        *findings.warnings,
         *early_ends(findings.final, findings.outcome, findings.sample, *stopped),
         *outlier_warnings(findings.simulated["after"]["training"]),
         *coarse_warnings(campaign.training_runs, findings.noise),
@@ -260,11 +267,11 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
         *known_only_warnings(findings.final, findings.fraction),
         *_temperatures(findings),
         *campaign.warnings,
-        *(str(warning) for run in runs for warning in run.warnings),
+        *(ResultWarning(w.code, "note", str(w)) for run in runs for w in run.warnings),
     ]
 
 
-def _undetermined(findings: Findings) -> list[str]:
+def _undetermined(findings: Findings) -> list[ResultWarning]:
     """Warning on the parameters that the runs do not determine."""
     # The linear part of a curve is reported under the parameter it is collinear with.
     lines = {line.name for line in lines_of(findings.final)}
@@ -272,7 +279,8 @@ def _undetermined(findings: Findings) -> list[str]:
     unknown = [name for name, found in findings.known.items() if not found and name not in lines]
     if not unknown:
         return []
-    return [
+    message = (
         f"the runs do not determine {', '.join(unknown)}: the intervals are wide and come mainly "
         "from the general priors; the table of parameters in the report gives the reasons"
-    ]
+    )
+    return [ResultWarning("parameters_not_identified", "warning", message)]

@@ -8,6 +8,7 @@ from identification.fit.solve import Fit
 from identification.posterior.convergence import LARGEST_R_HAT
 from identification.posterior.sample import Sample, Source
 from identification.selection.outcome import Outcome
+from identification.warning import ResultWarning
 
 __all__ = ["early_ends"]
 
@@ -25,7 +26,7 @@ def early_ends(
     sample: Sample | None,
     effort: str,
     time_limit: float | None,
-) -> list[str]:
+) -> list[ResultWarning]:
     """Warnings on an early stop of the fit, the effect search or the sampler.
 
     Args:
@@ -36,38 +37,41 @@ def early_ends(
         time_limit: Time limit that stopped a stage [s]; None if none did.
     """
     limit = f"the time limit of {time_limit} s" if time_limit is not None else ""
-    messages = []
+    warnings = []
     if not final.converged:
-        messages.append(
+        message = (
             "the fit stopped before it converged; the values are the best that it found, and the "
             "intervals may be too narrow"
         )
+        warnings.append(ResultWarning("fit_not_converged", "warning", message))
     if outcome is not None and not outcome.complete:
-        messages.append(
+        message = (
             f"the effect search stopped at {limit or f'the budget of --effort {effort}'} before it "
-            f"was complete; effects and alternatives may be missing{_remedy(effort, limit)}"
+            "was complete; effects and alternatives may be missing"
         )
+        fix = _remedy(effort, limit)
+        warnings.append(ResultWarning("search_incomplete", "warning", message, fix))
     if sample is not None and not sample.convergence.reached:
-        messages.append(_unconverged(sample, effort, limit))
-    return messages
+        warnings.append(_unconverged(sample, effort, limit))
+    return warnings
 
 
-def _unconverged(sample: Sample, effort: str, limit: str) -> str:
+def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
     found = sample.convergence
-    return (
+    message = (
         f"the sampler did not converge: it stopped after {found.steps} steps, "
         f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
         f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; "
         + _SUBSTITUTES[sample.source]
         + (f"; it stopped at {limit}" if limit else "")
-        + _remedy(effort, limit)
     )
+    return ResultWarning("sampler_not_converged", "warning", message, _remedy(effort, limit))
 
 
 def _remedy(effort: str, limit: str) -> str:
     """Advice for a stage that its budget or the time limit stopped."""
     if limit:
-        return "; raise --time-limit"
+        return "raise --time-limit"
     if effort == "thorough":
-        return "; use shorter or fewer runs"
-    return "; --effort thorough allows ten times as many operations"
+        return "use shorter or fewer runs"
+    return "--effort thorough allows ten times as many operations"

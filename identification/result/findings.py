@@ -58,7 +58,6 @@ class Findings:
         before: Residual tests of the nominal model, None if not made.
         after: Residual tests of the final model, None if not made.
         interrupted: Whether the time limit stopped a stage.
-        warnings: Warnings of the stages.
         omitted: Terms that are not in the final model and could change its parameters.
         admission: Findings of the input checks and the runs set aside, None if no check was made.
         contradicted: Known values that the runs contradict.
@@ -81,7 +80,6 @@ class Findings:
     before: Detection | None = None
     after: Detection | None = None
     interrupted: bool = False
-    warnings: tuple[str, ...] = field(default=())
     omitted: tuple[OmittedTerm, ...] = ()
     admission: Admission | None = None
     contradicted: tuple[Comparison, ...] = ()

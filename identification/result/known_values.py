@@ -14,6 +14,7 @@ from identification.ingest.run import Run
 from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
 from identification.known import Prior
 from identification.nameplate import NAMEPLATE
+from identification.warning import ResultWarning
 
 __all__ = ["contradiction_warnings", "known_only_warnings", "prior_entries"]
 
@@ -60,7 +61,7 @@ def prior_entries(
     return entries
 
 
-def known_only_warnings(fit: Fit, share: float) -> list[str]:
+def known_only_warnings(fit: Fit, share: float) -> list[ResultWarning]:
     """Warnings on parameters that only known values identify.
 
     Args:
@@ -72,10 +73,17 @@ def known_only_warnings(fit: Fit, share: float) -> list[str]:
     for parameter in fit.coordinates.parameters:
         if parameter.origin and together[parameter.name] and not by_runs[parameter.name]:
             names.setdefault(parameter.origin, []).append(parameter.name)
-    return [f"{', '.join(own)}: from {origin}, not from the runs" for origin, own in names.items()]
+    return [
+        ResultWarning(
+            "known_value_only", "note", f"{', '.join(own)}: from {origin}, not from the runs"
+        )
+        for origin, own in names.items()
+    ]
 
 
-def contradiction_warnings(contradicted: Sequence[Comparison], runs: Sequence[Run]) -> list[str]:
+def contradiction_warnings(
+    contradicted: Sequence[Comparison], runs: Sequence[Run]
+) -> list[ResultWarning]:
     """Warnings on unused known values, each with the estimate from the runs and a possible cause.
 
     Args:
@@ -85,7 +93,7 @@ def contradiction_warnings(contradicted: Sequence[Comparison], runs: Sequence[Ru
     return [_contradiction(one, runs) for one in contradicted]
 
 
-def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
+def _contradiction(one: Comparison, runs: Sequence[Run]) -> ResultWarning:
     prior = one.prior
     given = f"{prior.value:.4g} {prior.unit} (sd {prior.sd:.2g})"
     if (prior.name, prior.origin) == ("b", NAMEPLATE):
@@ -96,13 +104,14 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> str:
     )
     if one.unfitted:
         apart = "no fit with it and the other known values succeeded"
-    sentence = (
+    message = (
         f"{prior.name} is {given} by {prior.origin}, but {one.estimate:.4g} {prior.unit} (sd "
-        f"{one.sd:.2g}) by the runs; {apart}; the fit did not use the given value; check it"
+        f"{one.sd:.2g}) by the runs; {apart}; the fit did not use the given value"
     )
     lag = "a filter or delay of the current sensor also increases the estimated L"
     lags = [lag] if prior.name == "L" and one.estimate > prior.value else []
-    return "; ".join([sentence, *lags, *_units(one, runs[0])])
+    fix = "; ".join(["check it", *lags, *_units(one, runs[0])])
+    return ResultWarning("known_value_contradicted", "warning", message, fix)
 
 
 def _units(one: Comparison, run: Run) -> list[str]:

@@ -12,6 +12,7 @@ from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.selection.confounded import turns_one_way
 from identification.selection.omitted import OmittedTerm, consider_variances
+from identification.warning import ResultWarning
 
 __all__ = ["confounded_entries", "confounded_warnings", "omitted_entries", "omitted_warnings"]
 
@@ -67,7 +68,9 @@ def _changes(final: Fit, term: OmittedTerm) -> dict[str, float]:
     return {name: float(term.steps.get(name, 0.0) * slopes[name]) for name in DECLARED_PARAMETERS}
 
 
-def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]) -> list[str]:
+def confounded_warnings(
+    final: Fit, share: float, omitted: Sequence[OmittedTerm]
+) -> list[ResultWarning]:
     """Warnings on parameters that are identifiable only if a confounded effect is absent.
 
     Args:
@@ -76,7 +79,7 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
         omitted: Terms that could change its parameters.
     """
     known = identified(final, share)
-    messages = [
+    warnings = [
         _confounded(final, term)
         for term in omitted
         if term.parameter
@@ -85,15 +88,16 @@ def confounded_warnings(final: Fit, share: float, omitted: Sequence[OmittedTerm]
     ]
     torques = [term.name for term in final.simulator.model.terms if term.name in _ONE_TORQUE]
     if torques and turns_one_way(final.simulator.records):
-        messages.append(
+        message = (
             "the motor turns in one direction only, so Coulomb friction and a load torque are the "
-            f"same constant torque: {' and '.join(torques)} may be either, or the sum of both; "
-            "record runs in both directions to separate them"
+            f"same constant torque: {' and '.join(torques)} may be either, or the sum of both"
         )
-    return messages
+        fix = "record runs in both directions to separate them"
+        warnings.append(ResultWarning("one_direction", "warning", message, fix))
+    return warnings
 
 
-def _confounded(final: Fit, term: OmittedTerm) -> str:
+def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
     """Warning on one confounded parameter: the alternative, and the measurement that decides."""
     values = dict(zip(final.coordinates.names, final.values, strict=True))
     name = term.parameter
@@ -110,24 +114,30 @@ def _confounded(final: Fit, term: OmittedTerm) -> str:
         found += f" and a sensor time constant of {1e3 * term.time:.3g} ms"
     if name == "L":
         lag = 1e3 * values["L"] / values["Ra25"]
-        return (
+        message = (
             f"L is confounded with a lag of the current sensor ({term.name}): without such a lag, "
-            f"L is {value} (L / Ra = {lag:.3g} ms), but {found}; measure L with an LCR meter and "
-            "give --known L=VALUE, or log the unfiltered current at a higher sample rate"
+            f"L is {value} (L / Ra = {lag:.3g} ms), but {found}"
         )
-    if name == "J":
-        return (
+        fix = (
+            "measure L with an LCR meter and give --known L=VALUE, or log the unfiltered current "
+            "at a higher sample rate"
+        )
+    elif name == "J":
+        message = (
             f"J is confounded with a lag of the speed sensor ({term.name}): without such a lag, J "
-            f"is {value}, but {found}; give --known J=VALUE, or log the unfiltered speed"
+            f"is {value}, but {found}"
         )
-    return (
-        f"b is confounded with Coulomb friction and load torque, because the motor turns in one "
-        f"direction only: without them, b is {value}, but {found}; record runs in both directions "
-        "and at several speeds, or give --known b=VALUE"
-    )
+        fix = "give --known J=VALUE, or log the unfiltered speed"
+    else:
+        message = (
+            "b is confounded with Coulomb friction and load torque, because the motor turns in one "
+            f"direction only: without them, b is {value}, but {found}"
+        )
+        fix = "record runs in both directions and at several speeds, or give --known b=VALUE"
+    return ResultWarning("confounded_parameter", "warning", message, fix)
 
 
-def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
+def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
     """Warning on unexplained structure in the residual, and on its effect on the intervals.
 
     Args:
@@ -147,9 +157,10 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[str]:
     most = max(shares, key=lambda name: shares[name])
     names = ", ".join(term.name for term in omitted[:_NAMED])
     names += f" and {len(omitted) - _NAMED} more" if len(omitted) > _NAMED else ""
-    return [
+    message = (
         "the residual holds structure that no effect explains: adding a term would improve the fit "
         f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
         "include what such a term could change, which is most for "
         f"{most}: {100 * shares[most]:.3g} % of its value (one standard deviation)"
-    ]
+    )
+    return [ResultWarning("omitted_terms", "warning", message)]

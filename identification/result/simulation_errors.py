@@ -13,9 +13,11 @@ from identification.diagnosis.simulation_error import pooled_errors
 from identification.fit.evaluate import Simulated
 from identification.result.entries import finite_or_null
 from identification.result.findings import CHANNELS, Findings
+from identification.warning import ResultWarning
 
 __all__ = [
     "NEAR_NOISE",
+    "UNEXPLAINED_CHANNEL",
     "error_entries",
     "missed_channels",
     "unexplained_channels",
@@ -28,10 +30,16 @@ Errors = dict[str, dict[str, float | None]]
 
 NEAR_NOISE: Final = 1.10
 """Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
+UNEXPLAINED_CHANNEL: Final = "unexplained_channel"
+"""Code of the warnings on a channel whose error exceeds the sensor noise."""
 _NOTHING: Final = 0.9
 """NRMSE above which a model explains nothing of a channel [-]."""
 _BEYOND_NOISE: Final = 2.0
 _CODE: Final = "effects_predict_worse"
+_WORSE_FIX: Final = (
+    "predict this run with --declared, or add it to the training runs, so that the search can find "
+    "the missing effect"
+)
 _WORSE: Final = 1.05
 """Error ratio above which an increase is reported; both models see the same noise, so it is not
 scatter."""
@@ -45,26 +53,31 @@ def error_entries(findings: Findings) -> dict[str, dict[str, Errors | None]]:
     }
 
 
-def missed_channels(findings: Findings) -> list[str]:
+def missed_channels(findings: Findings) -> list[ResultWarning]:
     """Warnings on channels that the final model does not explain although they exceed the noise."""
     errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
     return [
-        f"the model does not explain the {channel} of the training runs: the NRMSE is "
-        f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the RMSE is "
-        f"{entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as identified; "
-        "check signs, units and columns of the runs"
+        ResultWarning(
+            UNEXPLAINED_CHANNEL,
+            "critical",
+            f"the model does not explain the {channel} of the training runs: the NRMSE is "
+            f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the "
+            f"RMSE is {entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as "
+            "identified",
+            "check signs, units and columns of the runs",
+        )
         for channel, entry in errors.items()
         if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
     ]
 
 
-def unexplained_channels(findings: Findings) -> list[str]:
+def unexplained_channels(findings: Findings) -> list[ResultWarning]:
     """Warnings on what the final model leaves unexplained, and on outlying runs."""
     if not findings.options.effects:
         return _unsearched(findings)
     if findings.after is None or findings.left is None or not findings.after.missing:
         return []
-    messages = []
+    warnings = []
     for role, simulated in findings.simulated["after"].items():
         errors = _errors(simulated, findings.noise) or {}
         for channel, entry in errors.items():
@@ -72,27 +85,34 @@ def unexplained_channels(findings: Findings) -> list[str]:
             checks = [c for c in findings.after.of(channel, role) if c.is_too_large]
             if ratio is not None and checks:
                 off = max(ratio, checks[0].noise_ratio)
-                messages.append(
+                message = (
                     f"the model does not explain the {channel} of the {role} runs: the residual is "
                     f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
+                warnings.append(ResultWarning(UNEXPLAINED_CHANNEL, "warning", message))
     odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
-    return (messages or [findings.after.sentence]) + odd
+    other = ResultWarning("residual_not_noise", "warning", findings.after.sentence)
+    return (warnings or [other]) + odd
 
 
-def _unsearched(findings: Findings) -> list[str]:
+def _unsearched(findings: Findings) -> list[ResultWarning]:
     """Warnings on channels whose error exceeds the noise when no effect search was made."""
     return [
-        f"the nominal model does not explain the {channel} of the {role} runs: the RMSE is "
-        f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
-        "parameters are biased; run the effect search (fit without --no-effects)"
+        ResultWarning(
+            UNEXPLAINED_CHANNEL,
+            "warning",
+            f"the nominal model does not explain the {channel} of the {role} runs: the RMSE is "
+            f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
+            "parameters are biased",
+            "run the effect search (fit without --no-effects)",
+        )
         for role, simulated in findings.simulated["after"].items()
         for channel, entry in (_errors(simulated, findings.noise) or {}).items()
         if (entry["noise_ratio"] or 0.0) > NEAR_NOISE
     ]
 
 
-def worse_runs(findings: Findings) -> list[str]:
+def worse_runs(findings: Findings) -> list[ResultWarning]:
     """Warnings on validation runs that the nominal model predicts better."""
     if findings.outcome is None or not findings.outcome.effects:
         return []
@@ -106,7 +126,7 @@ def worse_warnings(
     after: Sequence[Simulated],
     noise: Array,
     effects: Sequence[str],
-) -> list[str]:
+) -> list[ResultWarning]:
     """One warning for each run and channel whose error increases with the effects.
 
     Args:
@@ -121,13 +141,12 @@ def worse_warnings(
         final = _rms([one for one in after if one.record.name == run])
         for channel, name in enumerate(CHANNELS):
             if final[channel] > _WORSE * max(nominal[channel], noise[channel]):
-                found.append(
+                message = (
                     f"{_CODE}: {run}: with {', '.join(effects)} the RMSE of the {name} is "
                     f"{final[channel] / noise[channel]:.3g} times the sensor noise, with the "
-                    f"nominal model {nominal[channel] / noise[channel]:.3g} times; predict this "
-                    "run with --declared, or add it to the training runs, so that the search can "
-                    "find the missing effect"
+                    f"nominal model {nominal[channel] / noise[channel]:.3g} times"
                 )
+                found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX))
     return found
 
 

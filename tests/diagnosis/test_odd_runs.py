@@ -35,10 +35,11 @@ def test_an_outlying_run_is_reported_once() -> None:
     """A run that deviates in both channels gives one warning that names both."""
     found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
 
-    (sentence,) = found
-    assert sentence.startswith("run1.csv: outlying run")
-    assert "current" in sentence
-    assert "speed" in sentence
+    (warning,) = found
+    assert warning.code == "outlying_run"
+    assert warning.message.startswith("run1.csv: outlying run")
+    assert "current" in warning.message
+    assert "speed" in warning.message
 
 
 def test_noise_is_that_of_the_runs_that_fit() -> None:

@@ -85,7 +85,7 @@ def test_the_catalogue_begins_with_the_effects_that_users_script_against() -> No
 
 def test_the_schema_of_a_result_names_every_effect() -> None:
     """`python -m identification.report.effects_page` writes them anew."""
-    text = resources.files("identification.report").joinpath("result.schema.json").read_text()
+    text = resources.files("identification.result").joinpath("result.schema.json").read_text()
     names = json.loads(text)["$defs"]["effect"]["properties"]["name"]["enum"]
 
     assert names == [*CATALOGUE, "unlisted"]

@@ -42,8 +42,8 @@ def test_a_run_fitted_twice_gives_a_warning_of_narrow_intervals() -> None:
 
     [warning] = found.warnings
     assert found.alike == (None, None, 0, 0)
-    assert warning.startswith("run0.csv, copy.csv and old.csv hold the same samples: ")
-    assert "too narrow by up to 1.7 times" in warning
+    assert warning.message.startswith("run0.csv, copy.csv and old.csv hold the same samples: ")
+    assert "too narrow by up to 1.7 times" in warning.message
 
 
 def test_a_validation_run_that_is_fitted_too_validates_nothing() -> None:
@@ -54,8 +54,8 @@ def test_a_validation_run_that_is_fitted_too_validates_nothing() -> None:
 
     [warning] = found.warnings
     assert found.alike == (None, None, None, 1)
-    assert warning.startswith("run1.csv and copy.csv hold the same samples: ")
-    assert "they check neither it nor its effects" in warning
+    assert warning.message.startswith("run1.csv and copy.csv hold the same samples: ")
+    assert "they check neither it nor its effects" in warning.message
 
 
 def test_one_name_given_twice_is_named_once() -> None:
@@ -64,7 +64,9 @@ def test_one_name_given_twice_is_named_once() -> None:
 
     [warning] = campaign_of([first], [first]).warnings
 
-    assert warning.startswith("2 of the runs given, named run0.csv, hold the same samples: ")
+    assert warning.message.startswith(
+        "2 of the runs given, named run0.csv, hold the same samples: "
+    )
 
 
 def test_a_validation_run_given_twice_is_reported() -> None:
@@ -73,7 +75,7 @@ def test_a_validation_run_given_twice_is_reported() -> None:
 
     [warning] = campaign_of([first], [second, copy_of(second)]).warnings
 
-    assert "they count 2 times in the validation errors" in warning
+    assert "they count 2 times in the validation errors" in warning.message
 
 
 def test_constant_runs_are_not_reported_as_copies() -> None:

@@ -60,4 +60,4 @@ def test_all_runs_are_scaled_to_the_gain_of_the_first() -> None:
 
     assert fit.values[0] == pytest.approx(SERVO.vector[0], rel=0.01)
     assert fit.values[4] == pytest.approx(SERVO.vector[4], rel=0.01)
-    assert any("gain" in warning for warning in with_one_gain(made, found).warnings)
+    assert any(w.code == "unknown_current_gain" for w in with_one_gain(made, found).warnings)

@@ -83,7 +83,7 @@ def test_runs_without_temperature_leave_the_coefficients_unidentified() -> None:
     assert not known["alpha_Ra"]
     assert not known["alpha_Kt"]
     assert fit.values[0] == pytest.approx(1.2 * SERVO.values[0], rel=0.01)
-    assert any("no temperature" in warning for warning in campaign_.warnings)
+    assert any("no temperature" in warning.message for warning in campaign_.warnings)
 
 
 def test_a_motor_that_is_only_warmed_by_a_kelvin_is_at_one_temperature() -> None:
@@ -114,7 +114,7 @@ def test_a_speed_that_never_moves_leaves_the_shaft_unknown() -> None:
 
     assert not any(known[name] for name in ("J", "b", "Kt25"))
     assert known["Ra25"]
-    assert any("speed_rad_s never changes" in warning for warning in campaign_.warnings)
+    assert any("speed_rad_s never changes" in warning.message for warning in campaign_.warnings)
 
 
 def test_a_current_that_never_moves_leaves_the_winding_unknown() -> None:
@@ -127,7 +127,7 @@ def test_a_current_that_never_moves_leaves_the_winding_unknown() -> None:
     assert not any(known[name] for name in ("Ra25", "J", "L"))
     assert known["Kt25"]
     assert fit.values[2] == pytest.approx(SERVO.values[2], rel=0.03)
-    assert any("current_A never changes" in warning for warning in campaign_.warnings)
+    assert any("current_A never changes" in warning.message for warning in campaign_.warnings)
 
 
 @pytest.mark.parametrize("ratio", [30.0, 3000.0])

@@ -27,7 +27,7 @@ NOISE = np.array([TRUTH["current_A"], TRUTH["speed_rad_s"]])
 def warned(runs: list[Run]) -> tuple[str, ...]:
     """Warnings for runs with the noise of their fit."""
     fit = fit_declared(campaign_of(runs, []).training, "zoh")
-    return coarse_warnings(runs, noise_deviation(fit))
+    return tuple(map(str, coarse_warnings(runs, noise_deviation(fit))))
 
 
 def bench_runs(noise: float = 0.01) -> list[Run]:

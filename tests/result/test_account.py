@@ -36,7 +36,8 @@ def result(off: bool = True) -> dict[str, Any]:
             "remaining": {"sentence": "Nothing is missing."},
             "shifts": {"b": {"relative": relative, "off": off}},
         },
-        "warnings": ["the model does not explain the current of the training runs"],
+        "warnings": ["the model does not explain the current of the training runs", "a gap"],
+        "warning_details": [{"code": "unexplained_channel"}, {"code": "gap"}],
     }
 
 

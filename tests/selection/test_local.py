@@ -122,8 +122,11 @@ def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
 
     (current, speed) = worse_warnings([close], [far], noise, ["load_step"])
 
-    assert current.startswith("effects_predict_worse: run0.csv: with load_step")
-    assert "the current is 3 times the sensor noise, with the nominal model 1 times" in current
-    assert "--declared" in speed
+    assert current.code == "effects_predict_worse"
+    assert current.message.startswith("effects_predict_worse: run0.csv: with load_step")
+    assert (
+        "the current is 3 times the sensor noise, with the nominal model 1 times" in current.message
+    )
+    assert "--declared" in speed.fix
     assert worse_warnings([far], [close], noise, ["load_step"]) == []
     assert worse_warnings([close], [close], noise, ["load_step"]) == []

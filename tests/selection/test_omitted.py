@@ -140,7 +140,7 @@ def test_warning_names_the_terms_and_the_parameter_they_change_most(
     """Dry friction is taken for viscous friction: b is what it changes most."""
     fit, _ = rubbing
 
-    (message,) = omitted_warnings(fit, left_out(fit))
+    (message,) = map(str, omitted_warnings(fit, left_out(fit)))
 
     assert "none passes the acceptance criteria (coulomb_friction" in message
     assert "which is most for b: " in message
