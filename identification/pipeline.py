@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.checks.admission import admitted
+from identification.checks.values import check_values
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
@@ -32,37 +32,29 @@ from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
-from identification.fit.temperature import with_scale_drawn
+from identification.ingest.read import read_run
 from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
-from identification.posterior.sample import Sample, sample
+from identification.posterior.draws import final_draws, nominal_draws
 from identification.report.files import write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms
 from identification.selection.long import search_long
-from identification.selection.non_identifiable import (
-    Line,
-    lines_of,
-    with_linear_parts,
-    with_lines_drawn,
-)
-from identification.selection.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
+from identification.selection.non_identifiable import lines_of, with_linear_parts
+from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
 
 __all__ = ["FitOptions", "Identification", "Progress", "identify"]
 
-Array = NDArray[np.float64]
+Given = Run | str | os.PathLike[str]
+"""A run, or the path of its file."""
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the completed fraction of the whole job."""
-
-_LEAST_ROWS = 50
-_LARGEST = 1e15
-"""Largest value of a channel; beyond it, the squares of a long record exhaust double precision."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +77,6 @@ class Identification:
         write_outputs(Path(directory), self.result, self.findings)
 
 
-_SIGNED = ("Ra25", "Kt25", "J", "b", "L")
 _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
 """Codes of warnings that may explain a failed calculation, the most likely first."""
 
@@ -93,8 +84,8 @@ _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constan
 # A candidate that overflows has an infinite cost and is rejected; numpy warnings add nothing.
 @np.errstate(all="ignore")
 def identify(
-    training: Run | Sequence[Run],
-    validation: Run | Sequence[Run] = (),
+    training: Given | Iterable[Given],
+    validation: Given | Iterable[Given] = (),
     options: FitOptions = FitOptions(),  # noqa: B008  frozen
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
@@ -103,8 +94,9 @@ def identify(
     """Identify one motor from its runs.
 
     Args:
-        training: Runs to fit, in the order in which they were recorded, or a single run.
-        validation: Validation runs, or a single one; they are never fitted.
+        training: Runs to fit or paths of run files, in the order in which they were recorded, or
+            a single one.
+        validation: Validation runs, in the same forms; they are never fitted.
         options: Options of the user.
         progress: Called with the progress of the job.
         checkpoint: Where the chain of the posterior is saved, so that the same job can resume it.
@@ -115,13 +107,31 @@ def identify(
             option is invalid.
         ComputationError: No model can be simulated over the runs.
     """
-    training = [training] if isinstance(training, Run) else training
-    validation = [validation] if isinstance(validation, Run) else validation
+    fitted, unseen = _runs(training, "training"), _runs(validation, "validation")
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():
-            return _identified(training, validation, options, progress, checkpoint, withheld)
+            return _identified(fitted, unseen, options, progress, checkpoint, withheld)
     except ComputationError as error:
-        raise ComputationError(f"{error}{_suspects([*training, *validation])}") from error
+        raise ComputationError(f"{error}{_suspects([*fitted, *unseen])}") from error
+
+
+def _runs(given: Given | Iterable[Given], role: str) -> list[Run]:
+    """The given runs; run files are read.
+
+    Raises:
+        InputError: An argument is neither a run nor a path, or a file is no run.
+    """
+    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    runs = []
+    for one in several:
+        if not isinstance(one, Run | str | os.PathLike):
+            raise InputError(
+                f"{role} has an object of type {type(one).__name__}; expected a Run, as read_run "
+                "returns it, or the path of a run file",
+                value=repr(one)[:80],
+            )
+        runs.append(one if isinstance(one, Run) else read_run(one))
+    return runs
 
 
 def _limit(seconds: float | None) -> Callable[[], bool] | None:
@@ -142,7 +152,7 @@ def _identified(
 ) -> Identification:
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
-    _check(training, validation)
+    check_values(training, validation)
     _check_withheld(withheld)
     parse_controllers(options.controllers)
     admission = admitted(training, validation, options)
@@ -168,7 +178,7 @@ def _identified(
     omitted += _confounded(declared, outcome)
     fraction = effective_fraction(closed)
     tell("posterior", 0.55)
-    chain, draws = _drawn(
+    chain, draws = final_draws(
         Posterior(closed, fraction),
         lines_of(final),
         omitted,
@@ -176,11 +186,10 @@ def _identified(
         lambda done: tell("posterior", 0.55 + 0.3 * done),
         checkpoint and checkpoint.about([run.sha256 for run in (*training, *validation)], options),
     )
-    draws = _within_signs(draws)
     tell("feedback", 0.85)
     metrics = feedback_metrics(draws, options.temperatures, options.controllers)
-    declared_draws = _declared_draws(declared, outcome, draws, options)
     changed = outcome is not None and bool(outcome.effects)
+    declared_draws = nominal_draws(declared, options.seed) if changed else draws
     left = localise(final) if found and changed else found
     tell("report", 0.9)
     findings = Findings(
@@ -246,61 +255,12 @@ def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ..
     )
 
 
-def _check(training: Sequence[Run], validation: Sequence[Run]) -> None:
-    if not training:
-        raise InputError("no training run was given; expected at least one run file")
-    rows = sum(run.rows for run in training)
-    if rows < _LEAST_ROWS:
-        raise InputError(
-            f"the training runs have {rows} samples together; expected at least {_LEAST_ROWS}: "
-            "record longer or give more runs",
-            file=training[0].name,
-            value=rows,
-        )
-    for run in (*training, *validation):
-        _check_values(run)
-
-
 def _check_withheld(kinds: Collection[str]) -> None:
     unknown = [kind for kind in kinds if kind not in CATALOGUE]
     if unknown:
         raise OptionError(
             f"withheld has the kind {unknown[0]!r}; expected kinds of {', '.join(CATALOGUE)}",
             value=unknown[0],
-        )
-
-
-def _check_values(run: Run) -> None:
-    """Reject invalid values; a run need not come from the file reader, whose limits are tighter.
-
-    Raises:
-        InputError: Time does not increase, or a value is not finite or too large to be squared.
-    """
-    channels = {
-        "voltage_V": run.voltage,
-        "current_A": run.current,
-        "speed_rad_s": run.speed,
-        "temperature_degC": run.temperature,
-        "position_rad": run.position,
-    }
-    for name, values in channels.items():
-        if values is None:
-            continue
-        wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
-        if wrong.size:
-            raise InputError(
-                f"sample {wrong[0]} is {values[wrong[0]]:.6g}; expected a finite value below "
-                f"{_LARGEST:.0e}: check the sensor and its scale",
-                file=run.name,
-                column=name,
-                value=float(values[wrong[0]]),
-            )
-    steps = np.diff(run.time)
-    if not (np.isfinite(run.time).all() and (steps > 0).all()):
-        raise InputError(
-            "time does not increase from sample to sample; expected finite increasing seconds",
-            file=run.name,
-            column="time_s",
         )
 
 
@@ -317,68 +277,6 @@ def _declared(campaign: Campaign, options: FitOptions) -> Fit:
         return fit_declared(campaign.training, "zoh")
     fits = [fit_declared(campaign.training, hold) for hold in ("zoh", "foh")]
     return min(fits, key=lambda fit: fit.cost)
-
-
-def _drawn(
-    posterior: Posterior,
-    lines: Sequence[Line],
-    omitted: Sequence[OmittedTerm],
-    options: FitOptions,
-    progress: Callable[[float], None],
-    checkpoint: Checkpoint | None,
-) -> tuple[Sample | None, dict[str, Array]]:
-    """The chain, if requested, and draws that include the non-identifiable directions."""
-
-    def opened(draws: dict[str, Array]) -> dict[str, Array]:
-        draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
-        draws = with_scale_drawn(draws, posterior.fit, options.seed)
-        return with_lines_drawn(draws, lines, options.seed)
-
-    if not options.posterior:
-        return None, opened(posterior.normal_draws(options.seed))
-    effort = EFFORTS[options.effort]
-    chain = sample(
-        posterior,
-        options.seed,
-        most_steps=effort.steps,
-        work=effort.sampling,
-        progress=progress,
-        checkpoint=checkpoint,
-    )
-    if lines or omitted or posterior.fit.simulator.model.unlogged.is_relative:
-        draws = opened({name: chain.chain[:, :, k] for k, name in enumerate(chain.names)})
-        units = (*chain.units, *(line.unit for line in lines))
-        values = np.stack(list(draws.values()), axis=2)
-        chain = replace(chain, chain=values, names=tuple(draws), units=units)
-    return chain, chain.draws()
-
-
-def _declared_draws(
-    declared: Fit, outcome: Outcome | None, draws: dict[str, Array], options: FitOptions
-) -> dict[str, Array]:
-    """Draws from the nominal model's posterior; those of the final model if it has no effects."""
-    if outcome is None or not outcome.effects:
-        return draws
-    draws = Posterior(declared, effective_fraction(declared)).normal_draws(options.seed)
-    return _within_signs(with_scale_drawn(draws, declared, options.seed))
-
-
-def _within_signs(draws: dict[str, Array]) -> dict[str, Array]:
-    """Draws with the signs of a physical motor; the loop would reject others as invalid input.
-
-    A parameter that the runs hardly determine, as with a reversed sensor, has draws at its bound of
-    0, where rounding decides the sign.
-
-    Raises:
-        ComputationError: A draw is infinite or NaN.
-    """
-    beyond = [name for name in _SIGNED if not np.isfinite(draws.get(name, 0.0)).all()]
-    if beyond:
-        raise ComputationError(
-            f"the posterior of {', '.join(beyond)} has no end: the runs determine no motor; check "
-            "the largest values of each channel, and their units"
-        )
-    return draws | {name: np.abs(draws[name]) for name in _SIGNED if name in draws}
 
 
 def _suspects(runs: Sequence[Run]) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification import ComputationError, FitOptions, InputError, OptionError, Run, identify
-from identification.pipeline import _within_signs
+from identification import FitOptions, InputError, OptionError, Run, identify, read_run
+from identification.ingest import write_run
 from tests.motors import campaign, motor_named
 
 RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
@@ -53,18 +53,29 @@ def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "result.json").is_file()
 
 
+def test_paths_of_run_files_stand_for_their_runs(tmp_path: Path) -> None:
+    """Text and path, alone and in a list: the runs are those that `read_run` returns."""
+    path = tmp_path / "run.csv"
+    write_run(RUN, path)
+    options = FitOptions(effects=False, posterior=False)
+
+    found = identify(str(path), [path], options)
+
+    expected = identify(read_run(path), read_run(path), options)
+    assert found.result == expected.result
+
+
+@pytest.mark.parametrize("given", [None, 3, [RUN, None], {"training": 1}.values()])
+def test_an_object_that_is_no_run_is_refused_with_its_type(given: Any) -> None:
+    """A caller that passes None or a number reads what was expected."""
+    with pytest.raises(InputError, match=r"training has an object of type \w+; expected a Run"):
+        identify(given)
+
+
 def test_an_unknown_withheld_effect_is_refused_with_the_known_ones() -> None:
     """A misspelt effect type would otherwise be searched."""
     with pytest.raises(OptionError, match="the kind 'coulomb'; expected .*coulomb_friction"):
         identify([RUN], withheld=["coulomb"])
-
-
-def test_infinite_draws_are_a_computation_error() -> None:
-    """Infinite draws are an error of the computation and not of the options."""
-    draws = {"Ra25": np.ones(3), "Kt25": np.array([1.0, np.inf, 2.0])}
-
-    with pytest.raises(ComputationError, match=r"posterior of Kt25 .* check the largest values"):
-        _within_signs(draws)
 
 
 def test_a_deficient_nominal_model_gives_a_warning_without_a_search() -> None:

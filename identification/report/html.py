@@ -22,7 +22,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identification.effects.catalogue import confusions_of
 from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
 from identification.report.figures.correlation import correlation_figure
 from identification.report.figures.curves import coefficient_figure, step_figure
@@ -91,7 +90,7 @@ def render_report(data: ReportData) -> str:
         coefficients=_coefficient_figures(data, attempts),
         steps=[figure("step response", partial(step_figure, steps))
                for steps in _by_controller(data.steps)],
-        confusions=confusions_of([effect["name"] for effect in result["effects"]]),
+        confusions=data.confusions,
         feedback=rows("table of the loop", lambda: feedback_tables(result["feedback"])),
         comparisons=rows("comparison of loops", lambda: loop_comparisons(result)),
         errors=rows("table of errors", lambda: error_rows(result)),

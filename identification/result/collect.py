@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.effects.catalogue import confusions_of
 from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
@@ -55,6 +56,10 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         story=_story(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", lambda: _reasons(findings)) or {},
         undrawn=tuple(attempts.remarks),
+        confusions=tuple(
+            f"{confusion.title.capitalize()}. {confusion.apart}"
+            for confusion in confusions_of([effect["name"] for effect in result["effects"]])
+        ),
     )
 
 

@@ -248,6 +248,7 @@ class ReportData:
         equations: The final model, printed from the simulated expressions.
         reasons: Why a parameter is not identified, one sentence by name.
         undrawn: What could not be drawn and why, one sentence each.
+        confusions: What the runs cannot distinguish from the effects found, one text each.
         title: Title of the report.
     """
 
@@ -260,4 +261,5 @@ class ReportData:
     equations: tuple[Equation, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     undrawn: tuple[str, ...] = ()
+    confusions: tuple[str, ...] = ()
     title: str = "Motor identification"

@@ -1,0 +1,109 @@
+"""Draws of the nominal and the final model: from the chain or from the normal approximation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effort import EFFORTS
+from identification.errors import ComputationError
+from identification.fit.noise import effective_fraction
+from identification.fit.solve import Fit
+from identification.fit.temperature import with_scale_drawn
+from identification.options import FitOptions
+from identification.posterior.checkpoint import Checkpoint
+from identification.posterior.density import Posterior
+from identification.posterior.sample import Sample, sample
+from identification.selection.non_identifiable import Line, with_lines_drawn
+from identification.selection.omitted import OmittedTerm, with_omitted_drawn
+
+__all__ = ["final_draws", "nominal_draws", "within_signs"]
+
+Array = NDArray[np.float64]
+
+_SIGNED: Final = ("Ra25", "Kt25", "J", "b", "L")
+
+
+def final_draws(
+    posterior: Posterior,
+    lines: Sequence[Line],
+    omitted: Sequence[OmittedTerm],
+    options: FitOptions,
+    progress: Callable[[float], None],
+    checkpoint: Checkpoint | None,
+) -> tuple[Sample | None, dict[str, Array]]:
+    """The chain, if requested, and draws that include the non-identifiable directions.
+
+    Args:
+        posterior: Density of the final model.
+        lines: Linear parts that belong either to a curve or to a nominal parameter.
+        omitted: Terms that are not in the model and could change its parameters.
+        options: Options of the user.
+        progress: Called with the completed fraction of the chain.
+        checkpoint: Where the chain is saved.
+
+    Returns:
+        The chain, None without sampling, and physical draws by name, (n_draw,) each.
+
+    Raises:
+        ComputationError: A draw is infinite or NaN.
+    """
+
+    def opened(draws: dict[str, Array]) -> dict[str, Array]:
+        draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
+        draws = with_scale_drawn(draws, posterior.fit, options.seed)
+        return with_lines_drawn(draws, lines, options.seed)
+
+    if not options.posterior:
+        return None, within_signs(opened(posterior.normal_draws(options.seed)))
+    effort = EFFORTS[options.effort]
+    chain = sample(
+        posterior,
+        options.seed,
+        most_steps=effort.steps,
+        work=effort.sampling,
+        progress=progress,
+        checkpoint=checkpoint,
+    )
+    if lines or omitted or posterior.fit.simulator.model.unlogged.is_relative:
+        draws = opened({name: chain.chain[:, :, k] for k, name in enumerate(chain.names)})
+        units = (*chain.units, *(line.unit for line in lines))
+        values = np.stack(list(draws.values()), axis=2)
+        chain = replace(chain, chain=values, names=tuple(draws), units=units)
+    return chain, within_signs(chain.draws())
+
+
+def nominal_draws(declared: Fit, seed: int) -> dict[str, Array]:
+    """Physical draws from the normal approximation of the nominal model's posterior, by name.
+
+    Args:
+        declared: Fit of the nominal model.
+        seed: Seed of the draws.
+
+    Raises:
+        ComputationError: A draw is infinite or NaN.
+    """
+    draws = Posterior(declared, effective_fraction(declared)).normal_draws(seed)
+    return within_signs(with_scale_drawn(draws, declared, seed))
+
+
+def within_signs(draws: dict[str, Array]) -> dict[str, Array]:
+    """Draws with the signs of a physical motor; the loop would reject others as invalid input.
+
+    A parameter that the runs hardly determine, as with a reversed sensor, has draws at its bound of
+    0, where rounding decides the sign.
+
+    Raises:
+        ComputationError: A draw is infinite or NaN.
+    """
+    beyond = [name for name in _SIGNED if not np.isfinite(draws.get(name, 0.0)).all()]
+    if beyond:
+        raise ComputationError(
+            f"the posterior of {', '.join(beyond)} has no end: the runs determine no motor; check "
+            "the largest values of each channel, and their units"
+        )
+    return draws | {name: np.abs(draws[name]) for name in _SIGNED if name in draws}
