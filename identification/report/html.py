@@ -15,9 +15,8 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from importlib import resources
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -32,7 +31,7 @@ from identification.report.loops import loop_comparisons
 from identification.report.summary import key_figures, summary_sentences
 from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
 from identification.report.traces import run_payload
-from identification.result.attempts import Attempts
+from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
 from identification.result.numbers import (
     count_text,
@@ -42,9 +41,8 @@ from identification.result.numbers import (
     signed_percent_text,
     unit_text,
 )
-from identification.result.report_data import ReportData, RunTraces, StepResponse
+from identification.result.report_data import ReportData, RunTraces
 from identification.result.residuals import (
-    Correlation,
     ResidualCheck,
     coloured_channels,
     residual_checks,
@@ -68,36 +66,32 @@ def render_report(data: ReportData) -> str:
     """
     attempts = Attempts(list(data.undrawn))
     data = replace(data, result=finite_or_null(data.result))
-    result = data.result
-    checks = attempts.part("residual check", lambda: _checks_by_role(data.runs)) or {}
-    deciding = next(iter(checks.values()), [])
-    coloured = attempts.rows("whiteness", lambda: coloured_channels(deciding))
-    rows, figure = attempts.rows, attempts.figure
-    return _environment().get_template("report.html.j2").render(
-        data=data,
-        result=result,
-        policy=content_security_policy(),
-        scripts=[_asset(name) for name in _SCRIPTS],
-        styles=[_asset(name) for name in _STYLES],
-        sentences=rows("summary", lambda: summary_sentences(result, coloured)),
-        key_figures=rows("key figures", lambda: key_figures(result, coloured)),
-        parameters=rows("table of parameters", lambda: parameter_rows(data)),
-        runs=rows("table of runs", lambda: zip(run_rows(data), _thumbnails(data, attempts),
-                                               strict=True)),
-        payload=attempts.part("measured and simulated run", lambda: _payload(data)) or _NO_RUNS,
-        has_before=any(run.before_speed is not None for run in data.runs),
-        checks=_check_figures(checks, attempts),
-        coefficients=_coefficient_figures(data, attempts),
-        steps=[figure("step response", partial(step_figure, steps))
-               for steps in _by_controller(data.steps)],
-        confusions=data.confusions,
-        feedback=rows("table of the loop", lambda: feedback_tables(result["feedback"])),
-        comparisons=rows("comparison of loops", lambda: loop_comparisons(result)),
-        errors=rows("table of errors", lambda: error_rows(result)),
-        posterior=_posterior_figures(data, attempts),
-        story=_story_figures(data, attempts),
-        undrawn=attempts.remarks,
-    )  # fmt: skip
+    result, rows = data.result, attempts.rows
+    checks = attempts.part("residual check", _checks_by_role, data.runs) or {}
+    coloured = rows("whiteness", coloured_channels, next(iter(checks.values()), []))
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            data=data,
+            result=result,
+            policy=content_security_policy(),
+            scripts=[_asset(name) for name in _SCRIPTS],
+            styles=[_asset(name) for name in _STYLES],
+            sentences=rows("summary", summary_sentences, result, coloured),
+            key_figures=rows("key figures", key_figures, result, coloured),
+            parameters=rows("table of parameters", parameter_rows, data),
+            runs=rows("table of runs", run_rows, data),
+            payload=attempts.part("measured and simulated run", _payload, data) or _NO_RUNS,
+            has_before=any(run.before_speed is not None for run in data.runs),
+            checks=checks,
+            temperatures=[run.temperature for run in data.runs if run.temperature is not None],
+            feedback=rows("table of the loop", feedback_tables, result["feedback"]),
+            comparisons=rows("comparison of loops", loop_comparisons, result),
+            errors=rows("table of errors", error_rows, result),
+            undrawn=attempts.remarks,
+        )
+    )
 
 
 @cache
@@ -133,6 +127,19 @@ def _environment() -> Environment:
         "unit": unit_text,
         "words": lambda name: str(name).replace("_", " "),
     }
+    # Figures are drawn in the template; one that fails leaves a line of text in its place.
+    environment.globals |= {
+        "drawn": figure,
+        "coefficient_figure": coefficient_figure,
+        "corner_figure": corner_figure,
+        "correlation_figure": correlation_figure,
+        "missing_over_time": missing_over_time,
+        "missing_term_figure": missing_term_figure,
+        "run_thumbnail": run_thumbnail,
+        "step_figure": step_figure,
+        "trace_figure": trace_figure,
+        "most_parameters": MOST_PARAMETERS,
+    }
     return environment
 
 
@@ -165,97 +172,3 @@ def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]
         for role in ("validation", "training")
     }
     return {role: checks for role, checks in found.items() if checks}
-
-
-def _thumbnails(data: ReportData, attempts: Attempts) -> list[Markup]:
-    return [attempts.figure("run", partial(run_thumbnail, run)) for run in data.runs]
-
-
-def _check_figures(
-    checks_by_role: dict[str, list[ResidualCheck]], attempts: Attempts
-) -> list[dict[str, Any]]:
-    return [
-        {
-            "role": role,
-            "figures": [
-                _check_figure(check.channel, against, stage, correlation, attempts)
-                for check in checks
-                for against, before, after in (
-                    ("", check.own_before, check.own),
-                    ("voltage", check.voltage_before, check.voltage),
-                )
-                for stage, correlation in (("before", before), ("after", after))
-                if correlation is not None
-            ],
-        }
-        for role, checks in checks_by_role.items()
-    ]
-
-
-def _check_figure(
-    channel: str, against: str, stage: str, correlation: Correlation, attempts: Attempts
-) -> dict[str, Any]:
-    title = (
-        f"Cross-correlation of the {channel} residual with the {against}"
-        if against
-        else f"Autocorrelation of the {channel} residual"
-    )
-    drawing = partial(
-        correlation_figure, title, correlation, "lag [samples]", is_before=stage == "before"
-    )
-    return {
-        "title": title,
-        "stage": stage,
-        "outside": correlation.outside,
-        "figure": attempts.figure(title, drawing),
-    }
-
-
-def _coefficient_figures(data: ReportData, attempts: Attempts) -> list[dict[str, Any]]:
-    logged = [run.temperature for run in data.runs if run.temperature is not None]
-    return [
-        {
-            "name": curve.name,
-            "figure": attempts.figure(
-                f"{curve.name} over temperature", partial(coefficient_figure, curve, logged)
-            ),
-        }
-        for curve in data.coefficients
-    ]
-
-
-def _by_controller(steps: Sequence[StepResponse]) -> list[list[StepResponse]]:
-    controllers = dict.fromkeys(step.controller for step in steps)
-    return [[step for step in steps if step.controller == one] for one in controllers]
-
-
-def _posterior_figures(data: ReportData, attempts: Attempts) -> dict[str, Any] | None:
-    if data.posterior is None:
-        return None
-    count = len(data.posterior.names)
-    return {
-        "corner": attempts.figure("corner plot", partial(corner_figure, data.posterior)),
-        "left_out": data.posterior.names[MOST_PARAMETERS:],
-        "traces": [
-            attempts.figure("trace", partial(trace_figure, data.posterior, index))
-            for index in range(count)
-        ],
-    }
-
-
-def _story_figures(data: ReportData, attempts: Attempts) -> dict[str, Any] | None:
-    if data.story is None:
-        return None
-    return {
-        "sentences": data.story.sentences,
-        "terms": [
-            (term, attempts.figure("missing term", partial(missing_term_figure, term)))
-            for term in data.story.terms
-        ],
-        "traces": [
-            (trace, attempts.figure("missing term over time", partial(missing_over_time, trace)))
-            for trace in data.story.traces
-        ],
-        "candidates": data.story.candidates,
-        "remaining": data.story.remaining,
-    }

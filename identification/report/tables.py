@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,19 +66,15 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run: its extent and its simulation error in each channel."""
+    """One run: its extent, and for each channel fit, noise ratio and p-value of the whiteness."""
 
     name: str
     role: str
     rows: str
     duration: str
     temperature: str
-    current_fit: str
-    current_ratio: str
-    current_white: str
-    speed_fit: str
-    speed_ratio: str
-    speed_white: str
+    current: tuple[str, str, str]
+    speed: tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,7 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
         for name, entry in effect["parameters"].items():
             if name not in listed:
                 row = _parameter_row(name, entry, data, None)
-                rows.append(_with_meaning(row, f"of {effect['name']}"))
+                rows.append(replace(row, meaning=f"of {effect['name']}"))
     return rows
 
 
@@ -156,7 +152,7 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
             key=lambda entry: float(entry["temperature_degC"]),
         )
         rows = tuple(
-            (label, _metric_unit(entries[0][key]), tuple(metric_text(e[key]) for e in entries))
+            (label, unit_text(entries[0][key]["unit"]), tuple(metric_text(e[key]) for e in entries))
             for key, label in METRICS.items()
             if all(entry.get(key) is not None for entry in entries)
         )
@@ -188,30 +184,24 @@ def _parameter_row(
     )
 
 
-def _with_meaning(row: ParameterRow, meaning: str) -> ParameterRow:
-    return ParameterRow(**(vars(row) | {"meaning": meaning}))
-
-
 def _run_row(run: RunTraces, noise: Entry) -> RunRow:
-    fits, ratios, whites = {}, {}, {}
-    for channel, key in (("current", "current_A"), ("speed", "speed_rad_s")):
-        test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
-        whites[channel] = _probability(test.p_value) if test else UNKNOWN
-        fits[channel] = percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN
-        ratio = errors.rmse / noise[key] if errors and noise[key] else None
-        ratios[channel] = number_text(ratio, 3)
     return RunRow(
         name=run.name,
         role=run.role,
         rows=count_text(run.time.size),
         duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
         temperature=_temperature_text(run),
-        current_fit=fits["current"],
-        current_ratio=ratios["current"],
-        current_white=whites["current"],
-        speed_fit=fits["speed"],
-        speed_ratio=ratios["speed"],
-        speed_white=whites["speed"],
+        current=_channel_texts(run, "current", noise["current_A"]),
+        speed=_channel_texts(run, "speed", noise["speed_rad_s"]),
+    )
+
+
+def _channel_texts(run: RunTraces, channel: str, noise: float | None) -> tuple[str, str, str]:
+    test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
+    return (
+        percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN,
+        number_text(errors.rmse / noise if errors and noise else None, 3),
+        _probability(test.p_value) if test else UNKNOWN,
     )
 
 
@@ -228,10 +218,6 @@ def _probability(value: float) -> str:
 
 def _interval(entry: Entry) -> Interval:
     return interval_text(entry["median"], entry["q05"], entry["q95"])
-
-
-def _metric_unit(entry: Entry) -> str:
-    return unit_text(entry["unit"])
 
 
 def _error_texts(entry: Entry) -> tuple[str, str, str]:

@@ -1,9 +1,9 @@
 """Fault isolation for report sections: a line of text replaces a section that cannot be computed.
 
     attempts = Attempts()
-    attempts.figure("step response", lambda: step_figure(steps))
-    attempts.rows("table of runs", lambda: run_rows(data))
+    attempts.rows("table of runs", run_rows, data)
     attempts.remarks
+    figure("step response", step_figure, steps)
 
 The report shows a result that is already on disk.  Values that one figure cannot show (an infinite
 simulation, an empty curve) must not suppress the other figures.
@@ -13,14 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 import numpy as np
 from markupsafe import Markup, escape
 
-__all__ = ["Attempts"]
+__all__ = ["Attempts", "figure"]
 
 _Part = TypeVar("_Part")
+_Given = ParamSpec("_Given")
 
 _FAILURES: Final = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions that unusual values can raise; numpy's LinAlgError is a ValueError."""
@@ -36,36 +37,55 @@ class Attempts:
 
     remarks: list[str] = field(default_factory=list)
 
-    def part(self, name: str, compute: Callable[[], _Part]) -> _Part | None:
+    def part(
+        self,
+        name: str,
+        compute: Callable[_Given, _Part],
+        *args: _Given.args,
+        **kwargs: _Given.kwargs,
+    ) -> _Part | None:
         """Compute a section; return None and add a remark if the values do not allow it.
 
         Args:
             name: Name of the section in the remark.
             compute: Computation, run with floating-point warnings off.
+            *args: Positional arguments of the computation.
+            **kwargs: Keyword arguments of the computation.
         """
         try:
             with np.errstate(all="ignore"):
-                return compute()
+                return compute(*args, **kwargs)
         except _FAILURES as error:
             self.remarks.append(_remark(name, error))
             return None
 
-    def rows(self, name: str, compute: Callable[[], Iterable[_Part]]) -> tuple[_Part, ...]:
+    def rows(
+        self,
+        name: str,
+        compute: Callable[_Given, Iterable[_Part]],
+        *args: _Given.args,
+        **kwargs: _Given.kwargs,
+    ) -> tuple[_Part, ...]:
         """Compute several items; return () and add a remark if the values do not allow it."""
-        return self.part(name, lambda: tuple(compute())) or ()
+        return self.part(name, lambda: tuple(compute(*args, **kwargs))) or ()
 
-    def figure(self, name: str, draw: Callable[[], str]) -> Markup:
-        """Draw a figure; return a line of text instead if the values do not allow it.
 
-        Args:
-            name: Name of the figure in the line of text.
-            draw: Function that returns the SVG text.
-        """
-        try:
-            with np.errstate(all="ignore"):
-                return Markup(draw())  # noqa: S704  svg.text escapes external text
-        except _FAILURES as error:
-            return Markup('<p class="muted">') + escape(_remark(name, error)) + Markup("</p>")
+def figure(
+    name: str, draw: Callable[_Given, str], *args: _Given.args, **kwargs: _Given.kwargs
+) -> Markup:
+    """Draw a figure; return a line of text instead if the values do not allow it.
+
+    Args:
+        name: Name of the figure in the line of text.
+        draw: Function that returns the SVG text.
+        *args: Positional arguments of the function.
+        **kwargs: Keyword arguments of the function.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            return Markup(draw(*args, **kwargs))  # noqa: S704  svg.text escapes external text
+    except _FAILURES as error:
+        return Markup('<p class="muted">') + escape(_remark(name, error)) + Markup("</p>")
 
 
 def _remark(name: str, error: Exception) -> str:

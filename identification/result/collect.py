@@ -44,8 +44,8 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
     return ReportData(
         result=result,
         runs=tuple(_runs(findings)),
-        coefficients=attempts.rows("curve over temperature", lambda: _coefficients(findings)),
-        steps=attempts.rows("step response", lambda: _steps(findings)),
+        coefficients=attempts.rows("curve over temperature", _coefficients, findings),
+        steps=attempts.rows("step response", _steps, findings),
         posterior=None
         if sample is None
         else PosteriorChain(sample.names, sample.units, sample.chain),
@@ -54,7 +54,7 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
             for left, right in printed_equations(findings.final.simulator.model).items()
         ),
         story=_story(result, findings, attempts),
-        reasons=attempts.part("reason of a parameter", lambda: _reasons(findings)) or {},
+        reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),
         confusions=tuple(
             f"{confusion.title.capitalize()}. {confusion.apart}"
@@ -69,27 +69,20 @@ def _steps(findings: Findings) -> list[StepResponse]:
         (loop.controller, loop.temperature_degC): (loop.time, np.median(loop.speed, axis=1))
         for loop in findings.loops
     }
-    steps = []
-    for c in step_curves(
-        findings.draws, findings.options.temperatures, findings.options.controllers
-    ):
-        known = simulated.get((c.controller, c.temperature_degC))
-        steps.append(
-            StepResponse(
-                c.temperature_degC, c.controller, c.time, c.median, c.q05, c.q95,
-                None if known is None else np.interp(c.time, *known),
-            )
-        )  # fmt: skip
+    options, steps = findings.options, []
+    for curve in step_curves(findings.draws, options.temperatures, options.controllers):
+        known = simulated.get((curve.controller, curve.temperature_degC))
+        with_effects = None if known is None else np.interp(curve.time, *known)
+        steps.append(StepResponse(**vars(curve), simulated=with_effects))
     return steps
 
 
 def _story(result: dict[str, Any], findings: Findings, attempts: Attempts) -> Story | None:
     """Account of the effect search, with plots of the missing voltage or torque."""
-    found = attempts.part("missing term", lambda: _missing(result, findings))
+    found = attempts.part("missing term", _missing, result, findings)
     terms, traces = found or ([], [])
     return attempts.part(
-        "search for effects",
-        lambda: story_of(findings.outcome, result, findings.final, terms, traces),
+        "search for effects", story_of, findings.outcome, result, findings.final, terms, traces
     )
 
 
@@ -160,32 +153,20 @@ def _coefficients(findings: Findings) -> list[CoefficientCurve]:
     logged = np.concatenate([r.column("temperature") for r in findings.campaign.training])
     wanted = findings.options.temperatures
     grid = np.linspace(min(logged.min(), *wanted), max(logged.max(), *wanted), _POINTS)
+    changed = findings.final is not findings.declared
     curves = []
-    for name, unit, reference, slope in (
-        ("Ra", "ohm", "Ra25", "alpha_Ra"),
-        ("Kt", "N m/A", "Kt25", "alpha_Kt"),
-    ):
-
-        def spread(draws: dict[str, Array]) -> Array:
-            values = draws[reference][:, None] * (  # noqa: B023
-                1 + draws[slope][:, None] * (grid - 25.0)  # noqa: B023
-            )
-            return np.quantile(values, (0.05, 0.5, 0.95), axis=0)
-
-        low, median, high = spread(findings.draws)
-        changed = findings.final is not findings.declared
-        curves.append(
-            CoefficientCurve(
-                name,
-                unit,
-                grid,
-                median,
-                low,
-                high,
-                before=spread(findings.declared_draws)[1] if changed else None,
-            )
-        )
+    for name, unit in (("Ra", "ohm"), ("Kt", "N m/A")):
+        q05, median, q95 = _spread(name, findings.draws, grid)
+        before = _spread(name, findings.declared_draws, grid)[1] if changed else None
+        curves.append(CoefficientCurve(name, unit, grid, median, q05, q95, before))
     return curves
+
+
+def _spread(name: str, draws: dict[str, Array], temperature: Array) -> Array:
+    """(3, n_point) quantiles 5, 50 and 95 % of Ra or Kt at these temperatures [degC]."""
+    slope = draws[f"alpha_{name}"][:, None]
+    values = draws[f"{name}25"][:, None] * (1 + slope * (temperature - 25.0))
+    return np.quantile(values, (0.05, 0.5, 0.95), axis=0)
 
 
 def _reasons(findings: Findings) -> dict[str, str]:

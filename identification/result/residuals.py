@@ -56,6 +56,18 @@ class ResidualCheck:
     own_before: Correlation | None
     voltage_before: Correlation | None
 
+    def plots(self) -> list[tuple[str, str, Correlation]]:
+        """Title, ``before`` or ``after``, and correlation of each plot."""
+        own = f"Autocorrelation of the {self.channel} residual"
+        cross = f"Cross-correlation of the {self.channel} residual with the voltage"
+        found = (
+            (own, "before", self.own_before),
+            (own, "after", self.own),
+            (cross, "before", self.voltage_before),
+            (cross, "after", self.voltage),
+        )
+        return [(title, stage, one) for title, stage, one in found if one is not None]
+
 
 def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
     """Pooled residual correlations of current and speed; channels without data are omitted."""

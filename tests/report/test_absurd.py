@@ -26,7 +26,7 @@ from identification.report.figures.missing import missing_over_time, missing_ter
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
 from identification.report.html import render_report
-from identification.result.attempts import Attempts
+from identification.result.attempts import figure
 from identification.result.entries import result_text
 from identification.result.numbers import (
     interval_text,
@@ -111,7 +111,7 @@ def test_each_figure_is_a_drawing_or_a_line_of_text(
     name: str, one: Array, two: Array, three: Array
 ) -> None:
     """No coordinate is NaN or infinite, and 12 samples take no more than some kilobytes."""
-    drawn = str(Attempts().figure(name, lambda: FIGURES[name](one, two, three)))
+    drawn = str(figure(name, FIGURES[name], one, two, three))
 
     assert drawn.startswith(("<svg", '<p class="muted">'))
     assert len(drawn) < 60_000
@@ -124,7 +124,7 @@ def test_each_figure_of_one_value_is_a_drawing_or_a_line_of_text(name: str, valu
     """A motor that does not turn, and one whose every draw is the same."""
     same = np.full(12, value)
 
-    drawn = str(Attempts().figure(name, lambda: FIGURES[name](same, same, same)))
+    drawn = str(figure(name, FIGURES[name], same, same, same))
 
     assert drawn.startswith(("<svg", '<p class="muted">'))
 
@@ -134,7 +134,7 @@ def test_each_figure_of_nothing_is_a_drawing_or_a_line_of_text(name: str) -> Non
     """Empty curves, as of an effect without a sample in its range."""
     empty = np.zeros(0)
 
-    assert str(Attempts().figure(name, lambda: FIGURES[name](empty, empty, empty)))
+    assert str(figure(name, FIGURES[name], empty, empty, empty))
 
 
 def _spoilt(value: Any, number: Any) -> Any:
@@ -176,7 +176,7 @@ def test_a_figure_that_fails_says_so_in_its_place(monkeypatch: pytest.MonkeyPatc
     def fails() -> str:
         raise ValueError("cannot convert <NaN>")
 
-    drawn = Attempts().figure("step response", fails)
+    drawn = figure("step response", fails)
 
     assert "The step response cannot be drawn" in drawn
     assert "cannot convert &lt;NaN&gt;" in drawn

@@ -108,9 +108,9 @@ def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> No
 def test_a_run_is_rated_by_the_noise_it_was_made_with() -> None:
     """The simulation is exact, so error over noise is 1 and the residual is white."""
     for row in run_rows(make_report(rows=4000)):
-        assert float(row.current_ratio) == pytest.approx(1.0, abs=0.06)
-        assert float(row.speed_ratio) == pytest.approx(1.0, abs=0.06)
-        assert float(row.speed_white.removeprefix("< ")) > 0.001
+        assert float(row.current[1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed[1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed[2].removeprefix("< ")) > 0.001
 
 
 def test_a_run_that_was_fitted_too_is_no_check(result: dict[str, Any]) -> None:
