@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from app.errors import FieldRefused
 
-__all__ = ["Received", "check_text", "checked_label", "moment"]
+__all__ = ["Received", "check_text", "checked_label", "moment", "with_example"]
 
 _LONGEST = 1000
 
@@ -79,3 +79,8 @@ def moment(seconds: float) -> str:
     """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z")
+
+
+def with_example(example: dict[str, Any]) -> ConfigDict:
+    """Model configuration that shows an example in the OpenAPI schema."""
+    return ConfigDict(json_schema_extra={"examples": [example]})

@@ -11,7 +11,7 @@ from app.batches import MOST_MOTORS
 from app.batches.service import ENDED, StoredBatch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
-from app.texts import Received, moment
+from app.texts import Received, moment, with_example
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
@@ -34,18 +34,14 @@ class BatchItem(BaseModel):
 class BatchCreate(Received):
     """Request for a batch of fits."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "name": "November refit",
-                    "options": {"posterior": False},
-                    "motors": [
-                        {"motor": "motor 17", "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"]},
-                        {"motor": "motor 18", "training": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"]},
-                    ],
-                }
-            ]
+    model_config = with_example(
+        {
+            "name": "November refit",
+            "options": {"posterior": False},
+            "motors": [
+                {"motor": "motor 17", "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"]},
+                {"motor": "motor 18", "training": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"]},
+            ],
         }
     )
 
@@ -108,32 +104,28 @@ class BatchSummary(BaseModel):
 class BatchOut(BatchSummary):
     """A batch with its fits."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
+    model_config = with_example(
+        {
+            "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+            "name": "November refit",
+            "status": "running",
+            "progress": {"fraction": 0.05, "ended": 0, "total": 2},
+            "counts": {"queued": 1, "running": 1},
+            "links": {
+                "self": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+                "results": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/results",
+                "report": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/report",
+            },
+            "created_at": "2026-11-21T12:00:00.000000Z",
+            "fits": [
                 {
-                    "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
-                    "name": "November refit",
+                    "fit": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
+                    "motor": "motor 17",
                     "status": "running",
-                    "progress": {"fraction": 0.05, "ended": 0, "total": 2},
-                    "counts": {"queued": 1, "running": 1},
-                    "links": {
-                        "self": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae",
-                        "results": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/results",
-                        "report": "/api/v1/batches/batch_q4m6zt2hxk5dyw3rbn7vcjosae/report",
-                    },
-                    "created_at": "2026-11-21T12:00:00.000000Z",
-                    "fits": [
-                        {
-                            "fit": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
-                            "motor": "motor 17",
-                            "status": "running",
-                            "progress": {"stage": "fit", "fraction": 0.1},
-                            "error": None,
-                        }
-                    ],
+                    "progress": {"stage": "fit", "fraction": 0.1},
+                    "error": None,
                 }
-            ]
+            ],
         }
     )
 
@@ -158,23 +150,19 @@ class BatchOut(BatchSummary):
 class BatchResults(BaseModel):
     """Results of a batch, one row per motor."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
+    model_config = with_example(
+        {
+            "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
+            "status": "running",
+            "rows": [
                 {
-                    "id": "batch_q4m6zt2hxk5dyw3rbn7vcjosae",
-                    "status": "running",
-                    "rows": [
-                        {
-                            "motor": "motor 17",
-                            "status": "succeeded",
-                            "Ra25": 0.5903,
-                            "Ra25_sd": 0.0004,
-                            "Ra25_drift_sds": 0.7,
-                        }
-                    ],
+                    "motor": "motor 17",
+                    "status": "succeeded",
+                    "Ra25": 0.5903,
+                    "Ra25_sd": 0.0004,
+                    "Ra25_drift_sds": 0.7,
                 }
-            ]
+            ],
         }
     )
 

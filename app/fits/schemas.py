@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from app.fits.request import FitRequest
 from app.fits.service import StoredFit
 from app.tables import FitRow
-from app.texts import Received, moment
+from app.texts import Received, moment, with_example
 from identification.effort import EffortName
 from identification.options import FitOptions
 
@@ -132,16 +132,12 @@ class FitOptionsIn(BaseModel):
 class FitCreate(Received):
     """Request for a fit."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
-                    "validation": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"],
-                    "options": {"seed": 1, "controllers": ["P:1"]},
-                    "motor": "bench 4, motor 17",
-                }
-            ]
+    model_config = with_example(
+        {
+            "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
+            "validation": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"],
+            "options": {"seed": 1, "controllers": ["P:1"]},
+            "motor": "bench 4, motor 17",
         }
     )
 
@@ -186,7 +182,7 @@ class FitError(BaseModel):
 class FitSummary(BaseModel):
     """A fit without its result."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_FIT]})
+    model_config = with_example(_FIT)
 
     id: str
     status: Status
@@ -212,9 +208,7 @@ class FitSummary(BaseModel):
 class FitOut(FitSummary):
     """A fit with its result if it has succeeded."""
 
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [_FIT | {"result": {"schema_version": 1}}]}
-    )
+    model_config = with_example(_FIT | {"result": {"schema_version": 1}})
 
     result: dict[str, Any] | None = Field(
         description="Content of result.json after success, else null."

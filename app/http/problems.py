@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
@@ -21,6 +21,7 @@ from app.damage import is_damaged
 from app.database import NO_ANSWER
 from app.disk import is_full
 from app.logging import request_id
+from app.texts import with_example
 from identification.errors import InputError
 
 __all__ = [
@@ -82,22 +83,18 @@ class FieldProblem(BaseModel):
 class Problem(BaseModel):
     """Problem details (RFC 9457)."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "type": "urn:motorid:problem:not_a_number",
-                    "title": "Unprocessable Entity",
-                    "status": 422,
-                    "detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; "
-                    "expected amperes",
-                    "code": "not_a_number",
-                    "file": "run3.csv",
-                    "row": 412,
-                    "column": "current_A",
-                    "request_id": "4be1f2d0c5a94b6e",
-                }
-            ]
+    model_config = with_example(
+        {
+            "type": "urn:motorid:problem:not_a_number",
+            "title": "Unprocessable Entity",
+            "status": 422,
+            "detail": "run3.csv, row 412, column current_A: 'n/a' is not a number; "
+            "expected amperes",
+            "code": "not_a_number",
+            "file": "run3.csv",
+            "row": 412,
+            "column": "current_A",
+            "request_id": "4be1f2d0c5a94b6e",
         }
     )
 

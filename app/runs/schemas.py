@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.tables import RunRow
-from app.texts import moment
+from app.texts import moment, with_example
 
 __all__ = ["RunList", "RunOut", "UPLOAD_BODY"]
 
@@ -90,7 +90,7 @@ class RunWarningOut(BaseModel):
 class RunOut(BaseModel):
     """A stored run."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = with_example(_EXAMPLE)
 
     id: str
     sha256: str = Field(description="SHA-256 of the uploaded bytes.")
