@@ -27,6 +27,7 @@ from sqlalchemy.orm import Session
 from app.database import Database
 from app.fits import repository
 from app.fits.job import FitJob, RunFile
+from app.settings import Settings
 from app.storage import Storage
 from app.tables import FitRow
 
@@ -59,25 +60,13 @@ class FitQueue:
     Args:
         database: Database of the fits.
         storage: Data directory, which also names this place.
-        lease_s: Duration of a lease after its renewal [s].
-        pipeline: Function that computes a fit, as module:function.
-        checkpoint_s: Minimum time between two checkpoints of a fit [s].
+        settings: Lease, pipeline and interval of the checkpoints.
     """
 
-    def __init__(
-        self,
-        database: Database,
-        storage: Storage,
-        *,
-        lease_s: float,
-        pipeline: str,
-        checkpoint_s: float,
-    ) -> None:
+    def __init__(self, database: Database, storage: Storage, settings: Settings) -> None:
         self._database = database
         self._storage = storage
-        self._lease_s = lease_s
-        self._pipeline = pipeline
-        self._checkpoint_s = checkpoint_s
+        self._settings = settings
 
     @functools.cached_property
     def _owner(self) -> str:
@@ -85,7 +74,7 @@ class FitQueue:
 
     def lease(self) -> float:
         """End of a lease that is renewed now [s since 1970]."""
-        return time.time() + self._lease_s
+        return time.time() + self._settings.lease_s
 
     def held(self) -> dict[tuple[str, int], int]:
         """Number of failed attempts of the fits that this server holds, by fit ID and attempt."""
@@ -181,8 +170,8 @@ class FitQueue:
             training=files("training"),
             validation=files("validation"),
             options=row.options,
-            pipeline=self._pipeline,
-            checkpoint_s=self._checkpoint_s,
+            pipeline=self._settings.pipeline,
+            checkpoint_s=self._settings.checkpoint_s,
         )
 
 

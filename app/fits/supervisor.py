@@ -99,13 +99,7 @@ class Supervisor:
         self._engine = engine
         self._settings = settings
         self._metrics = metrics
-        self._queue = FitQueue(
-            database,
-            storage,
-            lease_s=settings.lease_s,
-            pipeline=settings.pipeline,
-            checkpoint_s=settings.checkpoint_s,
-        )
+        self._queue = FitQueue(database, storage, settings)
         self._postponed = Postponed()
         self._starter = Starter(self._queue, engine, self._postponed)
         self._attempts: dict[str, Attempt] = {}
