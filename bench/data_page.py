@@ -11,38 +11,38 @@ __all__ = ["data_page"]
 _HEAD = """\
 # Campaigns
 
-Each folder is one campaign on one motor: five training runs and two validation runs, in the order
-in which they were recorded, 25 to 120 degC, as a bench would log them.
-They are simulated, so the truth is known.
-It stands beside them in `truth.json`, which nothing in the identification reads.
+Each folder contains one campaign of one motor: five training runs and two validation runs from 25
+to 120 degC, in the order of recording and in the form in which a bench would log them.
+The runs are simulated, so the true values are known.
+They are in `truth.json`, which the identification does not read.
 
     motorid fit data/paper_motor/training_*.csv \\
         --validation data/paper_motor/validation_*.csv --out out
 
-## How they were made
+## Simulation
 
-`python -m bench.make_data` writes this folder, this page included.
-`python -m bench.make_data --check` makes everything again and compares every byte.
-The bench simulator shares no code with the identification and carries the hidden plant by another
-kind of step, Dormand-Prince 5(4).
-The drive limits its voltage so that the current settles below three times the rated one.
-Between samples the voltage is held.
-Current and speed carry white noise and the resolution of their converters, the voltage a little of
-both, the thermometer 0.1 K of each.
-The temperature moves between the runs and within each.
-Runs begin in motion.
+`python -m bench.make_data` writes this folder, including this page.
+`python -m bench.make_data --check` generates everything again and compares every byte.
+The bench simulator shares no code with the identification and integrates the hidden plant by
+another method, Dormand-Prince 5(4).
+The drive limits its voltage so that the steady current stays below three times the rated current.
+The voltage is constant between samples (zero-order hold).
+Current and speed have white noise and the resolution of their converters, the voltage has less of
+both, and the thermometer 0.1 K of each.
+The temperature varies between the runs and within each run.
+The runs begin in motion.
 
-## What is in them
+## Campaigns
 """
 
 _TAIL = """
 ## Licence
 
-MIT, as the rest of the project (see `LICENSE`).
+MIT, like the rest of the project (see `LICENSE`).
 
-## Sums
+## Checksums
 
-`sha256sum --check SHA256SUMS` in this folder checks them.
+`sha256sum --check SHA256SUMS` in this folder compares the files with their checksums.
 
 """
 
@@ -61,8 +61,8 @@ def _section(name: str, campaign: Campaign) -> str:
         "",
         f"Motor `{motor.name}`, {_number(motor.rated_voltage)} V, "
         f"{_number(motor.rated_current)} A, {_number(motor.rated_speed)} rad/s; "
-        f"{truth['runs'][0]['rows']} rows a run every {_number(1e3 * motor.sample_interval)} ms; "
-        f"seed {truth['seed']}.",
+        f"{truth['runs'][0]['rows']} samples a run "
+        f"every {_number(1e3 * motor.sample_interval)} ms; seed {truth['seed']}.",
         "",
         "| parameter | truth | unit |",
         "|---|---|---|",
@@ -73,11 +73,11 @@ def _section(name: str, campaign: Campaign) -> str:
         "",
     ]  # fmt: skip
     if not truth["effects"]:
-        lines.append("The declared model is exactly right: nothing is missing.")
+        lines.append("The motor follows the nominal model exactly; it has no effect.")
     for effect in truth["effects"]:
         values = ", ".join(f"{key} {_number(value)}" for key, value in effect["values"].items())
         lines.append(
-            f"The declared model lacks `{effect['name']}` ({effect['equation']}): {values} in SI, "
+            f"The nominal model lacks `{effect['name']}` ({effect['equation']}): {values} in SI, "
             f"{_number(100 * effect['size'])} % of {effect['size_means']}."
         )
     lines += ["", "| run | excitation | temperature |", "|---|---|---|"]

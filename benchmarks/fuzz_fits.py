@@ -84,7 +84,7 @@ def ending_of(case: Case, show_traceback: bool = False) -> Ending:
             _use(case, Path(directory))
         except IdentificationError as error:
             kind, message = type(error).__name__, str(error)
-        except Exception as error:  # noqa: BLE001  what it is is what this looks for
+        except Exception as error:  # noqa: BLE001  any exception is a finding
             kind, message = "internal", _located(error)
             if show_traceback:
                 traceback.print_exc()

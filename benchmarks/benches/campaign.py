@@ -87,7 +87,7 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
         found = identify(runs[:-1], runs[-1:], options, progress, withheld=settings.withheld)
     except IdentificationError as error:
         line["refused"] = f"{type(error).__name__}: {error}"
-    except Exception as error:  # noqa: BLE001  what it is is what this looks for
+    except Exception as error:  # noqa: BLE001  any exception is a finding
         line["failed"] = _located(error)
     else:
         line |= _compared(number, measured, found.result, settings.withheld)

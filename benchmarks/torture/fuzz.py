@@ -103,7 +103,7 @@ def _ends(reader: RunReader, directory: Path, files: Iterator[tuple[bytes, Any]]
             found = reader.read(path, "run.csv", mapping)
         except RunRefused as error:
             return error.reason
-        except Exception as error:  # noqa: BLE001  what it is is what this looks for
+        except Exception as error:  # noqa: BLE001  any exception is a finding
             return f"{type(error).__name__}!"
         finally:
             path.unlink()
