@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
-    Unit,
     canonical_unit,
     find_unit,
     unit_in_another_case,
@@ -38,28 +37,16 @@ __all__ = [
     "similar_to",
 ]
 
-NAMES = {
-    "time": ("time", "t", "timestamp", "time stamp", "elapsed time", "zeit"),
-    "voltage": ("voltage", "v", "u", "vm", "um", "va", "ua", "vmot", "spannung"),
-    "current": ("current", "i", "im", "ia", "imot", "strom"),
-    "speed": (
-        "speed",
-        "velocity",
-        "vel",
-        "omega",
-        "ω",
-        "w",
-        "n",
-        "angular velocity",
-        "angular speed",
-        "rotational speed",
-        "rpm",
-        "drehzahl",
-        "winkelgeschwindigkeit",
-    ),
-    "temperature": ("temperature", "temp", "t", "theta", "ϑ", "temperatur"),
-    "angle": ("position", "pos", "angle", "theta", "phi", "φ", "θ", "winkel"),
+_NAME_LISTS = {
+    "time": "time, t, timestamp, time stamp, elapsed time, zeit",
+    "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung",
+    "current": "current, i, im, ia, imot, strom",
+    "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
+    "rotational speed, rpm, drehzahl, winkelgeschwindigkeit",
+    "temperature": "temperature, temp, t, theta, ϑ, temperatur",
+    "angle": "position, pos, angle, theta, phi, φ, θ, winkel",
 }
+NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
 
 NEUTRAL_WORDS = frozenset(
@@ -91,13 +78,11 @@ class HeaderText:
     Args:
         quantities: Quantities that the name may stand for; empty if the name is unknown.
         unit_text: Unit as written, or None if there is none.
-        unit: Entry of the unit table, or None if the table does not contain the unit.
         canonical: Canonical channel name if the header is exactly that name.
     """
 
     quantities: frozenset[str] = frozenset()
     unit_text: str | None = None
-    unit: Unit | None = None
     canonical: str | None = None
 
 
@@ -112,12 +97,11 @@ def read_header(text: str) -> HeaderText:
     channel = _CANONICAL.get(text.casefold())
     if channel is not None:
         quantity = frozenset({CHANNEL_QUANTITIES[channel]})
-        unit = canonical_unit(channel)
-        return HeaderText(quantity, unit.name, unit, channel)
+        return HeaderText(quantity, canonical_unit(channel).name, channel)
     whole = find_unit(text)
     # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
     if whole is not None and len(text) > 1:
-        return HeaderText(frozenset({whole.quantity}), text, whole)
+        return HeaderText(frozenset({whole.quantity}), text)
     for form in (_in_brackets, _after_word, _as_suffix, _after_slash):
         found = form(text)
         if found is not None:
@@ -231,7 +215,7 @@ def _with_unit(name: str, unit_text: str) -> HeaderText | None:
     quantities = _quantities_of(name)
     if unit is not None and unit.quantity in quantities:
         quantities = frozenset({unit.quantity})
-    return HeaderText(quantities, unit_text or None, unit)
+    return HeaderText(quantities, unit_text or None)
 
 
 def _quantities_of(text: str) -> frozenset[str]:

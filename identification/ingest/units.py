@@ -51,69 +51,50 @@ class Unit:
         quantity: Physical quantity, one of the values of `CHANNEL_QUANTITIES`.
         factor: SI units per unit.
         shift: Offset added to the cell before the factor [this unit].
-        symbols: Case-sensitive spellings.
-        words: Case-insensitive spellings, in lower case.
+        symbols: Case-sensitive spellings, separated by blanks.
+        words: Case-insensitive spellings, in lower case, separated by blanks.
     """
 
     name: str
     quantity: str
     factor: float = 1.0
     shift: float = 0.0
-    symbols: tuple[str, ...] = ()
-    words: tuple[str, ...] = ()
+    symbols: str = ""
+    words: str = ""
 
     @property
     def spellings(self) -> tuple[str, ...]:
         """All accepted spellings; `name` comes first."""
-        return tuple(dict.fromkeys((self.name, *self.symbols, *self.words)))
+        return tuple(dict.fromkeys((self.name, *self.symbols.split(), *self.words.split())))
 
 
 _TURN = 2.0 * math.pi
 
 UNITS = (
-    Unit("s", "time", words=("sec", "secs", "second", "seconds")),
-    Unit("ms", "time", 1e-3, words=("msec", "millisecond", "milliseconds")),
-    Unit("us", "time", 1e-6, symbols=("µs",), words=("usec", "microsecond", "microseconds")),
-    Unit("ns", "time", 1e-9, words=("nanosecond", "nanoseconds")),
-    Unit("min", "time", 60.0, words=("minute", "minutes")),
-    Unit("V", "voltage", symbols=("v",), words=("volt", "volts")),
-    Unit("mV", "voltage", 1e-3, symbols=("mv",), words=("millivolt", "millivolts")),
-    Unit("kV", "voltage", 1e3, words=("kilovolt", "kilovolts")),
-    Unit("A", "current", symbols=("a",), words=("amp", "amps", "ampere", "amperes")),
-    Unit(
-        "mA",
-        "current",
-        1e-3,
-        symbols=("ma",),
-        words=("milliamp", "milliamps", "milliampere", "milliamperes"),
-    ),
-    Unit("uA", "current", 1e-6, symbols=("µA",), words=("microamp", "microamps")),
+    Unit("s", "time", words="sec secs second seconds"),
+    Unit("ms", "time", 1e-3, words="msec millisecond milliseconds"),
+    Unit("us", "time", 1e-6, symbols="µs", words="usec microsecond microseconds"),
+    Unit("ns", "time", 1e-9, words="nanosecond nanoseconds"),
+    Unit("min", "time", 60.0, words="minute minutes"),
+    Unit("V", "voltage", symbols="v", words="volt volts"),
+    Unit("mV", "voltage", 1e-3, symbols="mv", words="millivolt millivolts"),
+    Unit("kV", "voltage", 1e3, words="kilovolt kilovolts"),
+    Unit("A", "current", symbols="a", words="amp amps ampere amperes"),
+    Unit("mA", "current", 1e-3, symbols="ma", words="milliamp milliamps milliampere milliamperes"),
+    Unit("uA", "current", 1e-6, symbols="µA", words="microamp microamps"),
     Unit("kA", "current", 1e3),
-    Unit("rad/s", "speed", symbols=("rad_s", "rad_per_s", "rads-1", "rad.s-1"), words=("rad/sec",)),
-    Unit("deg/s", "speed", _TURN / 360.0, symbols=("°/s", "deg_s", "deg_per_s")),
-    Unit("rev/s", "speed", _TURN, symbols=("rev_s",), words=("rps",)),
-    Unit(
-        "rpm",
-        "speed",
-        _TURN / 60.0,
-        symbols=("1/min", "min-1"),
-        words=("r/min", "rev/min", "u/min", "tr/min"),
-    ),
+    Unit("rad/s", "speed", symbols="rad_s rad_per_s rads-1 rad.s-1", words="rad/sec"),
+    Unit("deg/s", "speed", _TURN / 360.0, symbols="°/s deg_s deg_per_s"),
+    Unit("rev/s", "speed", _TURN, symbols="rev_s", words="rps"),
+    Unit("rpm", "speed", _TURN / 60.0, symbols="1/min min-1", words="r/min rev/min u/min tr/min"),
     Unit("krpm", "speed", _TURN / 60.0 * 1e3),
-    Unit("degC", "temperature", symbols=("°C", "C", "deg_C"), words=("celsius", "degc")),
-    Unit(
-        "degF",
-        "temperature",
-        5.0 / 9.0,
-        -32.0,
-        symbols=("°F", "F", "deg_F"),
-        words=("fahrenheit", "degf"),
-    ),
-    Unit("K", "temperature", 1.0, -273.15, words=("kelvin", "degk")),
-    Unit("rad", "angle", words=("radian", "radians")),
+    Unit("degC", "temperature", symbols="°C C deg_C", words="celsius degc"),
+    Unit("degF", "temperature", 5.0 / 9.0, -32.0, symbols="°F F deg_F", words="fahrenheit degf"),
+    Unit("K", "temperature", 1.0, -273.15, words="kelvin degk"),
+    Unit("rad", "angle", words="radian radians"),
     Unit("mrad", "angle", 1e-3),
-    Unit("deg", "angle", _TURN / 360.0, symbols=("°",), words=("degree", "degrees")),
-    Unit("rev", "angle", _TURN, words=("turn", "turns", "revolution", "revolutions")),
+    Unit("deg", "angle", _TURN / 360.0, symbols="°", words="degree degrees"),
+    Unit("rev", "angle", _TURN, words="turn turns revolution revolutions"),
 )
 """All accepted units; docs/run-files.md prints them and a test keeps both equal."""
 
@@ -136,8 +117,8 @@ def normalise_unit(text: str) -> str:
 
 
 _LONGEST = 40
-_EXACT = {normalise_unit(s): unit for unit in UNITS for s in (unit.name, *unit.symbols)}
-_ANY_CASE = {normalise_unit(word).casefold(): unit for unit in UNITS for word in unit.words}
+_EXACT = {normalise_unit(s): unit for unit in UNITS for s in (unit.name, *unit.symbols.split())}
+_ANY_CASE = {normalise_unit(word).casefold(): unit for unit in UNITS for word in unit.words.split()}
 _OTHER_CASE = {name.casefold(): unit for name, unit in reversed(_EXACT.items())}
 # These symbols are unambiguous in any case.
 _ANY_CASE |= {name: _EXACT[name] for name in ("rpm", "krpm", "rad/s", "rev/s", "deg/s", "rad")}

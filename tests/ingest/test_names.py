@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from identification.ingest.names import is_units_row, read_header, similar_to
+from identification.ingest import describe_column
+from identification.ingest.names import is_units_row, similar_to
 
 
 @pytest.mark.parametrize(
@@ -29,11 +30,11 @@ from identification.ingest.names import is_units_row, read_header, similar_to
 )
 def test_header_contains_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
     """The forms that docs/run-files.md lists."""
-    said = read_header(text)
+    column = describe_column(0, [text])
 
-    assert said.quantities == {quantity}
-    assert said.unit is not None
-    assert said.unit.name == unit
+    assert column.quantities == {quantity}
+    assert column.unit is not None
+    assert column.unit.name == unit
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_header_contains_one_quantity_and_its_unit(text: str, quantity: str, uni
 )
 def test_header_without_unit_has_none(text: str) -> None:
     """Single letters may be names or units, and a name alone gives no unit."""
-    assert read_header(text).unit is None
+    assert describe_column(0, [text]).unit is None
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,7 @@ def test_header_without_unit_has_none(text: str) -> None:
 )
 def test_header_that_is_no_exact_name_has_no_quantity(text: str) -> None:
     """A number, a set point, another voltage, no name at all."""
-    assert read_header(text).quantities == frozenset()
+    assert describe_column(0, [text]).quantities == frozenset()
 
 
 @pytest.mark.parametrize(

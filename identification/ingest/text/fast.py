@@ -40,9 +40,12 @@ def read_clean(
     """
     bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
     count = text.count(b"\n") + (not text.endswith(b"\n"))
-    if bare is None or not _has_expected_delimiters(bare, count, layout):
+    if bare is None:
         return None
     text = bare
+    delimiters = (layout.fields - 1) * count
+    if layout.delimiter != " " and text.count(layout.delimiter.encode()) != delimiters:
+        return None
     # If every column is read, the total count suffices: a line with too many fields implies one
     # with too few, and a missing field is a blank, which is not a number.
     if (layout.delimiter == " " or len(channels) < layout.fields) and not _has_equal_rows(
@@ -76,13 +79,6 @@ def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
     edges = np.cumsum(edge)
     empty_between = edges[opening + 1] == edges[closing + 1]
     return text.replace(b'"', b"") if bool(np.all(enclosed & empty_between)) else None
-
-
-def _has_expected_delimiters(text: bytes, count: int, layout: Layout) -> bool:
-    """Return True if the block has the expected total number of delimiters."""
-    if layout.delimiter == " ":
-        return True
-    return text.count(layout.delimiter.encode()) == (layout.fields - 1) * count
 
 
 def _has_equal_rows(text: bytes, count: int, layout: Layout) -> bool:
