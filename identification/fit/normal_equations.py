@@ -96,20 +96,22 @@ class NormalEquations:
         step = self._free_step(0.0, position, coordinates, self.gradient)
         return float(0.5 * self.gradient @ step)
 
-    def step(
-        self, damping: float, position: Array, coordinates: Coordinates
+    def steps(
+        self, dampings: Array, position: Array, coordinates: Coordinates
     ) -> tuple[Array, list[Array]]:
-        """Levenberg-Marquardt step of parameters and initial states inside the bounds.
+        """Levenberg-Marquardt steps of parameters and initial states inside the bounds.
 
         Args:
-            damping: Levenberg-Marquardt parameter relative to the diagonal [-].
-            position: (n_parameter,) start of the step.
+            dampings: (n_lane,) Levenberg-Marquardt parameters relative to the diagonal [-].
+            position: (n_parameter,) start of the steps.
             coordinates: Bounds.
 
         Returns:
-            (n_parameter,) and for each record (n_state,).
+            (n_parameter, n_lane) and for each record (n_state, n_lane).
         """
-        return self._solved(damping, position, coordinates, self.gradient, self.state_gradients)
+        lanes = np.ones(dampings.size)
+        own = [np.outer(gradient, lanes) for gradient in self.state_gradients]
+        return self._solved(dampings, position, coordinates, np.outer(self.gradient, lanes), own)
 
     def curved(
         self,
@@ -151,8 +153,8 @@ class NormalEquations:
         position: Array,
         coordinates: Coordinates,
         curved: Sequence[Array],
-    ) -> list[tuple[Array, list[Array]]]:
-        """Second-order corrections of steps along a curved valley (geodesic acceleration).
+    ) -> tuple[Array, list[Array]]:
+        """Second-order corrections of `steps` along a curved valley (geodesic acceleration).
 
         Args:
             dampings: (n_lane,) damping of each step.
@@ -161,46 +163,37 @@ class NormalEquations:
             curved: For each record the result of `curved` along each step.
 
         Returns:
-            For each lane (n_parameter,) and for each record (n_state,).
+            As `steps`; zero if the second derivative is not finite.
 
         Source:
             Geodesic acceleration by Transtrum and Sethna, arXiv preprint 1201.5885 (2012).
         """
         n = position.size
-        gradient, state_gradients = np.zeros((n, dampings.size)), []
+        gradients, own = np.zeros((n, dampings.size)), []
         for k, each in enumerate(curved):
             right = -0.5 * each
             coupled = self.couplings[k].T @ solution(self.state_matrices[k], right[n:])
-            gradient += right[:n] - coupled
-            state_gradients.append(right[n:])
-        found = []
-        for lane, damping in enumerate(dampings):
-            own = [each[:, lane] for each in state_gradients]
-            if np.isfinite(gradient[:, lane]).all():
-                found.append(
-                    self._solved(float(damping), position, coordinates, gradient[:, lane], own)
-                )
-            else:
-                found.append((np.zeros(n), [np.zeros_like(each) for each in own]))
-        return found
+            gradients += right[:n] - coupled
+            own.append(right[n:])
+        return self._solved(dampings, position, coordinates, gradients, own)
 
     def _solved(
         self,
-        damping: float,
+        dampings: Array,
         position: Array,
         coordinates: Coordinates,
-        gradient: Array,
+        gradients: Array,
         state_gradients: Sequence[Array],
     ) -> tuple[Array, list[Array]]:
-        step = self._free_step(damping, position, coordinates, gradient)
-        step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
-        moved: list[Array] = [
-            solution(matrix, right - coupling @ step)
-            for matrix, coupling, right in zip(
-                self.state_matrices, self.couplings, state_gradients, strict=True
-            )
-        ]
-        return np.asarray(step), moved
+        steps, moves = np.zeros_like(gradients), [np.zeros_like(g) for g in state_gradients]
+        for lane in np.flatnonzero(np.isfinite(gradients).all(axis=0)):
+            step = self._free_step(dampings[lane], position, coordinates, gradients[:, lane])
+            step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
+            steps[:, lane] = step
+            for k, right in enumerate(state_gradients):
+                own = right[:, lane] - self.couplings[k] @ step
+                moves[k][:, lane] = solution(self.state_matrices[k], own)
+        return steps, moves
 
     def _free_step(
         self, damping: float, position: Array, coordinates: Coordinates, gradient: Array

@@ -228,13 +228,12 @@ def optimised(
             break
         if number >= _TRIED and cost - _OPTIMISM * decrement > limits.abandon_cost:
             break
-        trial = _ladder(equations, coordinates, at, x0, ladder)
+        steps, moves = equations.steps(ladder, at, coordinates)
+        trial = at[:, None] + steps, [x[:, None] + move for x, move in zip(x0, moves, strict=True)]
         costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
         best = int(np.argmin(costs))
         if cost - costs[best] < _STRAIGHT * decrement - _ENOUGH:
-            bent = _bent(
-                simulator, equations, coordinates, (at, x0), trial, weighting, ladder=ladder
-            )
+            bent = _bent(equations, coordinates, (at, x0), trial, weighting, ladder)
             bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
             if bent_costs.min() < costs[best]:
                 trial, costs, sized = bent, bent_costs, bent_sized
@@ -255,50 +254,31 @@ def optimised(
 
 
 def _bent(
-    simulator: Simulator,
     equations: NormalEquations,
     coordinates: Coordinates,
-    place: tuple[Array, Sequence[Array]],
+    start: tuple[Array, Sequence[Array]],
     trial: tuple[Array, list[Array]],
     weighting: Weighting,
-    *,
     ladder: Array,
 ) -> tuple[Array, list[Array]]:
     """The steps of a ladder with geodesic acceleration.
 
     The second derivative along each step comes from one more simulation at a tenth of the step.
     """
-    at, x0 = place
-    steps = trial[0] - at[:, None]
-    moves = [end - start[:, None] for end, start in zip(trial[1], x0, strict=True)]
-    probe = simulator.logged(
-        coordinates.values(at[:, None] + _PROBE * steps),
-        [start[:, None] + _PROBE * move for start, move in zip(x0, moves, strict=True)],
+    at, x0 = start[0][:, None], [x[:, None] for x in start[1]]
+    steps = trial[0] - at
+    moves = [end - x for end, x in zip(trial[1], x0, strict=True)]
+    probe = equations.derivatives.simulator.logged(
+        coordinates.values(at + _PROBE * steps),
+        [x + _PROBE * move for x, move in zip(x0, moves, strict=True)],
     )
     directions = [np.concatenate([steps, move]) for move in moves]
     curved, finite = equations.curved(directions, probe, _PROBE, weighting)
-    bends = equations.bends(ladder, at, coordinates, curved)
-    position, states = trial[0].copy(), [end.copy() for end in trial[1]]
-    for lane in np.flatnonzero(finite):
-        bend, state_bends = bends[lane]
-        position[:, lane] = np.clip(position[:, lane] + bend, coordinates.lower, coordinates.upper)
-        for k, state_bend in enumerate(state_bends):
-            states[k][:, lane] += state_bend
-    return position, states
-
-
-def _ladder(
-    equations: NormalEquations,
-    coordinates: Coordinates,
-    at: Array,
-    x0: Sequence[Array],
-    ladder: Array,
-) -> tuple[Array, list[Array]]:
-    """Ends of the steps of a ladder: (n_parameter, n_damping), per record (n_state, n_damping)."""
-    ends = [equations.step(damping, at, coordinates) for damping in ladder]
-    position = np.column_stack([at + step for step, _ in ends])
+    bends, state_bends = equations.bends(ladder, start[0], coordinates, curved)
+    lower, upper = coordinates.lower[:, None], coordinates.upper[:, None]
+    position = np.where(finite, np.clip(trial[0] + bends, lower, upper), trial[0])
     states = [
-        np.column_stack([start + moved[k] for _, moved in ends]) for k, start in enumerate(x0)
+        np.where(finite, end + bend, end) for end, bend in zip(trial[1], state_bends, strict=True)
     ]
     return position, states
 
