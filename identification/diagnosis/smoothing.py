@@ -37,7 +37,7 @@ from identification.diagnosis.filtering import (
 )
 from identification.model.scan import scan_of
 
-__all__ = ["Trace", "surprises", "traces"]
+__all__ = ["MissingSignals", "surprises", "traces"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ pass takes the blocks in reverse order and starts each from the state stored by 
 
 
 @dataclass(frozen=True)
-class Trace:
+class MissingSignals:
     """Missing voltage and torque of one record.
 
     Args:
@@ -83,7 +83,7 @@ def surprises(
     return found
 
 
-def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Trace]:
+def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[MissingSignals]:
     """Smoothed missing voltage and torque of all records.
 
     Args:
@@ -98,7 +98,7 @@ def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Trace]
     found = []
     for pieces in _batches(deviation.pieces):
         for trace in _passes(deviation, pieces, hyper, known, traced):
-            found.append(Trace(trace[:, :2], trace[:, 2:]))
+            found.append(MissingSignals(trace[:, :2], trace[:, 2:]))
     return found
 
 

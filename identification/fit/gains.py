@@ -104,10 +104,10 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
         tuple(_scaled(record, ratios.get(record.run, 1.0)) for record in records)
         for records in (campaign.training, campaign.validation)
     )
-    told = ", ".join(f"{gain.name} ({gain.ratio:.3g} times)" for gain in gains)
+    runs = ", ".join(f"{gain.name} ({gain.ratio:.3g} times)" for gain in gains)
     message = (
         f"the gain of the current sensor is not determined: for the same current it reads "
-        f"differently in {told} than in {campaign.training[0].name}; all runs were taken as the "
+        f"differently in {runs} than in {campaign.training[0].name}; all runs were taken as the "
         "latter reads them, so Ra25, L, J, b and torques are known up to that gain"
     )
     return replace(

@@ -65,7 +65,9 @@ def identified(
             estimate = fit.values[k] * (_moved(fit, k, deviations[k]) if by_runs else 1.0)
             answer[parameter.name] = bool(physical < _RELATIVE * abs(estimate))
         else:
-            answer[parameter.name] = bool(deviations[k] < _PRIOR_SHARE * _beforehand(parameter))
+            answer[parameter.name] = bool(
+                deviations[k] < _PRIOR_SHARE * _prior_deviation(parameter)
+            )
     return answer
 
 
@@ -82,7 +84,7 @@ def _moved(fit: Fit, k: int, deviation: float) -> float:
     return float(np.exp(np.clip(step * (deviation / fit.coordinates.prior_sd[k]) ** 2, -50, 50)))
 
 
-def _beforehand(parameter: Parameter) -> float:
+def _prior_deviation(parameter: Parameter) -> float:
     """Standard deviation of the general prior, in search coordinates."""
     return _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
 

@@ -168,7 +168,9 @@ def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
     parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
     own = 1.0 / float(fit.coordinates.prior_sd[k]) ** 2
     precision = _precision(fit, fraction, k) - own
-    precision = 1.0 / (1.0 / precision + _unsaid(fit, prior.name) ** 2) if precision > 0 else 0.0
+    precision = (
+        1.0 / (1.0 / precision + _unlogged_spread(fit, prior.name) ** 2) if precision > 0 else 0.0
+    )
     slope = float(fit.coordinates.slopes(fit.position)[k])
     estimate = float(fit.values[k])
     if not precision > _NOTHING * float(fit.equations.matrix[k, k]):
@@ -186,7 +188,7 @@ def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
     return Comparison(prior, estimate, slope * sd, distance)
 
 
-def _unsaid(fit: Fit, name: str) -> float:
+def _unlogged_spread(fit: Fit, name: str) -> float:
     """Standard deviation added if temperatures are known only relative to each other."""
     return _WITHOUT_TEMPERATURE.get(name, 0.0) if fit.simulator.model.unlogged.is_relative else 0.0
 

@@ -213,11 +213,11 @@ def effective_fraction(fit: Fit) -> float:
             own = scaled.T @ scaled
             plain += own
             curvature += slopes[channel] * own
-            place = (block.record, channel)
-            begin = ends.get(place, np.zeros((taps.size - 1, n)))
+            key = (block.record, channel)
+            begin = ends.get(key, np.zeros((taps.size - 1, n)))
             counted = whitened * (weight > 0) * (power / deviation**2)
             # Its Gram matrix is the covariance of the gradient, except at the ends of a record.
-            spread, ends[place] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
+            spread, ends[key] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
             gradient += spread.T @ spread
     prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
     factor = root(plain + prior)

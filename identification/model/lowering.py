@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import casadi as ca
 
@@ -55,14 +55,11 @@ _INTRINSIC_2 = {
 }
 
 
-class _Value:
-    """Operand: its name in the LLVM text and its class."""
+class _Value(NamedTuple):
+    """Operand: its name in the LLVM text, and constant, shared, lane or literal."""
 
-    __slots__ = ("name", "place")
-
-    def __init__(self, name: str, place: str) -> None:
-        self.name = name
-        self.place = place  # "constant", "shared", "lane" or "literal"
+    name: str
+    stage: str
 
 
 class Translation:
@@ -117,10 +114,10 @@ class Translation:
         self._count += 1
         return f"%{self._prefix}{self._count}"
 
-    def _emit(self, place: str, expression: str) -> _Value:
+    def _emit(self, stage: str, expression: str) -> _Value:
         name = self._new()
-        self.lines[place].append(f"  {name} = {expression}")
-        return _Value(name, place)
+        self.lines[stage].append(f"  {name} = {expression}")
+        return _Value(name, stage)
 
     def _input(self, which: int, row: int) -> _Value:
         if which == 0:
@@ -142,9 +139,9 @@ class Translation:
         return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
 
     def _as_vector(self, value: _Value) -> str:
-        if value.place == "literal":
+        if value.stage == "literal":
             return "<" + ", ".join([f"double {value.name}"] * LANES) + ">"
-        if value.place != "shared":
+        if value.stage != "shared":
             return value.name
         if value.name not in self._spread:
             lines = self.lines["shared"]
@@ -160,23 +157,23 @@ class Translation:
     # -- operations ---------------------------------------------------------------------------
 
     def _operation(self, operation: int, operands: list[_Value]) -> _Value:
-        places = {operand.place for operand in operands} - {"literal"}
-        if places <= {"shared"}:
-            place, kind, mask = "shared", "double", "i1"
+        stages = {operand.stage for operand in operands} - {"literal"}
+        if stages <= {"shared"}:
+            stage, kind, mask = "shared", "double", "i1"
             names = [operand.name for operand in operands]
         else:
-            place = "constant" if places == {"constant"} else "lane"
+            stage = "constant" if stages == {"constant"} else "lane"
             kind, mask = VECTOR, _MASK
             names = [self._as_vector(operand) for operand in operands]
 
         def emit(expression: str) -> _Value:
-            return self._emit(place, expression)
+            return self._emit(stage, expression)
 
         def number(x: float) -> str:
             literal = _literal(x)
             return literal.name if kind == "double" else self._as_vector(literal)
 
-        if operation == ca.OP_DIV and operands[1].place != place:
+        if operation == ca.OP_DIV and operands[1].stage != stage:
             inverse = self._reciprocal(operands[1])
             return self._operation(ca.OP_MUL, [operands[0], inverse])
         if operation in _BINARY:
@@ -277,9 +274,4 @@ def _half(operand: str, half: int) -> str:
 
 def _literal(x: float) -> _Value:
     """Number in LLVM's exact hexadecimal notation."""
-    bits = int.from_bytes(_double(x), "big")
-    return _Value(f"0x{bits:016X}", "literal")
-
-
-def _double(x: float) -> bytes:
-    return struct.pack(">d", float(x))
+    return _Value(f"0x{struct.pack('>d', float(x)).hex().upper()}", "literal")

@@ -184,8 +184,8 @@ def _reduced(
     columns = tuple(k for k, needed in enumerate(used) if needed)
     few = ca.SX.sym("u", len(columns))
     row = ca.SX.zeros(len(INPUTS))
-    for place, k in enumerate(columns):
-        row[k] = few[place]
+    for index, k in enumerate(columns):
+        row[k] = few[index]
     reduced = []
     for f in functions:
         carry = ca.SX.sym("x", f.size1_in(0))

@@ -51,13 +51,13 @@ class _Point:
         position: (n_parameter,) search coordinates.
         states: For each record (n_state,) the best initial state.
         precision: (n_parameter, n_parameter) inverse covariance at the point.
-        fall: Drop of the log density from the optimum.
+        drop: Drop of the log density from the optimum.
     """
 
     position: Array
     states: tuple[Array, ...]
     precision: Array
-    fall: float
+    drop: float
 
 
 @dataclass(frozen=True)
@@ -137,10 +137,10 @@ def _excess(fit: Fit, fraction: float, directions: list[_Direction]) -> Array:
         for k, start in enumerate(fit.states)
     ]
     falls = _falls(fit, fraction, position, states)
-    unlike = np.abs(falls - 0.5 * _PROBE**2)
-    unlike = np.where(np.isinf(fit.coordinates.log_prior(position)), _CUT, unlike)
-    unlike = np.where(np.isfinite(unlike), unlike, np.inf)
-    return np.asarray(np.maximum(unlike[:count], unlike[count:]))
+    excess = np.abs(falls - 0.5 * _PROBE**2)
+    excess = np.where(np.isinf(fit.coordinates.log_prior(position)), _CUT, excess)
+    excess = np.where(np.isfinite(excess), excess, np.inf)
+    return np.asarray(np.maximum(excess[:count], excess[count:]))
 
 
 def _falls(fit: Fit, fraction: float, position: Array, states: list[Array]) -> Array:
@@ -160,16 +160,16 @@ def _traced(fit: Fit, fraction: float, direction: _Direction, sign: float) -> di
     abscissa, step = 0.0, _STEP
     slope = direction.tangent
     here = _Point(fit.position, fit.states, fit.equations.precision(fraction), 0.0)
-    while len(found) < _MOST and here.fall < _ENOUGH:
+    while len(found) < _MOST and here.drop < _ENOUGH:
         abscissa += sign * step
         # Extrapolate from the last two points of the ridge.
         ahead = here.position + sign * step * slope
         point = _constrained_optimum(fit, fraction, ahead, here.states, direction, abscissa)
-        if point is None or not point.fall < 2.0 * _ENOUGH:
+        if point is None or not point.drop < 2.0 * _ENOUGH:
             break
         slope = (point.position - here.position) / (sign * step)
         # Longer steps reach the end of a long tail.
-        step *= _LONGER if point.fall - here.fall < _GENTLE else 1.0
+        step *= _LONGER if point.drop - here.drop < _GENTLE else 1.0
         here = found[abscissa] = point
     return found
 
@@ -248,7 +248,7 @@ def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float,
     for point in traced:
         root = _scaled_root(basis.T @ point.precision @ basis)
         roots.append(root)
-        log_density.append(float(np.sum(np.log(np.diag(root)))) - point.fall)
+        log_density.append(float(np.sum(np.log(np.diag(root)))) - point.drop)
     return Ridge(
         centre=fit.position,
         tangent=tangent,

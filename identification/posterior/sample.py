@@ -47,7 +47,7 @@ _LEAST_STEPS: Final = 80
 _GLIMPSE: Final = 20
 """Steps of a chain whose budget is too small for convergence."""
 _LENGTHS: Final = 50.0
-_STAND_IN: Final = 2000
+_REPLACED: Final = 2000
 """Number of draws that replace an unconverged chain."""
 _TRIAL: Final = 300
 """Steps after which a chain is abandoned if the step limit is too low for its convergence."""
@@ -154,13 +154,13 @@ def sample(
     )
     if found.convergence.reached or was_interrupted():
         return found
-    return _standing_in(found, posterior, seed, work)
+    return _replaced(found, posterior, seed, work)
 
 
-def _standing_in(found: Sample, posterior: Posterior, seed: int, work: float) -> Sample:
+def _replaced(found: Sample, posterior: Posterior, seed: int, work: float) -> Sample:
     """Replace the draws of an unconverged chain by importance or normal draws."""
     walkers = found.convergence.walkers
-    count = walkers * max(_STAND_IN // walkers, 1)
+    count = walkers * max(_REPLACED // walkers, 1)
     weighted = weighted_draws(posterior, seed, count, work)
     points, density = weighted.points, weighted.log_density
     if not weighted.is_reliable:
