@@ -1,6 +1,7 @@
 """Performance of the identified motor in a closed speed loop at chosen temperatures.
 
     controller.py     controllers: P:1, PI:2,0.5, PID:2,0.5,0.1 and the class of further ones
+    metrics.py        step metrics, and their distribution over the posterior draws
     loop.py           motor and controller as transfer functions, one for each draw
     roots.py          roots of many polynomials at once
     modes.py          sums of exponential modes, also for coincident poles
@@ -8,7 +9,7 @@
     turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly
-    spread.py         these metrics over the posterior draws: the feedback list of a result
+    spread.py         the feedback list of a result: these metrics at each temperature
     curves.py         step responses with bands, for plotting
     closed_loop.py    simulation of the loop with the effects of the motor
     sampled.py        rise, settling, peak and overshoot of a simulated response
@@ -27,7 +28,8 @@ from identification.feedback.controller import (
     parse_controllers,
 )
 from identification.feedback.curves import StepCurve, step_curves
-from identification.feedback.spread import METRIC_UNITS, feedback_metrics
+from identification.feedback.metrics import METRIC_UNITS
+from identification.feedback.spread import feedback_metrics
 
 __all__ = [
     "METRIC_UNITS",

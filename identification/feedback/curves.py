@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import close, motor_draws
 from identification.feedback.spread import checked_temperatures
-from identification.feedback.step_response import StepResponse, step_characteristics
+from identification.feedback.step_response import StepResponse, step_metrics
 
 __all__ = ["StepCurve", "step_curves"]
 
@@ -90,7 +90,7 @@ def step_curves(
 
 def _length(response: StepResponse) -> float:
     """Plot length that is long enough for 90 % of the draws [s]."""
-    settling = _BEYOND_SETTLING * step_characteristics(response).settling_time
+    settling = _BEYOND_SETTLING * step_metrics(response).settling_time
     growth = np.abs(response.poles.real).max(axis=1)
     unsettled = _GROWTHS / np.where(growth > 0, growth, np.abs(response.poles).max(axis=1))
     growing = response.poles.real.max(axis=1)

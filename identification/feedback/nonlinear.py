@@ -27,9 +27,10 @@ from identification.feedback.closed_loop import (
 )
 from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import close, motor_draws
-from identification.feedback.sampled import SampledEvents, is_at_rest, sampled_events
-from identification.feedback.spread import METRIC_UNITS, checked_temperatures, quantity
-from identification.feedback.step_response import StepResponse, step_characteristics
+from identification.feedback.metrics import StepMetrics, quantities
+from identification.feedback.sampled import is_at_rest, sampled_metrics
+from identification.feedback.spread import checked_temperatures
+from identification.feedback.step_response import StepResponse, step_metrics
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 
@@ -58,7 +59,7 @@ class SimulatedLoop:
         effects: Names of the effects in the loop.
         time: (n_time,) from 0 [s].
         speed: (n_time, n_draw) divided by the step [-].
-        events: Metrics of the responses.
+        metrics: Metrics of the responses.
         settled: (n_draw,) whether the speed settled at its final value.
     """
 
@@ -68,7 +69,7 @@ class SimulatedLoop:
     effects: tuple[str, ...]
     time: Array
     speed: Array
-    events: SampledEvents
+    metrics: StepMetrics
     settled: NDArray[np.bool_]
 
 
@@ -115,30 +116,16 @@ def nonlinear_entries(loops: Sequence[SimulatedLoop]) -> list[dict[str, Any]]:
 
 
 def _entry(loop: SimulatedLoop) -> dict[str, Any]:
-    events = loop.events
-    nothing = np.full(loop.settled.size, np.nan)
-    columns = {
-        "rise_time_s": events.rise_time,
-        "settling_time_s": events.settling_time,
-        "peak": events.peak,
-        "peak_time_s": events.peak_time,
-        "overshoot_percent": events.overshoot,
-        "steady_state": events.steady_state,
-        "gain_margin_db": nothing,
-        "phase_margin_deg": nothing,
-        "bandwidth_rad_s": nothing,
-    }
-    share = float(loop.settled.mean())
-    words = f"all {loop.settled.size}" if share == 1 else f"{100 * share:.3g} % of"
-    draws = "" if share == 1 else f" {loop.settled.size}"
+    count, share = loop.settled.size, float(loop.settled.mean())
+    words = f"all {count}" if share == 1 else f"{100 * share:.3g} % of {count}"
     return {
         "temperature_degC": loop.temperature_degC,
         "controller": loop.controller,
         "step_rad_s": loop.step,
         "effects": list(loop.effects),
         "stable_probability": share,
-        "statement": f"the speed settles in {words}{draws} draws",
-    } | {name: quantity(values, METRIC_UNITS[name]) for name, values in columns.items()}
+        "statement": f"the speed settles in {words} draws",
+    } | quantities(loop.metrics, [np.full(count, np.nan)] * 3, slice(None))
 
 
 class _Bench:
@@ -193,9 +180,9 @@ class _Bench:
         None if fewer than half of the linear loops settle.
         """
         motors = motor_draws(self.draws, self.temperatures)
-        linear = step_characteristics(StepResponse(close(motors, self.temperatures, controller)))
-        settling = linear.settling_time[linear.is_stable & np.isfinite(linear.settling_time)]
-        if settling.size < 0.5 * linear.is_stable.size:
+        linear = step_metrics(StepResponse(close(motors, self.temperatures, controller)))
+        settling = linear.settling_time[np.isfinite(linear.settling_time)]
+        if settling.size < 0.5 * linear.settling_time.size:
             return None
         return _BEYOND_SETTLING * float(np.quantile(settling, 0.95))
 
@@ -206,10 +193,8 @@ class _Bench:
         """
         middle = np.median(self.values[:7], axis=1, keepdims=True)
         runs = self._runs(ClosedLoop((), controller=controller), middle, 1.0, horizon, _SAMPLES)
-        peaks = [
-            max(float(np.abs(getattr(run, name)).max()) for run in runs)
-            for name in ("current", "speed", "voltage")
-        ]
+        signals = zip(*((run.current, run.speed, run.voltage) for run in runs), strict=True)
+        peaks = [float(np.abs(signal).max()) for signal in signals]
         largest = float(np.min(self.range / np.maximum(peaks, 1e-300)))
         if not 0.0 < largest < np.inf:
             return None
@@ -226,7 +211,7 @@ class _Bench:
 
     def _converged(
         self, loop: ClosedLoop, step: float, horizon: float
-    ) -> tuple[list[LoopRun], list[SampledEvents]]:
+    ) -> tuple[list[LoopRun], list[StepMetrics]]:
         """Simulate for longer and with shorter intervals until the metrics converge."""
         samples = _SAMPLES
         runs = self._runs(loop, self.values, step, horizon, samples)
@@ -261,14 +246,17 @@ def _settled(run: LoopRun, step: float) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(run.speed).all(axis=0) & is_at_rest(run.speed / step))
 
 
-def _events(run: LoopRun, step: float) -> SampledEvents:
-    return sampled_events(run.time, run.speed / step, run.acceleration / step)
+def _events(run: LoopRun, step: float) -> StepMetrics:
+    return sampled_metrics(run.time, run.speed / step, run.acceleration / step)
 
 
-def _agree(coarse: SampledEvents, fine: SampledEvents) -> bool:
+def _agree(coarse: StepMetrics, fine: StepMetrics) -> bool:
     """Whether halving the interval changes the metrics by at most 0.1 % in 90 % of the draws."""
-    for name in ("rise_time", "settling_time", "steady_state"):
-        a, b = getattr(coarse, name), getattr(fine, name)
+    for a, b in (
+        (coarse.rise_time, fine.rise_time),
+        (coarse.settling_time, fine.settling_time),
+        (coarse.steady_state, fine.steady_state),
+    ):
         both = np.isfinite(a) & np.isfinite(b)
         if both.any() and np.quantile(np.abs(a[both] / b[both] - 1), 0.9) > _AGREE:
             return False

@@ -11,48 +11,25 @@ cogging oscillates around it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SampledEvents", "is_at_rest", "sampled_events"]
+from identification.feedback.metrics import BAND, RISE, StepMetrics
+
+__all__ = ["is_at_rest", "sampled_metrics"]
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
-_RISE: Final = (0.1, 0.9)
-_BAND: Final = 0.02
 _LAST: Final = 0.1
 _LEAST_FINAL: Final = 0.01
+# Accuracy of the simulation.
 _LEAST_OVERSHOOT: Final = 1e-4
 _STILL: Final = 1e-3
 _HALVINGS: Final = 40
-
-
-@dataclass(frozen=True)
-class SampledEvents:
-    """Metrics of simulated step responses; each (n_loop,), NaN if undefined.
-
-    Args:
-        rise_time: Time from the first crossing of 10 % to the first of 90 % of the final value [s].
-        settling_time: Last entry into the 2 % band around the final value; NaN if the response does
-            not settle [s].
-        peak: Largest value, in the direction of the final value [step].
-        peak_time: Time of the peak; NaN without overshoot [s].
-        overshoot: Excess of the peak over the final value; 0 below 0.01 %, the accuracy of the
-            simulation [%].
-        steady_state: Final value [step].
-    """
-
-    rise_time: Array
-    settling_time: Array
-    peak: Array
-    peak_time: Array
-    overshoot: Array
-    steady_state: Array
 
 
 def is_at_rest(speed: Array) -> Bool:
@@ -66,8 +43,8 @@ def is_at_rest(speed: Array) -> Bool:
         return np.asarray(np.abs(last - before) <= _STILL * np.maximum(np.abs(last), _LEAST_FINAL))
 
 
-def sampled_events(time: Array, speed: Array, slope: Array) -> SampledEvents:
-    """Metrics of simulated step responses.
+def sampled_metrics(time: Array, speed: Array, slope: Array) -> StepMetrics:
+    """Metrics of simulated step responses; the settling time is NaN if a response does not settle.
 
     Args:
         time: (n_time,) uniform, from 0 [s].
@@ -82,7 +59,7 @@ def sampled_events(time: Array, speed: Array, slope: Array) -> SampledEvents:
         response = _Response(time, speed[:, usable] / scale, slope[:, usable] / scale)
         columns[:, usable] = (*response.rise(), response.settling(), *response.peak())
     first, second, settling, excess, peak_time = columns
-    return SampledEvents(
+    return StepMetrics(
         rise_time=second - first,
         settling_time=settling,
         peak=final * (1 + excess),
@@ -110,17 +87,17 @@ class _Response:
 
     def rise(self) -> tuple[Array, Array]:
         """First crossings of 10 % and of 90 %, NaN if there is none [s]."""
-        first, second = (self._crossing(self.value >= level, level) for level in _RISE)
+        first, second = (self._crossing(self.value >= level, level) for level in RISE)
         return first, second
 
     def settling(self) -> Array:
         """Time of the last entry into the band; NaN if the last tenth leaves the band [s]."""
-        outside = np.abs(self.value - 1) > _BAND
+        outside = np.abs(self.value - 1) > BAND
         last = outside.shape[0] - 1 - np.argmax(outside[::-1], axis=0)
         last = np.where(outside.any(axis=0), last, 0)
         ended = last < (1 - _LAST) * (outside.shape[0] - 1)
         at = np.minimum(last, outside.shape[0] - 2)
-        side = 1 + _BAND * np.sign(self.value[at, self.loops] - 1)
+        side = 1 + BAND * np.sign(self.value[at, self.loops] - 1)
         return np.where(ended, self._root(at, side), np.nan)
 
     def peak(self) -> tuple[Array, Array]:
@@ -131,11 +108,11 @@ class _Response:
         for begin in (top - 1, top):
             # The maximum lies in the interval before or after the highest sample.
             at = np.clip(begin, 0, self.value.shape[0] - 2)
-            place = self._turning(at)
-            value = self._at(at, place) - 1
+            position = self._turning(at)
+            value = self._at(at, position) - 1
             higher = value > excess
             excess = np.where(higher, value, excess)
-            time = np.where(higher, self.time[at] + place * self.interval, time)
+            time = np.where(higher, self.time[at] + position * self.interval, time)
         passes = excess > _LEAST_OVERSHOOT
         return np.where(passes, excess, 0.0), np.where(passes, time, np.nan)
 
@@ -160,14 +137,14 @@ class _Response:
         s0, s1 = self.slope[at, self.loops], self.slope[at + 1, self.loops]
         return y0, s0, 3 * (y1 - y0) - 2 * s0 - s1, 2 * (y0 - y1) + s0 + s1
 
-    def _at(self, at: Index, place: Array) -> Array:
+    def _at(self, at: Index, position: Array) -> Array:
         a, b, c, d = self._parts(at)
-        return np.asarray(a + place * (b + place * (c + place * d)))
+        return np.asarray(a + position * (b + position * (c + position * d)))
 
     def _turning(self, at: Index) -> Array:
         """Position of the maximum of the cubic in interval `at`, 0 if it has none [-]."""
         _, b, c, d = self._parts(at)
         with np.errstate(all="ignore"):
             root = np.sqrt(np.maximum(c * c - 3 * b * d, 0.0))
-            place = np.where(c > 0, -(c + root) / (3 * d), b / (root - c))
-        return np.where(np.isfinite(place), np.clip(place, 0.0, 1.0), 0.0)
+            position = np.where(c > 0, -(c + root) / (3 * d), b / (root - c))
+        return np.where(np.isfinite(position), np.clip(position, 0.0, 1.0), 0.0)

@@ -1,50 +1,21 @@
-"""Feedback list of a result: each metric with its spread over the posterior draws.
-
-Each draw is evaluated in a loop of its own, before means and quantiles are taken.  A metric of a
-draw may be undefined or infinite, and both are reported:
-
-    undefined   a time of an unstable loop, or the peak time of a response without overshoot.  Such
-                draws are excluded, and `defined_fraction` is the fraction that remains.  If it is
-                below one half, all numbers are null: the minority would not be typical.
-    infinite    a gain margin if no gain reaches the stability limit, or a phase margin if the loop
-                gain is below 1 everywhere.  Such draws rank above all others in the quantiles, and
-                `infinite_fraction` is their fraction of the defined draws.  A quantile that is
-                infinite is null; mean and standard deviation are null if any draw is infinite.
-"""
+"""Feedback list of a result: the metrics of each controller at each temperature."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from identification.errors import OptionError
 from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.loop import Loop, close, motor_draws
 from identification.feedback.margins import bandwidth, stability_margins
-from identification.feedback.step_response import StepResponse, step_characteristics
+from identification.feedback.metrics import LEAST_DEFINED, quantities
+from identification.feedback.step_response import StepResponse, step_metrics
 
-__all__ = ["METRIC_UNITS", "checked_temperatures", "feedback_metrics", "quantity"]
-
-Array = NDArray[np.float64]
-
-METRIC_UNITS: Final = {
-    "rise_time_s": "s",
-    "settling_time_s": "s",
-    "peak": "rad/s",
-    "peak_time_s": "s",
-    "overshoot_percent": "%",
-    "steady_state": "rad/s",
-    "gain_margin_db": "dB",
-    "phase_margin_deg": "deg",
-    "bandwidth_rad_s": "rad/s",
-}
-"""Unit of each metric; `peak` and `steady_state` are for a reference step of 1 rad/s."""
-
-_QUANTILES: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}
-_LEAST_DEFINED: Final = 0.5
+__all__ = ["checked_temperatures", "feedback_metrics"]
 
 
 @np.errstate(all="ignore")
@@ -73,13 +44,13 @@ def feedback_metrics(
         contract.md, "result.json" and "Default feedback loop".
     """
     parsed = parse_controllers(controllers)
-    asked = checked_temperatures(temperatures)
-    motors = motor_draws(draws, asked)
+    checked = checked_temperatures(temperatures)
+    motors = motor_draws(draws, checked)
     return [
         {"temperature_degC": temperature, "controller": controller.text} | entry
         for controller in parsed
         for temperature, entry in zip(
-            asked, _entries(close(motors, asked, controller), len(asked)), strict=True
+            checked, _entries(close(motors, checked, controller), len(checked)), strict=True
         )
     ]
 
@@ -93,72 +64,30 @@ def checked_temperatures(temperatures: Sequence[float]) -> list[float]:
     Raises:
         OptionError: There is none, or one is out of this range.
     """
-    asked = [float(temperature) for temperature in temperatures]
-    if not asked:
+    checked = [float(temperature) for temperature in temperatures]
+    if not checked:
         raise OptionError("no temperature given; expected at least one in degC, for example 25")
-    for temperature in asked:
+    for temperature in checked:
         if not -273.15 < temperature < 400.0:
             raise OptionError(
                 f"temperature is {temperature:g} degC; expected -273.15 to 400 degC",
                 value=temperature,
             )
-    return asked
-
-
-def quantity(values: Array, unit: str) -> dict[str, Any]:
-    """Mean, standard deviation and quantiles over draws, as the module's docstring defines them.
-
-    Args:
-        values: (n_draw,), NaN if undefined, infinite if infinite.
-        unit: Unit of the values.
-    """
-    defined = values[~np.isnan(values)]
-    fraction = defined.size / values.size
-    finite = np.isfinite(defined)
-    numbers: dict[str, float | None] = dict.fromkeys(("mean", "sd", *_QUANTILES))
-    if defined.size and fraction >= _LEAST_DEFINED:
-        if finite.all():
-            numbers["mean"], numbers["sd"] = float(defined.mean()), float(defined.std())
-        ordered = np.sort(defined)
-        for name, share in _QUANTILES.items():
-            numbers[name] = _quantile(ordered, share)
-    return numbers | {
-        "unit": unit,
-        "defined_fraction": fraction,
-        "infinite_fraction": float(1 - finite.mean()) if defined.size else 0.0,
-    }
-
-
-def _quantile(ordered: Array, share: float) -> float | None:
-    """Interpolated quantile, None if it falls among infinite values."""
-    position = share * (ordered.size - 1)
-    low, high = ordered[int(np.floor(position))], ordered[int(np.ceil(position))]
-    if not np.isfinite(high):
-        return None
-    return float(low + (position % 1) * (high - low))
+    return checked
 
 
 def _entries(loop: Loop, n_temperature: int) -> Iterator[dict[str, Any]]:
-    step = step_characteristics(StepResponse(loop))
-    margins = stability_margins(loop)
-    columns = {
-        "rise_time_s": step.rise_time,
-        "settling_time_s": step.settling_time,
-        "peak": step.peak,
-        "peak_time_s": step.peak_time,
-        "overshoot_percent": step.overshoot,
-        "steady_state": step.steady_state,
-        "gain_margin_db": margins.gain_db,
-        "phase_margin_deg": margins.phase_deg,
-        "bandwidth_rad_s": np.where(step.is_stable, bandwidth(loop), np.nan),
-    }
-    rows = np.split(np.arange(step.is_stable.size), n_temperature)
-    for row in rows:
-        stable = float(step.is_stable[row].mean())
-        spread = {
-            name: quantity(values[row], METRIC_UNITS[name]) for name, values in columns.items()
-        }
-        yield {"stable_probability": stable, "statement": _statement(stable, row.size), **spread}
+    response = StepResponse(loop)
+    step, margins = step_metrics(response), stability_margins(loop)
+    frequency = np.where(response.is_stable, bandwidth(loop), np.nan)
+    n_draw = response.is_stable.size // n_temperature
+    for first in range(0, response.is_stable.size, n_draw):
+        rows = slice(first, first + n_draw)
+        stable = float(response.is_stable[rows].mean())
+        yield {
+            "stable_probability": stable,
+            "statement": _statement(stable, n_draw),
+        } | quantities(step, (margins.gain_db, margins.phase_deg, frequency), rows)
 
 
 def _statement(stable: float, count: int) -> str:
@@ -169,6 +98,6 @@ def _statement(stable: float, count: int) -> str:
         where = "" if count == 1 else f" in all {count} draws"
         return f"unstable{where}: the speed does not settle; {consequence}"
     unstable = f"unstable in {100 * (1 - stable):.3g} % of {count} draws"
-    if stable < _LEAST_DEFINED:
+    if stable < LEAST_DEFINED:
         return f"{unstable}; {consequence}"
     return f"{unstable}; times, peak and bandwidth refer to the stable draws"

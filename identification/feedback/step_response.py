@@ -12,7 +12,6 @@ e(t) = y(t) / y_final - 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -21,48 +20,21 @@ from numpy.typing import NDArray
 
 from identification.feedback.envelope import bound_at, time_below
 from identification.feedback.loop import Loop
+from identification.feedback.metrics import BAND, RISE, StepMetrics
 from identification.feedback.modes import Modes
 from identification.feedback.roots import monic_roots
 from identification.feedback.turns import Turns, root
 
-__all__ = ["StepCharacteristics", "StepResponse", "step_characteristics"]
+__all__ = ["StepResponse", "step_metrics"]
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
-_RISE: Final = (0.1, 0.9)
-_BAND: Final = 0.02
 # A smaller relative excess over the final value is rounding, not overshoot.
 _LEAST_OVERSHOOT: Final = 1e-9
 _MOST_WINDOWS: Final = 200
 """Largest number of windows that are searched: 100 oscillations."""
-
-
-@dataclass(frozen=True)
-class StepCharacteristics:
-    """Metrics of step responses; each (n_loop,), NaN if undefined.
-
-    Times and peak are also NaN if 100 oscillations do not determine them.
-
-    Args:
-        is_stable: Whether all closed-loop poles have a negative real part.
-        rise_time: Time from the first crossing of 10 % to the first of 90 % of the final value [s].
-        settling_time: Last entry into the 2 % band around the final value [s].
-        peak: Largest value, in the direction of the final value; without overshoot the final value
-            itself, which is approached and never exceeded [rad/s].
-        peak_time: Time of the peak; NaN without overshoot [s].
-        overshoot: Excess of the peak over the final value; exactly 0 if no extremum exceeds it [%].
-        steady_state: Final value [rad/s].
-    """
-
-    is_stable: Bool
-    rise_time: Array
-    settling_time: Array
-    peak: Array
-    peak_time: Array
-    overshoot: Array
-    steady_state: Array
 
 
 class StepResponse:
@@ -109,11 +81,12 @@ class StepResponse:
         )
 
 
-def step_characteristics(response: StepResponse) -> StepCharacteristics:
+def step_metrics(response: StepResponse) -> StepMetrics:
     """Metrics of each step response.
 
     Args:
-        response: The responses; all metrics of unstable ones are NaN.
+        response: The responses.  All metrics of unstable ones are NaN; times and peak also if 100
+            oscillations do not determine them.
     """
     is_stable = response.is_stable
     usable = is_stable & np.isfinite(response.final) & (response.final != 0)
@@ -123,8 +96,7 @@ def step_characteristics(response: StepResponse) -> StepCharacteristics:
         rows = usable & (complex_count == count)
         columns[:, rows] = response.relative(rows).events()
     rise, settling, excess, peak_time = columns
-    return StepCharacteristics(
-        is_stable=is_stable,
+    return StepMetrics(
         rise_time=rise,
         settling_time=settling,
         peak=response.final * (1 + excess),
@@ -174,7 +146,7 @@ class _RelativeResponse:
     def _cross(self, piece: tuple[Array, Array], rows: Index, crossing: Array) -> None:
         """Store the first crossings that lie in monotone pieces."""
         begin, end = (self.error.at(time, rows) for time in piece)
-        for k, share in enumerate(_RISE):
+        for k, share in enumerate(RISE):
             level = share - 1
             has = np.isnan(crossing[k, rows]) & (begin < level) & (end >= level)
             bracket = piece[0][has], piece[1][has]
@@ -193,15 +165,15 @@ class _RelativeResponse:
 
     def _settling(self) -> Array:
         settling = np.zeros(self.size)
-        right, rows, windows = time_below(self.error, _BAND), np.arange(self.size), 0
+        right, rows, windows = time_below(self.error, BAND), np.arange(self.size), 0
         while rows.size:
             left = self.turns.window_begin(right, rows)
             turns = np.stack(self.turns.between(left, right, rows))
             values = self.error.at(turns, rows)
-            is_outside = np.abs(values[:-1]) > _BAND
+            is_outside = np.abs(values[:-1]) > BAND
             has = np.flatnonzero(is_outside.any(axis=0))
             last = is_outside.shape[0] - 1 - is_outside[::-1].argmax(axis=0)[has]
-            side = np.sign(values[last, has]) * _BAND
+            side = np.sign(values[last, has]) * BAND
             bracket = turns[last, has], turns[last + 1, has]
             settling[rows[has]] = self._reaches(side, bracket, rows[has])
             going = ~is_outside.any(axis=0) & (left > 0)

@@ -22,7 +22,7 @@ from identification.feedback import METRIC_UNITS, feedback_metrics
 from identification.feedback.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
 from identification.feedback.controller import parse_controller
 from identification.feedback.nonlinear import nonlinear_entries, simulated_loops
-from identification.feedback.sampled import sampled_events
+from identification.feedback.sampled import sampled_metrics
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
@@ -66,7 +66,7 @@ def test_a_linear_motor_has_the_exact_metrics(text: str, temperature: float) -> 
     (run,) = simulated_loop(
         loop, PAPER[:, None], np.zeros(0), 10.0, [(temperature, temperature)], time
     )
-    found = sampled_events(run.time, run.speed / 10.0, run.acceleration / 10.0)
+    found = sampled_metrics(run.time, run.speed / 10.0, run.acceleration / 10.0)
 
     for name, metric in (
         ("rise_time", "rise_time_s"),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.feedback.sampled import SampledEvents, is_at_rest, sampled_events
+from identification.feedback.metrics import StepMetrics
+from identification.feedback.sampled import is_at_rest, sampled_metrics
 
 Array = NDArray[np.float64]
 
@@ -14,7 +15,7 @@ DAMPING = 0.4
 FREQUENCY = 3.0
 
 
-def textbook(samples: int, horizon: float = 12.0) -> SampledEvents:
+def textbook(samples: int, horizon: float = 12.0) -> StepMetrics:
     """Characteristics of 1 - exp(-z w t) (cos(w_d t) + z w / w_d sin(w_d t)), sampled."""
     time = np.linspace(0.0, horizon, samples)
     swing = FREQUENCY * np.sqrt(1 - DAMPING**2)
@@ -22,7 +23,7 @@ def textbook(samples: int, horizon: float = 12.0) -> SampledEvents:
     ratio = DAMPING * FREQUENCY / swing
     speed = 1 - decay * (np.cos(swing * time) + ratio * np.sin(swing * time))
     slope = decay * FREQUENCY**2 / swing * np.sin(swing * time)
-    return sampled_events(time, speed[:, None], slope[:, None])
+    return sampled_metrics(time, speed[:, None], slope[:, None])
 
 
 def test_underdamped_peak_is_the_textbook_one() -> None:
@@ -65,7 +66,7 @@ def test_a_response_without_overshoot_has_no_peak_time() -> None:
     time = np.linspace(0.0, 25.0, 2001)
     speed = 1 - np.exp(-time)
 
-    events = sampled_events(time, speed[:, None], np.exp(-time)[:, None])
+    events = sampled_metrics(time, speed[:, None], np.exp(-time)[:, None])
 
     assert events.overshoot[0] == 0.0
     assert np.isnan(events.peak_time[0])
@@ -79,7 +80,7 @@ def test_an_undamped_response_does_not_settle() -> None:
     speed = (1 - np.exp(-time)) + 0.1 * np.sin(5 * np.pi * time)
     slope = np.exp(-time) + 0.5 * np.pi * np.cos(5 * np.pi * time)
 
-    events = sampled_events(time, speed[:, None], slope[:, None])
+    events = sampled_metrics(time, speed[:, None], slope[:, None])
 
     assert np.isnan(events.settling_time[0])
     assert events.steady_state[0] == pytest.approx(1.0, abs=2e-3)
@@ -91,7 +92,7 @@ def test_a_response_that_is_constant_or_not_finite_is_undefined() -> None:
     time = np.linspace(0.0, 1.0, 101)
     speed = np.column_stack([np.full(101, 1e-4), np.full(101, np.inf)])
 
-    events = sampled_events(time, speed, np.zeros((101, 2)))
+    events = sampled_metrics(time, speed, np.zeros((101, 2)))
 
     assert np.isnan(events.rise_time).all()
     assert np.isnan(events.settling_time).all()

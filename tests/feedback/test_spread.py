@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.errors import OptionError
 from identification.feedback import METRIC_UNITS, feedback_metrics
-from identification.feedback.spread import quantity
+from identification.feedback.metrics import quantity
 
 PAPER = {
     "Ra25": 0.59,

@@ -15,10 +15,10 @@ from scipy import signal
 
 from identification.feedback.controller import parse_controller
 from identification.feedback.loop import Loop, close, motor_draws
+from identification.feedback.metrics import StepMetrics
 from identification.feedback.step_response import (
-    StepCharacteristics,
     StepResponse,
-    step_characteristics,
+    step_metrics,
 )
 
 Array = NDArray[np.float64]
@@ -41,16 +41,16 @@ def loop_with(numerator: list[float], closed: Sequence[float] | NDArray[np.float
     return Loop(np.array([numerator], dtype=float), denominator)
 
 
-def characteristics(
+def metrics(
     numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]
-) -> StepCharacteristics:
+) -> StepMetrics:
     """Characteristics of the step response of one loop."""
-    return step_characteristics(StepResponse(loop_with(numerator, closed)))
+    return step_metrics(StepResponse(loop_with(numerator, closed)))
 
 
-def second_order(damping: float, frequency: float = 1.0) -> StepCharacteristics:
+def second_order(damping: float, frequency: float = 1.0) -> StepMetrics:
     """Characteristics of the textbook system w^2 / (s^2 + 2 zeta w s + w^2)."""
-    return characteristics([0, frequency**2], [1, 2 * damping * frequency, frequency**2])
+    return metrics([0, frequency**2], [1, 2 * damping * frequency, frequency**2])
 
 
 @pytest.mark.parametrize(("frequency", "rise"), [(50.0, np.log(9.0)), (1e3, np.nan)])
@@ -65,14 +65,14 @@ def test_a_rise_that_takes_hundreds_of_oscillations_is_undefined(
     """
     closed = np.convolve([1, 1], [1, 0.02, frequency**2])
 
-    found = characteristics([0, 0, frequency**2], closed).rise_time[0]
+    found = metrics([0, 0, frequency**2], closed).rise_time[0]
 
     assert found == pytest.approx(rise, abs=10.0 / frequency, nan_ok=True)
 
 
 def test_a_loop_with_almost_no_damping_has_no_settling_time() -> None:
     """With damping 1e-17 the search would pass 1e17 oscillations, beyond floating-point phase."""
-    found = characteristics([0, 1.7e126], [1, 7.4e45, 1.7e126])
+    found = metrics([0, 1.7e126], [1, 7.4e45, 1.7e126])
 
     assert np.isnan(found.settling_time[0])
     assert found.overshoot[0] == pytest.approx(100.0)
@@ -82,7 +82,7 @@ def test_table_of_the_source_is_reproduced_to_four_digits() -> None:
     """Reference: table 1 of the source at 25 and 125 degC, computed to more digits."""
     motors = motor_draws(PAPER, [25.0, 125.0])
 
-    step = step_characteristics(StepResponse(close(motors, [25.0, 125.0], parse_controller("P:1"))))
+    step = step_metrics(StepResponse(close(motors, [25.0, 125.0], parse_controller("P:1"))))
 
     assert step.rise_time == pytest.approx([0.7193, 0.7144], abs=5e-5)
     assert step.settling_time == pytest.approx([1.2826, 1.2781], abs=5e-5)
@@ -140,7 +140,7 @@ def test_critically_damped_loop_solves_its_own_equation() -> None:
 
 def test_triple_pole_solves_its_own_equation() -> None:
     """The step response of 1 / (s + 1)^3 is 1 - (1 + t + t^2 / 2) exp(-t)."""
-    step = characteristics([0, 0, 1], [1, 3, 3, 1])
+    step = metrics([0, 0, 1], [1, 3, 3, 1])
 
     t = step.settling_time[0]
     assert (1 + t + t**2 / 2) * np.exp(-t) == pytest.approx(0.02, rel=1e-9)
@@ -149,7 +149,7 @@ def test_triple_pole_solves_its_own_equation() -> None:
 
 def test_fast_second_pole_leaves_the_first_order_times() -> None:
     """For exp(-t), rise log 9 and settling log 50; the other pole is nine decades away."""
-    step = characteristics([0, 1e9], [1, 1e9 + 1, 1e9])
+    step = metrics([0, 1e9], [1, 1e9 + 1, 1e9])
 
     assert step.rise_time[0] == pytest.approx(np.log(9), rel=1e-8)
     assert step.settling_time[0] == pytest.approx(np.log(50), rel=1e-8)
@@ -173,7 +173,7 @@ def test_late_overshoot_of_three_real_poles_is_found() -> None:
     closed = np.poly([-slow, -fast, -faster])
     gain = slow * fast * faster / zero
 
-    step = characteristics([0, gain, gain * zero], closed)
+    step = metrics([0, gain, gain * zero], closed)
 
     # At the peak the fast modes have decayed: 1 + c exp(-t slow) with c = (slow - zero) / zero.
     expected = 100 * (slow - zero) / zero * 7 / 6.993 * 1 / 0.999
@@ -190,7 +190,7 @@ def test_slow_creep_after_a_fast_oscillation_is_found_without_a_search(ratio: fl
     closed = np.real(np.poly([-1.0, ratio * (-0.2 + 1j), ratio * (-0.2 - 1j)]))
     start = 0.4
 
-    step = characteristics([0, start * closed[2], closed[3]], closed)
+    step = metrics([0, start * closed[2], closed[3]], closed)
 
     residue = 1 - start  # amplitude of the creep, accurate to 1 / ratio
     assert step.settling_time[0] == pytest.approx(np.log(residue / 0.02), rel=5 / ratio)
@@ -204,10 +204,8 @@ def test_times_scale_with_the_time_constants(kp: float, ki: float, kd: float, sc
     slow = motor_draws(PAPER | {"J": 0.01 * scale, "L": 0.5 * scale}, [25.0])
     gains = f"{kp},{ki / scale},{kd * scale}"
 
-    expected = step_characteristics(
-        StepResponse(close(motor_draws(PAPER, [25.0]), [25.0], controller))
-    )
-    step = step_characteristics(StepResponse(close(slow, [25.0], parse_controller(f"PID:{gains}"))))
+    expected = step_metrics(StepResponse(close(motor_draws(PAPER, [25.0]), [25.0], controller)))
+    step = step_metrics(StepResponse(close(slow, [25.0], parse_controller(f"PID:{gains}"))))
 
     assert step.rise_time == pytest.approx(expected.rise_time * scale, rel=1e-9)
     assert step.settling_time == pytest.approx(expected.settling_time * scale, rel=1e-9)
@@ -221,7 +219,7 @@ def test_response_and_its_events_agree_with_a_fine_simulation(
 ) -> None:
     """Reference: scipy's state-space step at 100,001 instants, to a step of that grid."""
     loop = close(motor_draws(PAPER, [temperature]), [temperature], parse_controller(text))
-    step = step_characteristics(StepResponse(loop))
+    step = step_metrics(StepResponse(loop))
     time = np.linspace(0, 1.5 * np.fmax(step.settling_time, step.peak_time)[0], 100_001)
     _, speed = signal.step(
         (np.trim_zeros(loop.numerator[0], "f"), loop.closed_denominator[0]), T=time
@@ -269,7 +267,7 @@ def stable_loops(draw: st.DrawFn) -> Loop:
 def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
     """The response is evaluated at and between the returned times; no reference is needed."""
     response = StepResponse(loop)
-    step = step_characteristics(response)
+    step = step_metrics(response)
 
     def relative(time: float | Array) -> Array:
         """Speed divided by its final value."""
@@ -316,20 +314,22 @@ def test_batch_is_the_loops_one_by_one(loops: list[Loop]) -> None:
         np.concatenate([loop.open_denominator for loop in loops]),
     )
 
-    together = step_characteristics(StepResponse(batch))
+    together = step_metrics(StepResponse(batch))
 
     for k, loop in enumerate(loops):
-        alone = step_characteristics(StepResponse(loop))
-        for field in fields(StepCharacteristics):
+        alone = step_metrics(StepResponse(loop))
+        for field in fields(StepMetrics):
             one, of_many = getattr(alone, field.name)[0], getattr(together, field.name)[k]
             assert of_many == pytest.approx(one, rel=1e-9, nan_ok=True)
 
 
 def test_unstable_loop_has_no_times() -> None:
     """By Routh, s^3 + 2 s^2 + 3 s + c is unstable for c > 6."""
-    border = [characteristics([0, 0, c], [1, 2, 3, c]) for c in (5.99, 6.01)]
+    responses = [StepResponse(loop_with([0, 0, c], [1, 2, 3, c])) for c in (5.99, 6.01)]
 
-    assert [bool(step.is_stable[0]) for step in border] == [True, False]
+    border = [step_metrics(response) for response in responses]
+
+    assert [bool(response.is_stable[0]) for response in responses] == [True, False]
     assert np.isfinite(border[0].settling_time[0])
     assert np.isnan([border[1].rise_time, border[1].settling_time, border[1].peak]).all()
     assert np.isnan(border[1].steady_state[0])
@@ -337,9 +337,9 @@ def test_unstable_loop_has_no_times() -> None:
 
 def test_negative_final_value_is_approached_like_a_positive_one() -> None:
     """Times equal those of the mirrored response; the peak has the sign of the final value."""
-    mirrored = characteristics([0, -4.0], [1, 0.4, 4])
+    mirrored = metrics([0, -4.0], [1, 0.4, 4])
 
-    step = characteristics([0, 4.0], [1, 0.4, 4])
+    step = metrics([0, 4.0], [1, 0.4, 4])
 
     assert mirrored.rise_time == pytest.approx(step.rise_time)
     assert mirrored.settling_time == pytest.approx(step.settling_time)
@@ -348,7 +348,7 @@ def test_negative_final_value_is_approached_like_a_positive_one() -> None:
 
 def test_cancelled_pole_makes_no_overshoot_out_of_rounding() -> None:
     """A zero cancels a pole, which leaves 1 / (s + 1)^2 with a monotonic step response."""
-    step = characteristics([0, 1, 0.3], np.poly([-0.3, -1, -1]))
+    step = metrics([0, 1, 0.3], np.poly([-0.3, -1, -1]))
 
     assert step.overshoot[0] == 0
     assert np.isnan(step.peak_time[0])

@@ -17,8 +17,8 @@ from identification.feedback import AbstractController, TransferFunction, feedba
 from identification.feedback.closed_loop import ClosedLoop, simulated_loop
 from identification.feedback.loop import close, motor_draws
 from identification.feedback.margins import stability_margins
-from identification.feedback.sampled import sampled_events
-from identification.feedback.step_response import StepResponse, step_characteristics
+from identification.feedback.sampled import sampled_metrics
+from identification.feedback.step_response import StepResponse, step_metrics
 
 PAGE = Path(__file__).parents[2] / "docs" / "write-a-controller.md"
 MOTOR = {"Ra25": 0.59, "alpha_Ra": 0.004, "Kt25": 0.071, "alpha_Kt": -0.002, "J": 0.01, "b": 0.1,
@@ -78,7 +78,7 @@ def test_step_of_any_controller_is_that_of_scipy(controller: AnyController) -> N
     )
     reference = function.numerator if function.reference is None else function.reference
     loop = close(motor_draws(MOTOR, [25.0]), [25.0], controller)
-    step = step_characteristics(StepResponse(loop))
+    step = step_metrics(StepResponse(loop))
     time = np.linspace(0, 1.5 * np.fmax(step.settling_time, step.peak_time)[0], 20_001)
 
     _, speed = signal.step((gain * np.array(reference), closed), T=time)
@@ -128,7 +128,7 @@ def test_simulated_loop_of_any_controller_has_the_exact_metrics(controller: AnyC
     (run,) = simulated_loop(
         ClosedLoop((), controller=controller), values, np.zeros(0), 10.0, [(25.0, 25.0)], time
     )
-    found = sampled_events(run.time, run.speed / 10.0, run.acceleration / 10.0)
+    found = sampled_metrics(run.time, run.speed / 10.0, run.acceleration / 10.0)
 
     for name, metric in (("rise_time", "rise_time_s"), ("settling_time", "settling_time_s"),
                          ("peak", "peak"), ("steady_state", "steady_state")):  # fmt: skip
