@@ -38,7 +38,8 @@ def test_ticks_are_round_inside_and_neither_few_nor_many(
         step = values[1] - values[0]
         mantissa = step / 10.0 ** np.floor(np.log10(step * 1.0001))
         assert (
-            min(abs(mantissa - nice) for nice in (1, 2, 5)) < 0.01 + 8 * np.spacing(abs(low)) / step
+            min(abs(mantissa - nice) for nice in (1, 2, 5, 10))
+            < 0.01 + 8 * np.spacing(abs(low)) / step
         )
 
 
