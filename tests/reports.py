@@ -15,16 +15,15 @@ from scipy import linalg, signal
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.entries import parameter_entry, quantity_entry
 from identification.result.report_data import (
-    Candidate,
+    CandidateRow,
     CoefficientCurve,
-    Equation,
     MissingTerm,
     MissingTrace,
     PosteriorChain,
     ReportData,
     RunTraces,
+    SearchAccount,
     StepResponse,
-    Story,
 )
 
 Array = NDArray[np.float64]
@@ -257,7 +256,7 @@ def _steps() -> tuple[StepResponse, ...]:
     return tuple(responses)
 
 
-def _story(run: RunTraces) -> Story:
+def _account(run: RunTraces) -> SearchAccount:
     rng = np.random.default_rng(3)
     speed = run.measured_speed
     torque = 0.012 * np.tanh(speed / 4.0) + 0.002 * rng.standard_normal(speed.size)
@@ -275,17 +274,17 @@ def _story(run: RunTraces) -> Story:
     trace = MissingTrace(
         run.name, "missing torque", "N m", run.time, smooth, smooth - 8e-4, smooth + 8e-4
     )
-    return Story(
+    return SearchAccount(
         sentences=("The mechanical equation lacks a torque that opposes the motion.",),
         terms=(term, voltage),
         traces=(trace,),
         candidates=(
-            Candidate("coulomb_friction", "mechanical", 0.93, -0.92, 0.991, "chosen"),
-            Candidate(
+            CandidateRow("coulomb_friction", "mechanical", 0.93, -0.92, 0.991, "chosen"),
+            CandidateRow(
                 "viscous_temperature", "mechanical", 0.61, -0.55, 0.009, "alternative",
                 "nearly as good below 60 °C",
             ),
-            Candidate(
+            CandidateRow(
                 "brush_drop", "electrical", 0.02, 0.01, 0.0, "ruled out",
                 "not supported by the validation runs",
             ),
@@ -304,9 +303,6 @@ def make_report(rows: int = 1500, with_effect: bool = False) -> ReportData:
         coefficients=_coefficients(with_effect),
         steps=_steps(),
         posterior=_posterior(),
-        story=_story(runs[5]) if with_effect else None,
-        equations=(
-            Equation("L di/dt = v - Ra(T) i - Kt(T) w", "voltage balance of the armature"),
-            Equation("J dw/dt = Kt(T) i - b w", "torque balance of the shaft"),
-        ),
+        account=_account(runs[5]) if with_effect else None,
+        equations=("L di/dt = v - Ra(T) i - Kt(T) w", "J dw/dt = Kt(T) i - b w"),
     )

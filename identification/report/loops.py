@@ -1,4 +1,4 @@
-"""Closed-loop metrics of the nominal model, the final model and the simulation with effects."""
+"""Closed-loop metrics in words and tables: cold and hot, nominal, final and simulated models."""
 
 from __future__ import annotations
 
@@ -6,9 +6,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from identification.result.numbers import UNKNOWN, Interval, interval_text, number_text, unit_text
+from identification.result.numbers import (
+    UNKNOWN,
+    Interval,
+    interval_text,
+    listed,
+    number_text,
+    unit_text,
+)
 
-__all__ = ["METRICS", "LoopComparison", "loop_comparisons", "metric_text"]
+__all__ = [
+    "METRICS",
+    "LoopComparison",
+    "cold_and_hot",
+    "is_left_open",
+    "loop_comparisons",
+    "loop_sentence",
+    "metric_text",
+    "pair_text",
+]
 
 Entry = Mapping[str, Any]
 
@@ -28,10 +44,10 @@ _LABELS: Final = {
     "feedback": "final model",
     "feedback_nonlinear": "final model, effects simulated",
 }
-
-
 _MOST: Final = 0.5
 """Fraction of infinite draws above which a margin is written as infinite."""
+_WIDE: Final = 0.2
+"""Relative width of the 90 % interval above which a closed-loop figure is no prediction [-]."""
 
 
 @dataclass(frozen=True)
@@ -112,3 +128,71 @@ def metric_text(entry: Entry | None) -> Interval:
     if entry["median"] is None and entry.get("infinite_fraction", 0.0) > _MOST:
         return Interval("infinite", UNKNOWN, UNKNOWN, "")
     return interval_text(entry["median"], entry["q05"], entry["q95"])
+
+
+def loop_sentence(result: Entry) -> str:
+    """Change of the first controller's loop from cold to hot; empty without two temperatures."""
+    ends = cold_and_hot(result["feedback"])
+    if ends is None:
+        return ""
+    cold, hot = ends
+    words = {"rise_time_s": "the rise time", "steady_state": "the final value"}
+    units = {"steady_state": "of the reference", "rise_time_s": "s"}
+    left_open = [name for name in words if is_left_open(result, ends, name)]
+    lead = f"With the controller {cold['controller']} and unity feedback of the speed"
+    if len(left_open) == len(words):
+        return (
+            f"{lead}, these runs do not determine the rise time and the final value; the values "
+            "shown are not predictions."
+        )
+    changes = [
+        f"{words[name]} from {pair_text(cold[name], hot[name], ' to ', unit)}"
+        for name, unit in units.items()
+        if name not in left_open
+    ]
+    sentence = (
+        f"{lead}, heating from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
+        f"changes {listed(changes)}"
+    )
+    return "; these runs do not determine ".join([sentence, *(words[n] for n in left_open)]) + "."
+
+
+def is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
+    """Whether a closed-loop figure is uncertain because a parameter is not identified.
+
+    If all parameters are identified, a wide interval is still a measurement.
+    """
+    if all(entry["identified"] for entry in result["parameters"].values()):
+        return False
+    entries = [end[name] for end in ends if end.get(name) and end[name]["median"] is not None]
+    return any(
+        entry["q95"] is None or entry["q95"] - entry["q05"] > _WIDE * abs(entry["median"])
+        for entry in entries
+    )
+
+
+def cold_and_hot(feedback: Sequence[Entry]) -> tuple[Entry, Entry] | None:
+    """Coldest and hottest entry of the first controller; None with fewer than two temperatures."""
+    if not feedback:
+        return None
+    first = [entry for entry in feedback if entry["controller"] == feedback[0]["controller"]]
+    ordered = sorted(first, key=lambda entry: float(entry["temperature_degC"]))
+    return (ordered[0], ordered[-1]) if len(ordered) > 1 else None
+
+
+def pair_text(cold: Entry | None, hot: Entry | None, between: str, unit: str) -> str:
+    """Two medians with their unit; times below 1 s in milliseconds."""
+    medians = [entry["median"] for entry in (cold, hot) if entry]
+    is_short = unit == "s" and all(median is not None and median < 1.0 for median in medians)
+    factor, shown = (1e3, "ms") if is_short else (1.0, unit)
+    return f"{_median(cold, factor)}{between}{_median(hot, factor)} {shown}".rstrip()
+
+
+def _median(entry: Entry | None, factor: float) -> str:
+    if entry is None:
+        return UNKNOWN
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    written = interval_text(*(None if end is None else factor * end for end in ends))
+    if len(written.median) > 6:
+        return number_text(factor * entry["median"], 3)
+    return written.median + written.power

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from identification.report.loops import cold_and_hot, is_left_open, loop_sentence, pair_text
 from identification.result.entries import known_only_from
 from identification.result.numbers import (
-    UNKNOWN,
     count_text,
-    interval_text,
+    listed,
     number_text,
     percent_text,
     probability_text,
@@ -25,8 +25,6 @@ _DOWN_TO_NOISE = 1.02
 _NAMED = 2
 _HALF = 0.5
 """NRMSE above which a fit is poor regardless of its noise ratio [-]."""
-_WIDE = 0.2
-"""Relative width of the 90 % interval above which a closed-loop figure is no prediction [-]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
         _quality(result, coloured),
         _identified(result),
         _given(result),
-        _loop(result),
+        loop_sentence(result),
     ]
     return [sentence for sentence in sentences if sentence]
 
@@ -95,15 +93,15 @@ def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
 
 
 def _loop_figures(result: Entry) -> list[KeyFigure]:
-    ends = _cold_and_hot(result["feedback"])
+    ends = cold_and_hot(result["feedback"])
     if ends is None:
         return []
     cold, hot = ends
     remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {cold['controller']}"
     return [
         KeyFigure(label, "not determined", remark, "fair")
-        if _is_left_open(result, ends, key)
-        else KeyFigure(label, _pair(cold[key], hot[key], " → ", unit), remark)
+        if is_left_open(result, ends, key)
+        else KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
         for key, label, unit in (
             ("rise_time_s", "Rise time", "s"),
             ("steady_state", "Final value", ""),
@@ -159,14 +157,14 @@ def _effects(result: Entry) -> str:
     for effect in result["effects"]:
         name = effect["name"].replace("_", " ")
         label = "driver" if len(effect["drivers"]) == 1 else "drivers"
-        details = [f"{label}: {_list(effect['drivers'])}"] if effect["drivers"] else []
+        details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
         details += [f"probability {probability_text(effect['probability'])}"]
         details += [
             f"alternative: {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
             for item in effect["alternatives"]
         ]
         parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
-    return f"The final model extends the nominal model by {_list(parts)}." if parts else ""
+    return f"The final model extends the nominal model by {listed(parts)}." if parts else ""
 
 
 def _shifted(result: Entry) -> str:
@@ -185,7 +183,7 @@ def _shifted(result: Entry) -> str:
         for name in worst
     ]
     cause = "this effect" if len(result["effects"]) == 1 else "these effects"
-    return f"Without {cause}, the fit estimates {_list(biases)}."
+    return f"Without {cause}, the fit estimates {listed(biases)}."
 
 
 def _quality(result: Entry, coloured: Sequence[str]) -> str:
@@ -198,30 +196,26 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
     if not ratios:
         return ""
     before = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
-    ratio_text = _list(
+    ratio_text = listed(
         [
             f"{number_text(ratio, 3)} for the {name}{_formerly(before.get(name))}"
             for name, ratio in ratios.items()
         ]
     )
     verdict = _verdict(result, max(ratios.values()), coloured)
-    missed = _unexplained(errors)
+    missed = listed(
+        [
+            f"the {channel} (NRMSE {percent_text(errors[channel]['nrmse'], 3)})"
+            for channel in ("current", "speed")
+            if errors.get(channel) and (errors[channel]["nrmse"] or 0.0) > _HALF
+        ]
+    )
     if missed:
         verdict = (
             f"but the model explains little of {missed}; either it does not apply to these runs, "
             "or the sensor signal is mostly noise"
         )
     return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
-
-
-def _unexplained(errors: Entry) -> str:
-    """Channels whose NRMSE exceeds one half, with the error."""
-    unexplained = [
-        f"the {channel} (NRMSE {percent_text(errors[channel]['nrmse'], 3)})"
-        for channel in ("current", "speed")
-        if errors.get(channel) and (errors[channel]["nrmse"] or 0.0) > _HALF
-    ]
-    return _list(unexplained)
 
 
 def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
@@ -238,7 +232,7 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
     if worst <= NEAR_NOISE and coloured:
         # If the noise is estimated from the same residuals, a ratio of 1 proves nothing.
         return (
-            f"but the residual of {_list([f'the {name}' for name in coloured])} is not white; "
+            f"but the residual of {listed([f'the {name}' for name in coloured])} is not white; "
             "either the sensor has a lag or the model lacks an effect (see Residuals)"
         )
     if failed:
@@ -262,14 +256,15 @@ def _identified(result: Entry) -> str:
     unknown = [name for name, entry in entries.items() if not entry["identified"]]
     given = [name for name, entry in entries.items() if known_only_from(entry)]
     if given:
-        rest = f"; {_list(unknown)} {_are(unknown)} not identified at all" if unknown else ""
+        verb = "is" if len(unknown) == 1 else "are"
+        rest = f"; {listed(unknown)} {verb} not identified at all" if unknown else ""
         return (
-            f"The runs do not determine {_list(given)}; the value comes only from the given "
+            f"The runs do not determine {listed(given)}; the value comes only from the given "
             f"knowledge (known values, nameplate){rest}."
         )
     if unknown:
         return (
-            f"The runs do not determine {_list(unknown)}; treat "
+            f"The runs do not determine {listed(unknown)}; treat "
             f"{'its value' if len(unknown) == 1 else 'their values'} as unknown."
         )
     return f"The runs determine all {len(entries)} parameters."
@@ -281,47 +276,7 @@ def _given(result: Entry) -> str:
     used = [name for name, entry in entries.items() if (entry.get("prior") or {}).get("used")]
     if not used:
         return ""
-    return f"The intervals include the given knowledge (known values, nameplate) of {_list(used)}."
-
-
-def _loop(result: Entry) -> str:
-    ends = _cold_and_hot(result["feedback"])
-    if ends is None:
-        return ""
-    cold, hot = ends
-    changes = {
-        "rise_time_s": "the rise time from "
-        + _pair(cold["rise_time_s"], hot["rise_time_s"], " to ", "s"),
-        "steady_state": "the final value from "
-        + _pair(cold["steady_state"], hot["steady_state"], " to ", "of the reference"),
-    }
-    left_open = [name for name in changes if _is_left_open(result, ends, name)]
-    lead = f"With the controller {cold['controller']} and unity feedback of the speed"
-    if len(left_open) == len(changes):
-        return (
-            f"{lead}, these runs do not determine the rise time and the final value; the values "
-            "shown are not predictions."
-        )
-    sentence = (
-        f"{lead}, heating from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
-        f"changes {_list([changes[name] for name in reversed(changes) if name not in left_open])}"
-    )
-    words = {"rise_time_s": "the rise time", "steady_state": "the final value"}
-    return "; these runs do not determine ".join([sentence, *(words[n] for n in left_open)]) + "."
-
-
-def _is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
-    """Whether a closed-loop figure is uncertain because a parameter is not identified.
-
-    If all parameters are identified, a wide interval is still a measurement.
-    """
-    if all(entry["identified"] for entry in result["parameters"].values()):
-        return False
-    entries = [end[name] for end in ends if end.get(name) and end[name]["median"] is not None]
-    return any(
-        entry["q95"] is None or entry["q95"] - entry["q05"] > _WIDE * abs(entry["median"])
-        for entry in entries
-    )
+    return f"The intervals include the given knowledge (known values, nameplate) of {listed(used)}."
 
 
 def _deciding_errors(result: Entry) -> tuple[str, Entry]:
@@ -337,43 +292,6 @@ def _deciding_errors(result: Entry) -> tuple[str, Entry]:
     if validation and any(item and item["rmse"] is not None for item in validation.values()):
         return "validation", validation
     return "training", after.get("training") or {}
-
-
-def _cold_and_hot(feedback: Sequence[Entry]) -> tuple[Entry, Entry] | None:
-    """Coldest and hottest entry of the first controller; None with fewer than two temperatures."""
-    if not feedback:
-        return None
-    first = [entry for entry in feedback if entry["controller"] == feedback[0]["controller"]]
-    ordered = sorted(first, key=lambda entry: float(entry["temperature_degC"]))
-    return (ordered[0], ordered[-1]) if len(ordered) > 1 else None
-
-
-def _pair(cold: Entry | None, hot: Entry | None, between: str, unit: str) -> str:
-    """Two medians with their unit; times below 1 s in milliseconds."""
-    medians = [entry["median"] for entry in (cold, hot) if entry]
-    is_short = unit == "s" and all(median is not None and median < 1.0 for median in medians)
-    factor, shown = (1e3, "ms") if is_short else (1.0, unit)
-    return f"{_median(cold, factor)}{between}{_median(hot, factor)} {shown}".rstrip()
-
-
-def _median(entry: Entry | None, factor: float) -> str:
-    if entry is None:
-        return UNKNOWN
-    ends = (entry[key] for key in ("median", "q05", "q95"))
-    written = interval_text(*(None if end is None else factor * end for end in ends))
-    if len(written.median) > 6:
-        return number_text(factor * entry["median"], 3)
-    return written.median + written.power
-
-
-def _are(names: Sequence[str]) -> str:
-    return "is" if len(names) == 1 else "are"
-
-
-def _list(words: Sequence[str]) -> str:
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _tone(ratio: float | None, is_coloured: bool) -> str:

@@ -4,33 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
 from identification.result.missing_terms import undrawn_sentence
-from identification.result.numbers import number_text
-from identification.result.report_data import Candidate, MissingTerm, MissingTrace, Story
+from identification.result.numbers import listed, number_text
+from identification.result.report_data import CandidateRow, MissingTerm, MissingTrace, SearchAccount
 from identification.result.search import reason_of
 from identification.result.simulation_errors import UNEXPLAINED_CHANNEL
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome
 from identification.surrogates.unlisted import LAWS
 
-__all__ = ["story_of"]
+__all__ = ["account_of"]
 
 _LARGEST_LOG: Final = 14.0
 """Logarithm of the largest factor that is written, about a million."""
 
 
-def story_of(
+def account_of(
     outcome: Outcome | None,
     result: Mapping[str, Any],
     final: Fit,
     terms: Sequence[MissingTerm] = (),
     traces: Sequence[MissingTrace] = (),
-) -> Story | None:
+) -> SearchAccount | None:
     """Account of the effect search for the report; None if no search was made.
 
     Args:
@@ -58,7 +58,7 @@ def story_of(
         for warning, details in zip(result["warnings"], result["warning_details"], strict=True)
         if details["code"] == UNEXPLAINED_CHANNEL
     ]
-    return Story(
+    return SearchAccount(
         sentences=tuple(sentence for sentence in sentences if sentence),
         terms=tuple(terms),
         traces=tuple(traces),
@@ -155,13 +155,11 @@ def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
     )
     if not moved:
         return ""
-    words = [name.replace("_", " ") for name in effects]
-    listed = f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
-    texts = [f"{name} is {_off(relative)}" for name, relative in moved]
-    text = f"{', '.join(texts[:-1])} and {texts[-1]}" if len(texts) > 1 else texts[0]
+    effects = [name.replace("_", " ") for name in effects]
+    biases = [f"{name} is {_off(relative)}" for name, relative in moved]
     return (
-        f"The nominal model omits {listed}, and its estimates are therefore biased: {text} "
-        "(in brackets: 90 % intervals)."
+        f"The nominal model omits {listed(effects)}, and its estimates are therefore biased: "
+        f"{listed(biases)} (in brackets: 90 % intervals)."
     )
 
 
@@ -176,50 +174,40 @@ def _off(relative: Mapping[str, Any]) -> str:
     )
 
 
-def _equation(name: str, terms: Mapping[str, AbstractEffect]) -> str:
-    """Equation that an effect enters, from the final model or else from the catalogue."""
-    kind = terms.get(name) or CATALOGUE.get(name)
-    return kind.equation if kind else "any"
-
-
-def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[Candidate]:
+def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[CandidateRow]:
     """Effects of the final model, then the first trial of each other effect type, best first."""
     alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
-    rows: dict[str, Candidate] = {}
+    rows: dict[str, CandidateRow] = {}
     for found in outcome.effects:
         refusal = found.criteria.refusal
-        rows[found.name] = _candidate(
-            found.name, _equation(found.name, terms), found.criteria, "chosen", found.probability,
-            f"in the final model, but together with the other effects {refusal}" if refusal
-            else "meets all acceptance criteria",
+        reason = "meets all acceptance criteria"
+        if refusal:
+            reason = f"in the final model, but together with the other effects {refusal}"
+        rows[found.name] = CandidateRow(
+            found.name, _equation(found.name, terms), *_changes(found.criteria),
+            found.probability, "chosen", reason,
         )  # fmt: skip
     for s in outcome.searched:
         if s.name not in rows:
-            rows[s.name] = _candidate(
-                s.name, _equation(s.name, terms), s.criteria,
+            rows[s.name] = CandidateRow(
+                s.name, _equation(s.name, terms), *_changes(s.criteria), alternatives.get(s.name),
                 "alternative" if s.name in alternatives else "ruled out",
-                alternatives.get(s.name),
                 "selected first, then replaced by another effect" if s.chosen else reason_of(s),
             )  # fmt: skip
     order = {"chosen": 0, "alternative": 1, "ruled out": 2}
     return sorted(rows.values(), key=lambda row: (order[row.verdict], -(row.explained or 0.0)))
 
 
-def _candidate(
-    name: str,
-    equation: str,
-    criteria: AcceptanceCriteria | None,
-    verdict: Literal["chosen", "alternative", "ruled out"],
-    probability: float | None,
-    reason: str,
-) -> Candidate:
-    held_out = None if criteria is None else criteria.validation
-    return Candidate(
-        name=name,
-        equation=equation,
-        explained=None if criteria is None else max(0.0, 1 - _power(-2 * criteria.training)),
-        held_out=None if held_out is None else _power(-2 * held_out) - 1,
-        probability=probability,
-        verdict=verdict,
-        reason=reason,
-    )
+def _equation(name: str, terms: Mapping[str, AbstractEffect]) -> str:
+    """Equation that an effect enters, from the final model or else from the catalogue."""
+    kind = terms.get(name) or CATALOGUE.get(name)
+    return kind.equation if kind else "any"
+
+
+def _changes(criteria: AcceptanceCriteria | None) -> tuple[float | None, float | None]:
+    """Explained fraction of the squared training error, change of the validation error [-]."""
+    if criteria is None:
+        return None, None
+    explained = max(0.0, 1 - _power(-2 * criteria.training))
+    unseen = criteria.validation
+    return explained, None if unseen is None else _power(-2 * unseen) - 1

@@ -12,7 +12,7 @@ from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
-from identification.result.account import story_of
+from identification.result.account import account_of
 from identification.result.attempts import Attempts
 from identification.result.diagnosis import signals_at
 from identification.result.findings import Findings
@@ -21,14 +21,13 @@ from identification.result.missing_traces import missing_traces
 from identification.result.partial_residuals import final_path
 from identification.result.report_data import (
     CoefficientCurve,
-    Equation,
     MissingTerm,
     MissingTrace,
     PosteriorChain,
     ReportData,
     RunTraces,
+    SearchAccount,
     StepResponse,
-    Story,
 )
 
 __all__ = ["report_data"]
@@ -50,10 +49,10 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         if sample is None
         else PosteriorChain(sample.names, sample.units, sample.chain),
         equations=tuple(
-            Equation(f"{left} = {right}")
+            f"{left} = {right}"
             for left, right in printed_equations(findings.final.simulator.model).items()
         ),
-        story=_story(result, findings, attempts),
+        account=_account(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),
         confusions=tuple(
@@ -77,12 +76,14 @@ def _steps(findings: Findings) -> list[StepResponse]:
     return steps
 
 
-def _story(result: dict[str, Any], findings: Findings, attempts: Attempts) -> Story | None:
+def _account(
+    result: dict[str, Any], findings: Findings, attempts: Attempts
+) -> SearchAccount | None:
     """Account of the effect search, with plots of the missing voltage or torque."""
     found = attempts.part("missing term", _missing, result, findings)
     terms, traces = found or ([], [])
     return attempts.part(
-        "search for effects", story_of, findings.outcome, result, findings.final, terms, traces
+        "search for effects", account_of, findings.outcome, result, findings.final, terms, traces
     )
 
 

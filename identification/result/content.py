@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict, replace
 from importlib import metadata
 from typing import Any
 
@@ -28,7 +29,7 @@ from identification.model.unlogged import COLDEST, HOTTEST
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.result.diagnosis import detection_entry, shift_entries, trace_entry
-from identification.result.early_stop import early_ends
+from identification.result.early_stop import early_stop_warnings
 from identification.result.entries import finite_or_null, parameter_entry
 from identification.result.findings import Findings
 from identification.result.known_values import (
@@ -112,15 +113,11 @@ def assemble(findings: Findings) -> dict[str, object]:
 
 def _sampler(sample: Sample) -> dict[str, object]:
     """Member ``sampler`` of the result."""
-    convergence = sample.convergence
+    convergence = asdict(sample.convergence)
+    is_converged = convergence.pop("reached")
     return {
-        "walkers": convergence.walkers,
-        "steps": convergence.steps,
-        "acceptance": convergence.acceptance,
-        "autocorrelation_time": convergence.autocorrelation_time,
-        "ess_min": convergence.ess_min,
-        "r_hat_max": convergence.r_hat_max,
-        "converged": convergence.reached,
+        **convergence,
+        "converged": is_converged,
         "draws": sample.source,
         "pareto_k": None if sample.shape is None else finite_or_null(sample.shape),
     }
@@ -147,19 +144,10 @@ def _software() -> dict[str, str]:
 
 
 def _options(findings: Findings) -> dict[str, object]:
-    options = findings.options
-    return {
-        "seed": options.seed,
-        "posterior": options.posterior,
-        "effects": options.effects,
-        "hold": options.hold,
-        "temperatures": list(options.temperatures),
-        "controllers": list(options.controllers),
-        "effort": options.effort,
-        "time_limit": options.time_limit,
-        **({"known": list(options.known)} if options.known else {}),
-        **({"nameplate": options.nameplate} if options.nameplate else {}),
-    }
+    # `checks` and `set_aside` of the result say what became of contradictory runs.
+    options = asdict(replace(findings.options, set_aside=False, force=False))
+    left_out = {name for name in ("set_aside", "force", "known", "nameplate") if not options[name]}
+    return {name: finite_or_null(v) for name, v in options.items() if name not in left_out}
 
 
 def _runs(campaign: Campaign) -> list[dict[str, object]]:
@@ -258,7 +246,7 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
         *missed,
         *unexplained_channels(findings),
         *_undetermined(findings),
-        *early_ends(findings.final, findings.outcome, findings.sample, *stopped),
+        *early_stop_warnings(findings.final, findings.outcome, findings.sample, *stopped),
         *outlier_warnings(findings.simulated["after"]["training"]),
         *coarse_warnings(campaign.training_runs, findings.noise),
         *worse_runs(findings),

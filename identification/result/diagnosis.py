@@ -6,6 +6,7 @@ The result contains no time series; the report plots them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -34,19 +35,7 @@ def detection_entry(detection: Detection | None) -> dict[str, Any]:
         "missing": bool(detection.missing),
         "sentence": detection.sentence,
         "level": detection.level,
-        "checks": [
-            {
-                "channel": check.channel,
-                "role": check.role,
-                "noise_ratio": check.noise_ratio,
-                "noise_ratio_limit": check.noise_ratio_limit,
-                "whiteness_p": check.whiteness_p,
-                "voltage_outside": check.voltage_outside,
-                "passed": bool(check.passed),
-                "reason": check.reason,
-            }
-            for check in detection.checks
-        ],
+        "checks": [asdict(check) for check in detection.checks],
     }
 
 

@@ -10,7 +10,7 @@ from identification.posterior.sample import Sample, Source
 from identification.selection.outcome import Outcome
 from identification.warning import ResultWarning
 
-__all__ = ["early_ends"]
+__all__ = ["early_stop_warnings"]
 
 _SUBSTITUTES: Final[dict[Source, str]] = {
     "chain": "the intervals may be too narrow",
@@ -20,7 +20,7 @@ _SUBSTITUTES: Final[dict[Source, str]] = {
 }
 
 
-def early_ends(
+def early_stop_warnings(
     final: Fit,
     outcome: Outcome | None,
     sample: Sample | None,

@@ -6,7 +6,7 @@ enclose given fractions of the draws, and traced to closed contours by marching 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,25 +107,20 @@ def _beyond(centres: Array) -> Array:
     return np.concatenate(([centres[0] - step], centres, [centres[-1] + step]))
 
 
-# Marching squares: for each pattern of corners above the level (bit 0 lower left, 1 lower right,
-# 2 upper right, 3 upper left), the edges where a contour enters and leaves, high side on its left.
 _BOTTOM, _RIGHT, _TOP, _LEFT = range(4)
-_LINES: dict[int, tuple[tuple[int, int], ...]] = {
-    1: ((_BOTTOM, _LEFT),),
-    2: ((_RIGHT, _BOTTOM),),
-    3: ((_RIGHT, _LEFT),),
-    4: ((_TOP, _RIGHT),),
-    5: ((_BOTTOM, _LEFT), (_TOP, _RIGHT)),
-    6: ((_TOP, _BOTTOM),),
-    7: ((_TOP, _LEFT),),
-    8: ((_LEFT, _TOP),),
-    9: ((_BOTTOM, _TOP),),
-    10: ((_RIGHT, _BOTTOM), (_LEFT, _TOP)),
-    11: ((_RIGHT, _TOP),),
-    12: ((_LEFT, _RIGHT),),
-    13: ((_BOTTOM, _RIGHT),),
-    14: ((_LEFT, _BOTTOM),),
-}
+
+
+def _crossings(pattern: int) -> Iterator[tuple[int, int]]:
+    """Sides of a cell where a contour enters and leaves, the high corners on its left.
+
+    Args:
+        pattern: Corners above the level: bit 0 lower left, 1 lower right, 2 upper right, 3 upper
+            left; side k lies between the corners k and k + 1.
+    """
+    high = [bool(pattern >> corner & 1) for corner in range(4)]
+    for enter in range(4):
+        if high[enter] and not high[(enter + 1) % 4]:
+            yield enter, next(side % 4 for side in range(enter - 1, -4, -1) if not high[side])
 
 
 def _segments(height: Array, level: float) -> dict[_Edge, _Edge]:
@@ -137,7 +132,7 @@ def _segments(height: Array, level: float) -> dict[_Edge, _Edge]:
     pattern = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
     follow: dict[_Edge, _Edge] = {}
     for row, column in zip(*np.nonzero((pattern > 0) & (pattern < 15)), strict=True):
-        for enter, leave in _LINES[int(pattern[row, column])]:
+        for enter, leave in _crossings(int(pattern[row, column])):
             follow[_edge(int(row), int(column), enter)] = _edge(int(row), int(column), leave)
     return follow
 

@@ -29,14 +29,14 @@ from identification.model.term import (
     AbstractTorque,
     AbstractVoltage,
 )
-from identification.result.partial_residuals import Along
+from identification.result.partial_residuals import PathSamples
 from identification.result.report_data import MissingTerm
 
 __all__ = [
     "UNITS",
     "WORDS",
     "column_of",
-    "has_a_picture",
+    "acts_in_motor",
     "missing_terms",
     "undrawn_sentence",
     "unexplained_terms",
@@ -72,23 +72,23 @@ _LEAST_IN_BIN: Final = 4
 _LEAST_WEIGHT: Final = 1e-3
 
 
-def missing_terms(final: Fit, found: Along) -> list[MissingTerm]:
+def missing_terms(final: Fit, found: PathSamples) -> list[MissingTerm]:
     """Plot data of each effect against its drivers, with its estimate from the data.
 
     Args:
         final: Fit of the final model.
         found: Effects along the simulation of the final model.
     """
-    pictures = []
+    plots = []
     for term in effects_of(final.simulator.model.terms):
-        if not _has_a_curve(term):
+        if not _is_static(term):
             continue
         for driver in _drivers_of(term):
             if isinstance(term, AbstractCoefficient):
-                pictures.append(_changed(term, driver, found))
+                plots.append(_changed(term, driver, found))
             else:
-                pictures.append(_added(term, driver, found))
-    return pictures
+                plots.append(_added(term, driver, found))
+    return plots
 
 
 def unexplained_terms(
@@ -101,7 +101,7 @@ def unexplained_terms(
         missing: The missing terms, one per record.
         signals: Each driver at the sample times of all missing terms.
     """
-    pictures = []
+    plots = []
     for column, equation in enumerate(("electrical", "mechanical")):
         if not missing or not trace.get(equation, {}).get("significant"):
             continue
@@ -109,16 +109,16 @@ def unexplained_terms(
         driver = max(shares, key=lambda name: shares[name])
         series = [m.voltage if column == 0 else m.torque for m in missing]
         name, unit = _DRIVERS[driver]
-        pictures.append(
+        plots.append(
             MissingTerm(
                 equation, WORDS[column], UNITS[column], name, unit,
                 signals[driver], np.concatenate(series),
             )
         )  # fmt: skip
-    return pictures
+    return plots
 
 
-def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
+def _added(term: AbstractTerm, driver: str, found: PathSamples) -> MissingTerm:
     """Voltage or torque against a driver: bin means."""
     column = column_of(term, found)
     values = _wrapped(driver, found)
@@ -136,7 +136,7 @@ def _added(term: AbstractTerm, driver: str, found: Along) -> MissingTerm:
     )  # fmt: skip
 
 
-def _changed(term: AbstractCoefficient, driver: str, found: Along) -> MissingTerm:
+def _changed(term: AbstractCoefficient, driver: str, found: PathSamples) -> MissingTerm:
     """Change of a coefficient against a driver: regression slopes in bins."""
     column, words, unit = _CHANGES[term.coefficient]
     against = found.drivers["current" if term.coefficient == "Ra" else "speed"]
@@ -179,7 +179,7 @@ def _term(
     )
 
 
-def _wrapped(driver: str, found: Along) -> Array:
+def _wrapped(driver: str, found: PathSamples) -> Array:
     values = found.drivers[driver]
     return np.mod(values, 2 * np.pi) if driver == "position" else values
 
@@ -220,7 +220,7 @@ class _Bins:
 
 def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     """Report sentence on the effects that cannot be plotted; empty if all can."""
-    names = [term.name.replace("_", " ") for term in terms if not has_a_picture(term)]
+    names = [term.name.replace("_", " ") for term in terms if not acts_in_motor(term)]
     if not names:
         return ""
     return (
@@ -233,16 +233,16 @@ def _verb(names: Sequence[str]) -> str:
     return "acts" if len(names) == 1 else "act"
 
 
-def has_a_picture(term: AbstractTerm) -> bool:
+def acts_in_motor(term: AbstractTerm) -> bool:
     """Whether the effect acts in the motor and not in a sensor."""
     return term.equation != "sensor"
 
 
-def _has_a_curve(term: AbstractEffect) -> bool:
+def _is_static(term: AbstractEffect) -> bool:
     """Whether the effect is a static function of its drivers and does not depend on time."""
     changes = isinstance(term, AbstractCoefficient) and term.coefficient in _CHANGES
     plain = isinstance(term, AbstractTorque | AbstractVoltage) or changes
-    return has_a_picture(term) and plain and not term.states and "time" not in _drivers_of(term)
+    return acts_in_motor(term) and plain and not term.states and "time" not in _drivers_of(term)
 
 
 def _drivers_of(term: AbstractEffect) -> tuple[str, ...]:
@@ -258,7 +258,7 @@ def _carrier_of(term: AbstractTerm) -> str:
     return carrier if plain and len(term.drivers) == 2 and carrier in term.drivers else ""
 
 
-def column_of(term: AbstractTerm, found: Along) -> int:
+def column_of(term: AbstractTerm, found: PathSamples) -> int:
     """Column of the equation in which an effect is plotted: 0 electrical, 1 mechanical."""
     if isinstance(term, AbstractTorque):
         return 1

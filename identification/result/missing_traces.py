@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.term import AbstractTerm
-from identification.result.missing_terms import UNITS, WORDS, column_of, has_a_picture
-from identification.result.partial_residuals import Along, FinalPath
+from identification.result.missing_terms import UNITS, WORDS, acts_in_motor, column_of
+from identification.result.partial_residuals import FinalPath, PathSamples
 from identification.result.report_data import MissingTrace
 
 __all__ = ["missing_traces"]
@@ -23,7 +23,7 @@ _SWINGS: Final = 24.0
 _LEAST_DRAWN: Final = 100
 
 
-def missing_traces(path: FinalPath, found: Along, names: Sequence[str]) -> list[MissingTrace]:
+def missing_traces(path: FinalPath, found: PathSamples, names: Sequence[str]) -> list[MissingTrace]:
     """Plot data for each equation with an effect: a section of the run where it is strongest.
 
     Args:
@@ -31,23 +31,23 @@ def missing_traces(path: FinalPath, found: Along, names: Sequence[str]) -> list[
         found: The same at samples spread over all records.
         names: File name of each record.
     """
-    pictures = []
+    plots = []
     for column in range(2):
         acting = [
             term
             for term in path.final.simulator.model.terms
-            if has_a_picture(term) and column == column_of(term, found)
+            if acts_in_motor(term) and column == column_of(term, found)
         ]
         if acting:
-            pictures.append(_over_time(acting, column, path, found, names))
-    return pictures
+            plots.append(_over_time(acting, column, path, found, names))
+    return plots
 
 
 def _over_time(
     terms: Sequence[AbstractTerm],
     column: int,
     path: FinalPath,
-    found: Along,
+    found: PathSamples,
     names: Sequence[str],
 ) -> MissingTrace:
     """Estimated and fitted sum of these effects over time, in the record where it is strongest."""
@@ -74,7 +74,7 @@ def _over_time(
     )
 
 
-def _together(terms: Sequence[AbstractTerm], column: int, found: Along) -> Array:
+def _together(terms: Sequence[AbstractTerm], column: int, found: PathSamples) -> Array:
     """(n_draw, n_sample) sum of effects."""
     return np.asarray(np.sum([found.effects[term.name][:, :, column] for term in terms], axis=0))
 

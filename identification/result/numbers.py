@@ -7,6 +7,7 @@ interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.2131", "4.2010", "4.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Interval",
     "count_text",
     "interval_text",
+    "listed",
     "number_text",
     "percent_text",
     "probability_text",
@@ -126,6 +128,11 @@ def signed_percent_text(share: float | None) -> str:
 def count_text(value: int | None) -> str:
     """Format a count with narrow spaces between thousands; an en dash if unknown."""
     return UNKNOWN if value is None else f"{value:,}".replace(",", "\u202f")
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words as an enumeration: commas, and "and" before the last."""
+    return " and ".join([*([", ".join(words[:-1])] if len(words) > 1 else []), *words[-1:]])
 
 
 def unit_text(unit: str) -> str:

@@ -32,7 +32,7 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["Along", "FinalPath", "final_path"]
+__all__ = ["PathSamples", "FinalPath", "final_path"]
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ _STEPS_KEPT: Final = ("L", "J")
 
 
 @dataclass(frozen=True, eq=False)
-class Along:
+class PathSamples:
     """Samples of training records along the simulation of the final model.
 
     Args:
@@ -92,12 +92,12 @@ class FinalPath:
     localisation: Localisation | None
 
     @cached_property
-    def everywhere(self) -> Along:
+    def everywhere(self) -> PathSamples:
         """Samples spread over all records, with the collinear component of the final model."""
         return self._own(self._spread)
 
     @cached_property
-    def _spread(self) -> Along:
+    def _spread(self) -> PathSamples:
         """Samples spread over all records, with the missing terms as smoothed."""
         records = self.final.simulator.records
         share = max(2, _SAMPLES // len(records))
@@ -107,7 +107,7 @@ class FinalPath:
             rows = np.linspace(0, record.rows - 2, min(share, record.rows - 1))
             pieces.append(self._traced(number, np.unique(rows.astype(int))))
         names = [term.name for term in self.final.simulator.model.terms]
-        return Along(
+        return PathSamples(
             record=np.concatenate([p.record for p in pieces]),
             time=np.concatenate([p.time for p in pieces]),
             drivers={
@@ -120,7 +120,7 @@ class FinalPath:
             missing_sd=np.concatenate([p.missing_sd for p in pieces]),
         )
 
-    def within(self, number: int, rows: NDArray[np.int_]) -> Along:
+    def within(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
         """Samples of one record.
 
         Args:
@@ -129,25 +129,27 @@ class FinalPath:
         """
         return self._own(self._traced(number, rows))
 
-    def _traced(self, number: int, rows: NDArray[np.int_]) -> Along:
+    def _traced(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
         record = self.final.simulator.records[number]
         missing = _missing_of(self.localisation, record, number)
         return _piece(self.final, self.values, (number, self.states[number]), missing, rows)
 
-    def _own(self, found: Along) -> Along:
+    def _own(self, found: PathSamples) -> PathSamples:
         """Replace the collinear component of the smoothed trace by that of the final model."""
-        imitated = np.column_stack(
-            [columns @ part for columns, part in zip(_imitations(found), self._imitated,
-                                                     strict=True)]
-        )  # fmt: skip
-        return replace(found, missing=found.missing - imitated)
+        collinear = np.column_stack(
+            [
+                columns @ part
+                for columns, part in zip(_regressors(found), self._coefficients, strict=True)
+            ]
+        )
+        return replace(found, missing=found.missing - collinear)
 
     @cached_property
-    def _imitated(self) -> list[Array]:
-        """Coefficients of the regression of (smoothed trace - fitted effects) on `_imitations`."""
+    def _coefficients(self) -> list[Array]:
+        """Regression coefficients of (smoothed trace - fitted effects) on the regressors."""
         found, parts = self._spread, []
         effects = np.sum([each[0] for each in found.effects.values()], axis=0)
-        for k, columns in enumerate(_imitations(found)):
+        for k, columns in enumerate(_regressors(found)):
             left = found.missing[:, k] - effects[:, k]
             known = np.isfinite(left)
             size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
@@ -156,7 +158,7 @@ class FinalPath:
         return parts
 
 
-def _imitations(found: Along) -> tuple[Array, Array]:
+def _regressors(found: PathSamples) -> tuple[Array, Array]:
     """Regressors of parameter changes: voltage (n_sample, 5) and torque (n_sample, 4)."""
     current, speed = found.drivers["current"], found.drivers["speed"]
     heat = found.drivers["temperature"] - REFERENCE_TEMPERATURE_DEGC
@@ -204,7 +206,7 @@ def _piece(
     simulated: tuple[int, Array],
     missing: Missing | None,
     rows: NDArray[np.int_],
-) -> Along:
+) -> PathSamples:
     number, path = simulated
     model, record = final.simulator.model, final.simulator.records[number]
     states, inputs = path[rows], record.inputs[rows]
@@ -219,7 +221,7 @@ def _piece(
             for term in model.terms
         }
     column = {name: inputs[:, INPUTS.index(name)] for name in INPUTS}
-    return Along(
+    return PathSamples(
         record=np.full(rows.size, number),
         time=record.time[rows],
         drivers={

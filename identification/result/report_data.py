@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "Candidate",
+    "CandidateRow",
     "CoefficientCurve",
-    "Equation",
     "MissingTerm",
     "MissingTrace",
     "PosteriorChain",
     "ReportData",
     "RunTraces",
     "StepResponse",
-    "Story",
+    "SearchAccount",
 ]
 
 Array = NDArray[np.float64]
@@ -184,15 +183,14 @@ class MissingTrace:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """Candidate effect of the search.
+class CandidateRow:
+    """CandidateRow effect of the search.
 
     Args:
         name: Name of the effect.
         equation: Equation that it enters.
         explained: Fraction of the squared residual that it explains on the training runs [-].
-        held_out: Relative change of the squared error on the validation runs, negative if it falls
-            [-].
+        validation: Relative change of the squared error on the validation runs [-].
         probability: Posterior model probability [-].
         verdict: ``chosen``, ``alternative`` or ``ruled out``.
         reason: Reason for the verdict, one sentence.
@@ -201,14 +199,14 @@ class Candidate:
     name: str
     equation: str
     explained: float | None
-    held_out: float | None
+    validation: float | None
     probability: float | None
     verdict: Literal["chosen", "alternative", "ruled out"]
     reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
-class Story:
+class SearchAccount:
     """Account of the effect search for the report.
 
     Args:
@@ -222,16 +220,8 @@ class Story:
     sentences: tuple[str, ...] = ()
     terms: tuple[MissingTerm, ...] = ()
     traces: tuple[MissingTrace, ...] = ()
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[CandidateRow, ...] = ()
     remaining: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Equation:
-    """One equation of the final model as text, with its meaning in words."""
-
-    text: str
-    meaning: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +234,7 @@ class ReportData:
         coefficients: Ra(T) and Kt(T).
         steps: Closed-loop step responses, each controller at each temperature.
         posterior: The chain; None if not sampled.
-        story: Account of the effect search; None if none was made.
+        account: Account of the effect search; None if none was made.
         equations: The final model, printed from the simulated expressions.
         reasons: Why a parameter is not identified, one sentence by name.
         undrawn: What could not be drawn and why, one sentence each.
@@ -257,8 +247,8 @@ class ReportData:
     coefficients: tuple[CoefficientCurve, ...] = ()
     steps: tuple[StepResponse, ...] = ()
     posterior: PosteriorChain | None = None
-    story: Story | None = None
-    equations: tuple[Equation, ...] = ()
+    account: SearchAccount | None = None
+    equations: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     undrawn: tuple[str, ...] = ()
     confusions: tuple[str, ...] = ()

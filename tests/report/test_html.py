@@ -122,13 +122,13 @@ def test_a_hostile_file_name_is_shown_and_not_run() -> None:
     result["warnings"] = [f"{HOSTILE}: a gap"]
     result["software"] = {"motorid": HOSTILE}
     run = replace(data.runs[0], name=HOSTILE)
-    assert data.story is not None
-    trace = replace(data.story.traces[0], run=HOSTILE)
+    assert data.account is not None
+    trace = replace(data.account.traces[0], run=HOSTILE)
 
     text = render_report(
         replace(
             data, result=result, runs=(run, *data.runs[1:]), title=HOSTILE,
-            story=replace(data.story, traces=(trace,)), reasons={"J": HOSTILE},
+            account=replace(data.account, traces=(trace,)), reasons={"J": HOSTILE},
         )
     )  # fmt: skip
 
@@ -179,10 +179,10 @@ def test_the_report_contains_its_parts(clean: str, words: str) -> None:
         "−76 %",
     ],
 )
-def test_the_story_of_an_effect_is_told_only_where_there_is_one(
+def test_the_account_of_a_search_is_given_only_where_there_is_one(
     clean: str, told: str, words: str
 ) -> None:
-    """The clean motor has no story; a fabricated one would be the worst failure of a report."""
+    """The clean motor has no account; a fabricated one would be the worst failure of a report."""
     assert words in Page(told).text
     assert words not in Page(clean).text
 
@@ -190,13 +190,15 @@ def test_the_story_of_an_effect_is_told_only_where_there_is_one(
 def test_table_of_candidates_that_were_not_fitted_is_left_out() -> None:
     """A head without a row tells nothing; the names of what was screened do."""
     data = make_report(rows=300, with_effect=True)
-    assert data.story is not None
+    assert data.account is not None
     screened = tuple(
         replace(candidate, verdict="ruled out", explained=None)
-        for candidate in data.story.candidates
+        for candidate in data.account.candidates
     )
 
-    words = Page(render_report(replace(data, story=replace(data.story, candidates=screened)))).text
+    words = Page(
+        render_report(replace(data, account=replace(data.account, candidates=screened)))
+    ).text
 
     assert "Reduction of squared error, training" not in words
     assert "Screened but not fitted" in words

@@ -1,4 +1,4 @@
-"""The story of an effect in words: what it claims has to stand in the outcome and the result."""
+"""Account of the effect search: what it claims has to stand in the outcome and the result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from identification.effects.friction import CoulombFriction
 from identification.fit.solve import Fit
-from identification.result.account import story_of
+from identification.result.account import account_of
 from identification.result.search import searched_entries
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
@@ -21,7 +21,7 @@ UNLISTED = MissingVoltage("speed", "current", 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def fit_with(*terms: object) -> Fit:
-    """As much of a fit as the story reads: its terms."""
+    """As much of a fit as the account reads: its terms."""
     model = SimpleNamespace(terms=terms)
     return cast(Fit, SimpleNamespace(simulator=SimpleNamespace(model=model)))
 
@@ -50,43 +50,43 @@ def outcome(name: str, *searched: Searched) -> Outcome:
 
 def test_a_shift_is_told_with_its_interval_and_its_cause() -> None:
     """11 % from 10.5 to 11.5 %, since the friction was in it."""
-    story = story_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
+    account = account_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
 
-    assert story is not None
-    told = " ".join(story.sentences)
+    assert account is not None
+    told = " ".join(account.sentences)
     assert "The nominal model omits coulomb friction" in told
     assert "b is 11 % too high (10.5 to 11.5 %)" in told
     assert "viscous temperature (3 %)" in told
-    assert story.remaining == (
+    assert account.remaining == (
         "Nothing is missing.",
         "The model does not explain the current of the training runs.",
     )
 
 
 def test_a_shift_that_is_none_is_not_told() -> None:
-    """Where the result does not call a parameter off, the story does not either."""
-    story = story_of(
+    """Where the result does not call a parameter off, the account does not either."""
+    account = account_of(
         outcome("coulomb_friction"), result(off=False), fit_with(CoulombFriction(1.0, 1.0))
     )
 
-    assert story is not None
-    assert "too high" not in " ".join(story.sentences)
+    assert account is not None
+    assert "too high" not in " ".join(account.sentences)
 
 
 def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
     """The catalogue knows nothing of it: equation and drivers are those of the term."""
-    story = story_of(outcome("unlisted"), result(), fit_with(UNLISTED))
+    account = account_of(outcome("unlisted"), result(), fit_with(UNLISTED))
 
-    assert story is not None
-    told = " ".join(story.sentences)
+    assert account is not None
+    told = " ".join(account.sentences)
     assert "No effect of the catalogue explains the missing voltage of the electrical" in told
     assert "a curve over current and speed" in told
-    assert story.candidates[0].equation == "electrical"
+    assert account.candidates[0].equation == "electrical"
 
 
 def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
     """An effect that came in by exchange was never chosen in a round, and is in all the same."""
-    story = story_of(
+    account = account_of(
         outcome(
             "coulomb_friction",
             Searched("coulomb_friction", 1, 5.0, CHANCE, False),
@@ -98,8 +98,8 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
         fit_with(CoulombFriction(1.0, 1.0)),
     )
 
-    assert story is not None
-    verdicts = {candidate.name: candidate.verdict for candidate in story.candidates}
+    assert account is not None
+    verdicts = {candidate.name: candidate.verdict for candidate in account.candidates}
     assert next(iter(verdicts)) == "coulomb_friction"
     assert verdicts == {
         "coulomb_friction": "chosen",
@@ -107,7 +107,7 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
         "quadratic_drag": "ruled out",
         "brush_drop": "ruled out",
     }
-    reasons = {candidate.name: candidate.reason for candidate in story.candidates}
+    reasons = {candidate.name: candidate.reason for candidate in account.candidates}
     assert "replaced by another effect" in reasons["quadratic_drag"]
 
 
@@ -132,4 +132,4 @@ def test_every_candidate_has_a_reason(
 
 def test_without_a_search_there_is_no_story() -> None:
     """Nothing was looked for, and nothing is claimed."""
-    assert story_of(None, result(), fit_with()) is None
+    assert account_of(None, result(), fit_with()) is None

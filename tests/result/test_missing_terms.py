@@ -100,34 +100,34 @@ def test_dots_lie_on_the_curve_though_resistance_had_soaked_part_of_it_up(declar
     )
     path = FinalPath(bare.final, bare.values, bare.states, said)
 
-    (picture,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path.final, path.everywhere)
 
-    expected = -0.8 * picture.driver_values / np.sqrt(picture.driver_values**2 + 0.4**2)
-    np.testing.assert_allclose(picture.estimate, expected, atol=0.02)
-    assert (picture.quantity, picture.unit, picture.driver) == ("missing voltage", "V", "current")
+    expected = -0.8 * plot.driver_values / np.sqrt(plot.driver_values**2 + 0.4**2)
+    np.testing.assert_allclose(plot.estimate, expected, atol=0.02)
+    assert (plot.quantity, plot.unit, plot.driver) == ("missing voltage", "V", "current")
 
 
 def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
     """The straight law -b k (T - 25) with k of 0.004 1/K."""
     path = path_of(declared, ViscousTemperature(), [0.004, 1.0])
 
-    (picture,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path.final, path.everywhere)
 
     friction = path.final.values[5]
-    expected = -0.004 * friction * (picture.grid - 25.0)
-    np.testing.assert_allclose(picture.median, expected, rtol=0.02, atol=0.01 * friction)
-    assert picture.quantity == "change of b"
+    expected = -0.004 * friction * (plot.grid - 25.0)
+    np.testing.assert_allclose(plot.median, expected, rtol=0.02, atol=0.01 * friction)
+    assert plot.quantity == "change of b"
 
 
 def test_a_loss_of_torque_constant_is_drawn_over_the_current(declared: Fit) -> None:
     """Kt (1 / (1 + c (i / i_0)^2) - 1) at every temperature; the runs span a tenth of Kt."""
     path = path_of(declared, FluxSaturation(20.0), [0.3, 2.0, 0.0])
 
-    (picture,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path.final, path.everywhere)
 
     constant = path.final.values[2]
-    expected = constant * (1 / (1 + 0.3 * (picture.grid / 20.0) ** 2) - 1)
-    np.testing.assert_allclose(picture.median, expected, rtol=0.15, atol=0.01 * constant)
+    expected = constant * (1 / (1 + 0.3 * (plot.grid / 20.0) ** 2) - 1)
+    np.testing.assert_allclose(plot.median, expected, rtol=0.15, atol=0.01 * constant)
 
 
 @pytest.mark.parametrize(
