@@ -57,6 +57,7 @@ class RunFile:
         self._stream = stream
         self._digest = hashlib.sha256()
         self._total = 0
+        self._ended = False
         self._pending = self._read()
         self.head = self._pending[:_HEAD_BYTES]
 
@@ -70,8 +71,8 @@ class RunFile:
 
     def sha256(self) -> str:
         """SHA-256 of the whole file in hexadecimal, whatever part of it a reader has read."""
-        for _ in self.chunks():
-            pass
+        while not self._ended:
+            self._next()
         return self._digest.hexdigest()
 
     def _next(self) -> bytes:
@@ -90,6 +91,7 @@ class RunFile:
         with _as_unreadable():
             chunk = self._stream.read(_CHUNK_BYTES)
         self._total += len(chunk)
+        self._ended = not chunk
         self._digest.update(chunk)
         return chunk
 
