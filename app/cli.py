@@ -120,6 +120,29 @@ def fit(
 
 
 @app.command(cls=SeveralWords)
+def check(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Files of runs of one motor.")
+    ],
+    mapping: options.MappingFile = None,
+    map: options.MapWords = None,  # noqa: A002  the option's name
+    save_mapping: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="JSON file to write with the mapping as understood."),
+    ] = None,
+    json: options.AsJson = False,
+) -> None:
+    """Examine runs before a fit: columns, excitation, contradictions, precision to expect.
+
+    Nothing is stored.  The exit status is 2 if `motorid fit` would refuse the runs.
+    """
+    from app.commands.arguments import mapping_of
+    from app.commands.check import check
+
+    check(runs, mapping_of(mapping, map or []), save_mapping, as_json=json)
+
+
+@app.command(cls=SeveralWords)
 def predict(
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")],
     run: Annotated[Path, typer.Argument(metavar="RUN", help="File of the run to simulate.")],

@@ -29,6 +29,8 @@ __all__ = [
     "print_rows",
     "progress_bar",
     "remark",
+    "results_console",
+    "table_with",
 ]
 
 Progress = Callable[[str, float], None]
@@ -110,7 +112,7 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
     """Print warnings, parameters, errors, speed loop metrics and the paths of the files."""
     from identification.report.summary import summary_sentences
 
-    console = _console()
+    console = results_console()
     for warning in result.get("warnings") or ():
         console.print(f"Warning: {warning}", style="yellow")
     for sentence in summary_sentences(result):
@@ -128,10 +130,10 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
 
 def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
     """Print one table per controller, with one column per temperature."""
-    console = _console()
+    console = results_console()
     for controller in dict.fromkeys(str(entry["controller"]) for entry in entries):
         shown = [entry for entry in entries if entry["controller"] == controller]
-        table = _table(f"Speed loop, {controller}", "metric")
+        table = table_with(f"Speed loop, {controller}", "metric")
         for entry in shown:
             table.add_column(f"{entry['temperature_degC']:g} °C", justify="right")
         table.add_row("stability", *(entry["statement"].partition(";")[0] for entry in shown))
@@ -142,21 +144,22 @@ def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
 
 def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
     """Print a table of numbers and texts."""
-    table = _table("", *columns)
+    table = table_with("", *columns)
     for row in rows:
         table.add_row(
             *(f"{row[k]:.5g}" if isinstance(row[k], float) else str(row[k] or "") for k in columns)
         )
-    _console().print(table)
+    results_console().print(table)
 
 
-def _console() -> Console:
+def results_console() -> Console:
     """Console on standard output; wide in a pipe, so that lines are not wrapped."""
     width = None if sys.stdout.isatty() else _PIPE_WIDTH
     return Console(file=sys.stdout, width=width, markup=False, highlight=False, emoji=False)
 
 
-def _table(title: str, *left: str) -> Table:
+def table_with(title: str, *left: str) -> Table:
+    """Table without lines, with left-aligned columns."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for name in left:
         table.add_column(name)
@@ -166,7 +169,7 @@ def _table(title: str, *left: str) -> Table:
 def _parameters(result: Mapping[str, Any]) -> Table:
     from identification.result.entries import known_only_from
 
-    table = _table("Parameters", "name", "unit")
+    table = table_with("Parameters", "name", "unit")
     for name in ("median", "90 % interval"):
         table.add_column(name, justify="right")
     table.add_column("identified")
@@ -192,7 +195,7 @@ def _effect(effect: Mapping[str, Any]) -> str:
 def _errors(result: Mapping[str, Any]) -> Table:
     from identification.report.tables import error_rows
 
-    table = _table("Simulation error", "runs", "channel", "unit")
+    table = table_with("Simulation error", "runs", "channel", "unit")
     has_effects = bool(result.get("effects"))
     for stage in ("before", "after") if has_effects else ("",):
         for name in ("RMSE", "NRMSE", "noise ratio"):

@@ -11,6 +11,7 @@ example, determines a friction that the runs give only as a ratio to it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from identification.linear import eigh
 from identification.model.declared import DECLARED
 from identification.model.parameter import Parameter
 
-__all__ = ["identified"]
+__all__ = ["Precision", "identified", "precision_of"]
 
 Array = NDArray[np.float64]
 
@@ -41,10 +42,38 @@ _ROUNDED: Final = 1e-8
 _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 
 
+@dataclass(frozen=True)
+class Precision:
+    """Precision of one parameter by the data.
+
+    Args:
+        estimate: The estimate that the criterion uses [unit].
+        sd: Standard deviation by the data; infinite if undetermined [unit].
+        limit: Standard deviation below which the parameter is identified [unit].
+    """
+
+    estimate: float
+    sd: float
+    limit: float
+
+    @property
+    def identified(self) -> bool:
+        """Whether the data determine the parameter."""
+        return bool(self.sd < self.limit)
+
+
 def identified(
     fit: Fit, fraction: float, added: Array | None = None, *, by_runs: bool = False
 ) -> dict[str, bool]:
-    """Whether the data, with the known values, determine each parameter of the fit.
+    """Whether the data, with the known values, determine each parameter; see `precision_of`."""
+    found = precision_of(fit, fraction, added, by_runs=by_runs)
+    return {name: precision.identified for name, precision in found.items()}
+
+
+def precision_of(
+    fit: Fit, fraction: float, added: Array | None = None, *, by_runs: bool = False
+) -> dict[str, Precision]:
+    """Precision of each parameter of the fit by the data and the known values.
 
     Args:
         fit: The fit.
@@ -59,15 +88,14 @@ def identified(
     slopes = fit.coordinates.slopes(fit.position)
     answer = {}
     for k, parameter in enumerate(fit.coordinates.parameters):
-        physical = deviations[k] * slopes[k]
         is_size = parameter.lower >= 0.0 and (parameter.vanishes or np.isinf(parameter.upper))
+        estimate = float(fit.values[k])
         if parameter.search == "log" or is_size:
-            estimate = fit.values[k] * (_moved(fit, k, deviations[k]) if by_runs else 1.0)
-            answer[parameter.name] = bool(physical < _RELATIVE * abs(estimate))
+            estimate *= _moved(fit, k, deviations[k]) if by_runs else 1.0
+            limit = _RELATIVE * abs(estimate)
         else:
-            answer[parameter.name] = bool(
-                deviations[k] < _PRIOR_SHARE * _prior_deviation(parameter)
-            )
+            limit = _PRIOR_SHARE * _prior_deviation(parameter) * slopes[k]
+        answer[parameter.name] = Precision(estimate, float(deviations[k] * slopes[k]), float(limit))
     return answer
 
 

@@ -32,7 +32,7 @@ from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
 
-__all__ = ["fitted_to", "representative_subset", "subset_of_fit"]
+__all__ = ["fitted_to", "informative_segments", "representative_subset", "subset_of_fit"]
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,16 @@ def subset_of_fit(fit: Fit) -> Fit:
     if sum(record.rows for record in records) <= _LONGER * PART_ROWS:
         return fit
     return fitted_to(_stretches(records, fit.residuals(), PART_ROWS), fit)
+
+
+def informative_segments(records: Sequence[Record], rows: int) -> list[Record]:
+    """Segments of records to which no model has been fitted.
+
+    Args:
+        records: The records.
+        rows: Samples of all segments together.
+    """
+    return _stretches(records, [np.zeros_like(record.measured) for record in records], rows)
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:

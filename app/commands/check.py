@@ -1,0 +1,161 @@
+"""The command `check`: examine runs before a fit, and show what was understood."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from app.commands.arguments import check_mapped_files
+from app.commands.console import print_json, results_console, table_with
+from app.commands.files import writable_file
+from identification.errors import InputError
+from identification.result.numbers import number_text, unit_text
+
+__all__ = ["check"]
+
+
+def check(
+    files: Sequence[Path],
+    mapping: Mapping[str, object] | None,
+    save_mapping: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Show columns, excitation, contradictions and expected precision of runs.
+
+    Args:
+        files: Run files of one motor.
+        mapping: Mapping of columns to channels.
+        save_mapping: JSON file to write with the mapping as understood.
+        as_json: Print the preview as JSON.
+
+    Raises:
+        InputError: A file cannot be read, or runs contradict; all of them have been shown.
+    """
+    from identification.preview import preview
+    from identification.result.atomic import write_text
+
+    check_mapped_files(mapping, files)
+    found = preview(files, mapping)
+    content = found.content()
+    if save_mapping is not None:
+        with writable_file(save_mapping):
+            write_text(save_mapping, json.dumps(found.mapping(), indent=1) + "\n")
+    if as_json:
+        print_json(content)
+    else:
+        _print(content, files, save_mapping)
+    count = len(found.errors) + sum(f.severity == "refuse" for f in found.findings)
+    if count:
+        first = found.errors[0] if found.errors else f"{found.findings[0]}"
+        more = f" (and {count - 1} more, see above)" if count > 1 else ""
+        raise InputError(f"{first}{more}")
+
+
+def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None) -> None:
+    console = results_console()
+    for run in content["runs"]:
+        _print_run(console, run)
+    for error in content["errors"]:
+        place = ", ".join(
+            text
+            for text in (
+                error["file"],
+                _named("row", error["row"]),
+                _named("column", error["column"]),
+            )
+            if text
+        )
+        console.print(f"Not readable: {place}: {error['message']}", style="red", soft_wrap=True)
+    for finding in content["findings"]:
+        verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
+        place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
+        console.print(f"{verdict}: {place}: {finding['message']}", style="yellow", soft_wrap=True)
+        for correction in finding["corrections"]:
+            console.print(f"  correct it with --map {shlex.quote(correction)}")
+    if content["parameters"]:
+        console.print(_prospects(content["parameters"]))
+    for note in content["notes"]:
+        console.print(f"Note: {note}", soft_wrap=True)
+    if saved is not None:
+        console.print(f"mapping written to {saved}")
+    if content["accepted"]:
+        words = " ".join(shlex.quote(str(file)) for file in files)
+        known = f" --mapping {shlex.quote(str(saved))}" if saved else ""
+        console.print(f"next: motorid fit {words}{known} --out DIR", soft_wrap=True)
+
+
+def _named(word: str, value: object) -> str:
+    return "" if value is None else f"{word} {value}"
+
+
+def _print_run(console: Console, run: Mapping[str, Any]) -> None:
+    excitation = run["excitation"]
+    duration = number_text(excitation["duration_s"])
+    rate = number_text(run["sample_rate_hz"])
+    table = table_with(
+        f"{run['file']}: {run['rows']} samples, {rate} Hz, {duration} s", "channel", "column"
+    )
+    for name in ("unit", "scale", "offset", "from", "to"):
+        table.add_column(name, justify="right")
+    for name, channel in run["channels"].items():
+        low, high = excitation.get(name) or (None, None)
+        table.add_row(
+            name,
+            channel["column"],
+            channel["unit"],
+            f"{channel['scale']:g}",
+            f"{channel['offset']:g}",
+            *(
+                "" if end is None else f"{end:.4g} {unit_text(channel['si_unit'])}"
+                for end in (low, high)
+            ),
+        )
+    console.print(table)
+    turned = (
+        f"{100 * excitation[key]:.0f} % {word}"
+        for key, word in (
+            ("forward", "forward"),
+            ("reverse", "reverse"),
+            ("standstill", "standing"),
+        )
+    )
+    console.print(f"  shaft: {', '.join(turned)}")
+    for gap in run["gaps"]:
+        console.print(f"  gap of {gap['length_s']:.4g} s after {gap['after_s']:.6g} s")
+    for name, count in run["clipped"].items():
+        if count:
+            console.print(f"  {name}: {count} samples at the limit of the sensor")
+    for warning in run["warnings"]:
+        place = _named("column", warning["column"])
+        console.print(
+            f"  warning: {place + ': ' if place else ''}{warning['message']}", soft_wrap=True
+        )
+
+
+def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = table_with(
+        "Precision to expect from these runs if the nominal model is complete", "name", "unit"
+    )
+    for name in ("estimate", "90 % interval"):
+        table.add_column(name, justify="right")
+    table.add_column("identified")
+    table.add_column("to improve it")
+    for name, entry in parameters.items():
+        sd = entry["expected_sd"]
+        width = "undetermined" if sd is None else f"± {1.645 * sd:.2g}"
+        table.add_row(
+            name,
+            unit_text(entry["unit"]),
+            f"{entry['value']:.4g}",
+            width,
+            "yes" if entry["identified"] else "NO",
+            entry["advice"],
+        )
+    return table

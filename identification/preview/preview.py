@@ -1,0 +1,218 @@
+"""Preview of run files: columns as understood, excitation, contradictions, expected precision.
+
+    preview(["cold.csv", "hot.csv"]).content()
+
+Nothing is fitted but the nominal model, on segments; nothing is written.  A file that cannot be
+read does not keep the others from being examined.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+from identification.checks.campaign import check_runs
+from identification.checks.finding import Finding
+from identification.errors import IdentificationError, RunFileError
+from identification.ingest.mapping import MappingLike
+from identification.ingest.read import read_run
+from identification.ingest.run import Run, Source
+from identification.preview.excitation import Excitation, excitation_of, joined
+from identification.preview.prospects import Prospect, prospects_of
+
+__all__ = ["Preview", "preview"]
+
+_SI: Final = {
+    "time_s": "s",
+    "voltage_V": "V",
+    "current_A": "A",
+    "speed_rad_s": "rad/s",
+    "temperature_degC": "degC",
+    "position_rad": "rad",
+}
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What a fit would make of some run files.
+
+    Args:
+        runs: Readable runs, in the order given.
+        errors: Reasons why the other files cannot be read.
+        findings: Contradictions and suspicions in the readable runs.
+        excitation: Excitation of each readable run.
+        prospects: Expected precision of the nominal parameters; empty if runs contradict.
+        notes: What the runs cannot show, and what to record instead.
+    """
+
+    runs: tuple[Run, ...]
+    errors: tuple[RunFileError, ...]
+    findings: tuple[Finding, ...]
+    excitation: tuple[Excitation, ...]
+    prospects: tuple[Prospect, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_accepted(self) -> bool:
+        """Whether `identify` would accept the files as they are."""
+        return not self.errors and not any(f.severity == "refuse" for f in self.findings)
+
+    def mapping(self) -> dict[str, object]:
+        """Mapping of each channel as understood, which makes later readings explicit.
+
+        Channels whose column differs between the runs stand under ``files``.
+        """
+        if not self.runs:
+            return {}
+        common: dict[str, object] = {}
+        single: dict[str, dict[str, object]] = {}
+        for name in _SI:
+            entries = {run.name: _mapped(run.sources.get(name)) for run in self.runs}
+            first, *others = entries.values()
+            if any(entry != first for entry in others):
+                for file, entry in entries.items():
+                    single.setdefault(file, {})[name] = entry
+            elif first is not None:
+                common[name] = first
+        return common | ({"files": single} if single else {})
+
+    def content(self) -> dict[str, object]:
+        """The preview as plain data, without NaN and infinity."""
+        return {
+            "schema_version": 1,
+            "accepted": self.is_accepted,
+            "runs": [
+                _run_entry(run, excitation)
+                for run, excitation in zip(self.runs, self.excitation, strict=True)
+            ],
+            "errors": [_error_entry(error) for error in self.errors],
+            "findings": [finding.entry() for finding in self.findings],
+            "parameters": {
+                p.name: {
+                    "value": p.value,
+                    "expected_sd": p.sd if math.isfinite(p.sd) else None,
+                    "unit": p.unit,
+                    "identified": p.identified,
+                    "advice": p.advice,
+                }
+                for p in self.prospects
+            },
+            "notes": list(self.notes),
+            "mapping": self.mapping(),
+        }
+
+
+def preview(files: Sequence[str | os.PathLike[str]], mapping: MappingLike | None = None) -> Preview:
+    """Read and examine run files without fitting them.
+
+    Args:
+        files: Run files of one motor.
+        mapping: Columns of the channels; see `read_run`.
+    """
+    runs: list[Run] = []
+    errors: list[RunFileError] = []
+    for file in files:
+        try:
+            runs.append(read_run(file, mapping=mapping))
+        except RunFileError as error:
+            errors.append(error)
+    if not runs:
+        return Preview((), tuple(errors), (), (), (), ())
+    verdict = check_runs(runs)
+    fastest = max(float(abs(run.speed).max()) for run in runs)
+    each = tuple(excitation_of(run, fastest) for run in runs)
+    total = joined(each)
+    prospects: Sequence[Prospect] = ()
+    notes = _notes(runs, total)
+    if not verdict.refused:
+        try:
+            prospects = prospects_of(runs, total)
+        except IdentificationError as error:
+            notes.append(f"the expected precision cannot be computed: {error}")
+    return Preview(
+        tuple(runs), tuple(errors), verdict.findings, each, tuple(prospects), tuple(notes)
+    )
+
+
+def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:
+    """What the excitation cannot show, whatever the precision."""
+    notes = []
+    if total.directions == 1:
+        notes.append(
+            "the shaft turns in one direction only: dry friction, a constant load torque and an "
+            "offset of the current sensor are not distinguishable; record both directions"
+        )
+    elif total.directions == 0:
+        notes.append("the shaft does not turn; record runs in which the motor is driven")
+    if total.temperature_degC is None:
+        notes.append(
+            "no run has a temperature: Ra25 and Kt25 are those of an unknown temperature, and the "
+            "speed loop at other temperatures follows from typical temperature coefficients"
+        )
+    if all(run.position is None for run in runs):
+        notes.append(
+            "no run has a shaft angle (position_rad): cogging is found only where the integrated "
+            "speed keeps the phase"
+        )
+    if len(runs) == 1:
+        notes.append(
+            "there is one run only: record a second one for --validation, with another course of "
+            "the voltage"
+        )
+    return notes
+
+
+def _mapped(source: Source | None) -> dict[str, object] | None:
+    """Entry of a mapping for a channel; None if it has no column."""
+    if source is None:
+        return None
+    entry: dict[str, object] = {"column": source.header, "unit": source.unit}
+    if source.scale != 1.0 or source.offset != 0.0:
+        entry |= {"scale": source.scale, "offset": source.offset}
+    return entry
+
+
+def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
+    channels = {}
+    for name, source in run.sources.items():
+        channels[name] = {
+            "column": source.header,
+            "unit": source.unit,
+            "scale": source.scale,
+            "offset": source.offset,
+            "si_unit": _SI[name],
+        }
+    gaps = [
+        {
+            "after_s": float(run.time[last - 1]),
+            "length_s": float(run.time[last] - run.time[last - 1]),
+        }
+        for _, last in run.segments[:-1]
+    ]
+    return {
+        "file": run.name,
+        "sha256": run.sha256,
+        "rows": run.rows,
+        "sample_rate_hz": run.sample_rate_hz,
+        "gaps": gaps,
+        "channels": channels,
+        "clipped": {name: int(marked.sum()) for name, marked in run.clipped.items()},
+        "excitation": asdict(excitation),
+        "warnings": [
+            {"code": w.code, "message": w.message, "row": w.row, "column": w.column}
+            for w in run.warnings
+        ],
+    }
+
+
+def _error_entry(error: RunFileError) -> dict[str, object]:
+    return {
+        "code": error.code,
+        "message": error.message,
+        "file": error.file,
+        "row": error.row,
+        "column": error.column,
+    }

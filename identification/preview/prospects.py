@@ -1,0 +1,134 @@
+"""Expected precision of the nominal parameters, and what to record to improve it.
+
+The nominal model is fitted to informative segments of the runs.  The Fisher information of these
+segments, scaled to all samples, gives the standard deviation that a fit of all runs can reach
+(Cramer-Rao bound); the criterion of `identified` in the result is applied to it.  An effect that
+the nominal model lacks makes the residual autocorrelated.  That lowers the effective sample
+fraction, so the bound of a motor with effects is pessimistic rather than optimistic.
+
+Source: Ljung, System Identification, 2nd edition (1999), section 7.4 (Cramer-Rao bound) and
+chapter 13 (experiment design).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.identifiability import precision_of
+from identification.fit.noise import effective_fraction
+from identification.ingest.run import Run
+from identification.model.declared import DECLARED
+from identification.preview.excitation import Excitation
+from identification.selection.subset import informative_segments
+
+__all__ = ["Prospect", "prospects_of"]
+
+_ROWS: Final = 20_000
+"""Samples of the segments; enough for each parameter that all samples together determine."""
+_MOST_SAMPLES: Final = 30.0
+"""Ratio of samples up to which more of the same excitation is advised."""
+_NO_INFORMATION: Final = 1e3
+"""Ratio of a standard deviation to its limit from which the runs contain no information."""
+_SLOPES: Final = {"alpha_Ra": "Ra25", "alpha_Kt": "Kt25"}
+
+_ADVICE: Final = {
+    "Ra25": "larger currents: start-up, reversal or load",
+    "Kt25": "higher speeds",
+    "J": "accelerations: steps or reversals of the voltage",
+    "b": "several constant speeds without load, in both directions",
+    "L": "voltage steps, sampled several times within L/Ra",
+}
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """Expected precision of one parameter.
+
+    Args:
+        name: Parameter of the nominal model.
+        value: Estimate from the segments [unit].
+        unit: Its unit.
+        sd: Standard deviation that a fit of all runs can reach; infinite if the runs contain no
+            information on it [unit].
+        identified: Whether this precision satisfies the criterion of the result.
+        advice: What to record so that it does; empty if it does.
+    """
+
+    name: str
+    value: float
+    unit: str
+    sd: float
+    identified: bool
+    advice: str = ""
+
+
+def prospects_of(runs: Sequence[Run], excitation: Excitation) -> list[Prospect]:
+    """Expected precision of each nominal parameter.
+
+    Args:
+        runs: Readable runs of one motor without contradictions.
+        excitation: Excitation of all runs together.
+
+    Raises:
+        InputError: The motor is not driven in any run.
+        ComputationError: The nominal model cannot be simulated.
+    """
+    records = campaign_of(runs, ()).training
+    rows = sum(record.rows for record in records)
+    segments = informative_segments(records, min(_ROWS, rows))
+    fit = fit_declared(segments, "zoh")
+    used = sum(record.rows for record in segments)
+    precision = precision_of(fit, effective_fraction(fit))
+    # The information grows with the number of samples.
+    gain = math.sqrt(rows / used)
+    relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
+    found = []
+    for parameter in DECLARED:
+        bound = precision[parameter.name]
+        # A bound far beyond the criterion is only rounding of an undetermined direction.
+        sd = bound.sd / gain if bound.sd < _NO_INFORMATION * bound.limit else np.inf
+        lacking = sd / bound.limit
+        advice = ""
+        if parameter.name in _SLOPES and not lacking < 1.0:
+            base = relative.get(_SLOPES[parameter.name], np.inf)
+            advice = _warmer(excitation, lacking, base, bound.limit)
+        elif not lacking < 1.0:
+            advice = _more(parameter.name, lacking)
+        found.append(
+            Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
+        )
+    return found
+
+
+def _warmer(excitation: Excitation, lacking: float, relative: float, limit: float) -> str:
+    """Temperature span that determines a temperature coefficient.
+
+    Two groups of runs at temperatures dT apart give the slope with a standard deviation of sqrt(2)
+    times the relative standard deviation of the coefficient over dT.
+    """
+    if excitation.temperature_degC is None:
+        return "log the winding temperature (temperature_degC), cold and hot"
+    span = excitation.temperature_span * lacking if excitation.temperature_span > 1.0 else np.inf
+    span = min(span, math.sqrt(2.0) * relative / limit) if np.isfinite(relative) else span
+    wanted = f"at least {_round_up(span)} K apart" if span < 300.0 else "as far apart as possible"
+    return f"record cold and hot runs, {wanted} (now {excitation.temperature_span:.1f} K)"
+
+
+def _more(name: str, lacking: float) -> str:
+    ratio = lacking**2
+    if ratio < _MOST_SAMPLES:
+        return f"record {_round_up(ratio)} times as long, or {_ADVICE[name]}"
+    return f"record {_ADVICE[name]}"
+
+
+def _round_up(value: float) -> str:
+    """Two significant digits, rounded up."""
+    step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
+    return f"{math.ceil(value / step - 1e-9) * step:.4g}"

@@ -1,0 +1,81 @@
+"""`motorid check`: what a fit would make of the runs, without fitting them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from identification.ingest import read_run
+
+
+def test_good_runs_are_accepted_with_the_next_command(
+    run_files: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each run and each parameter is shown, and nothing goes to standard error."""
+    status = main(["check", *map(str, run_files)])
+    shown = capsys.readouterr()
+    assert status == 0
+    assert shown.err == ""
+    for word in ("run1.csv: 800 samples", "run4.csv", "alpha_Kt", "current_A"):
+        assert word in shown.out
+    assert shown.out.rstrip().splitlines()[-1].startswith("next: motorid fit ")
+
+
+def test_all_faults_of_all_files_are_shown_at_once(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A missing file and one of text: both stand in the output, the first on standard error."""
+    text = tmp_path / "letter.csv"
+    text.write_text("Dear bench,\n", encoding="utf-8")
+    status = main(["check", str(run_files[0]), str(tmp_path / "none.csv"), str(text)])
+    shown = capsys.readouterr()
+    assert status == 2
+    for name in ("none.csv", "letter.csv"):
+        assert f"Not readable: {name}" in shown.out
+    assert "run1.csv: 800 samples" in shown.out
+    assert "next: motorid fit" not in shown.out
+    assert len(shown.err.splitlines()) == 1
+    assert "(and 1 more, see above)" in shown.err
+
+
+def test_reversed_current_is_shown_with_its_correction(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the correction that `check` prints, the same file is accepted."""
+    lines = run_files[1].read_text(encoding="utf-8").splitlines()
+    column = lines[0].split(",").index("current_A")
+    turned = [lines[0]]
+    for line in lines[1:]:
+        cells = line.split(",")
+        cells[column] = repr(-float(cells[column]))
+        turned.append(",".join(cells))
+    file = tmp_path / "turned.csv"
+    file.write_text("\n".join(turned) + "\n", encoding="utf-8")
+    runs = [str(run_files[0]), str(run_files[2]), str(file)]
+
+    assert main(["check", *runs, "--json"]) == 2
+    content = json.loads(capsys.readouterr().out)
+    corrections = [word for found in content["findings"] for word in found["corrections"]]
+    assert content["accepted"] is False
+    assert content["parameters"] == {}
+    assert len(corrections) == 1
+
+    assert main(["check", *runs, "--map", corrections[0]]) == 0
+
+
+def test_saved_mapping_reads_the_same_run(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The mapping as understood, given to the reader, gives the same samples."""
+    saved = tmp_path / "mapping.json"
+    words = ["--map", "speed_rad_s=speed_rad_s * 2 + 1 in rpm", "--save-mapping", str(saved)]
+    main(["check", str(run_files[0]), *words])
+    capsys.readouterr()
+    scaled = {"column": "speed_rad_s", "scale": 2.0, "offset": 1.0, "unit": "rpm"}
+    expected = read_run(run_files[0], mapping={"speed_rad_s": scaled})
+    found = read_run(run_files[0], mapping=saved)
+    assert (found.speed == expected.speed).all()
+    assert (found.voltage == expected.voltage).all()

@@ -1,0 +1,103 @@
+"""Expected precision of the parameters, and whether the advice to record more is true."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification import FitOptions, identify
+from identification.ingest.run import Run
+from identification.preview.excitation import excitation_of, joined
+from identification.preview.prospects import Prospect, prospects_of
+from tests.motors import campaign, drive, motor_named, run_of
+
+SERVO = motor_named("servo 100 W")
+
+
+def prospects(runs: Sequence[Run]) -> dict[str, Prospect]:
+    """Expected precision by parameter."""
+    fastest = max(float(np.abs(run.speed).max()) for run in runs)
+    total = joined([excitation_of(run, fastest) for run in runs])
+    return {prospect.name: prospect for prospect in prospects_of(runs, total)}
+
+
+def noisy(temperatures: Sequence[float], rows: int, noise: float, seed: int) -> list[Run]:
+    """One run at each constant temperature [degC], with relative noise of both channels."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for number, temperature in enumerate(temperatures, 1):
+        clean = run_of(
+            SERVO,
+            drive(SERVO, "steps", rows, rng),
+            np.full(rows, temperature),
+            np.zeros(2),
+            name=f"run{number}.csv",
+        )
+        current, speed = (
+            channel + noise * np.std(channel) * rng.standard_normal(rows)
+            for channel in (clean.current, clean.speed)
+        )
+        runs.append(
+            Run(
+                clean.name,
+                f"{number:064}",
+                clean.time,
+                clean.voltage,
+                current,
+                speed,
+                clean.temperature,
+            )
+        )
+    return runs
+
+
+def test_expected_precision_is_that_of_the_fit() -> None:
+    """A servo without effects: the bound and the covariance of the fit agree within a fifth.
+
+    The interval of L is wider, because a filter of the current sensor may be part of it.
+    """
+    runs = campaign(SERVO, seed=5)
+    fitted = identify(runs, options=FitOptions(posterior=False, effects=False)).result
+    for name, expected in prospects(runs).items():
+        entry = fitted["parameters"][name]  # type: ignore[index]
+        assert expected.identified == entry["identified"], name
+        assert expected.sd < 1.2 * entry["sd"], name
+        assert name == "L" or expected.sd > 0.8 * entry["sd"], name
+
+
+def test_temperature_span_as_advised_identifies_the_coefficient() -> None:
+    """Two runs 2 K apart do not determine alpha_Ra; two runs as far apart as advised do."""
+    near = prospects(noisy((30.0, 32.0), 600, 0.2, 1))["alpha_Ra"]
+    assert not near.identified
+    advised = re.search(r"at least ([\d.]+) K apart", near.advice)
+    assert advised is not None, near.advice
+    span = 1.3 * float(advised[1])
+    assert 4.0 < span < 250.0
+    assert prospects(noisy((30.0, 30.0 + span), 600, 0.2, 2))["alpha_Ra"].identified
+
+
+def test_runs_without_temperature_are_advised_to_log_it() -> None:
+    """No temperature, no coefficient of it, and the channel is named."""
+    runs = [
+        Run(run.name, run.sha256, run.time, run.voltage, run.current, run.speed)
+        for run in campaign(SERVO, seed=6, runs=2)
+    ]
+    found = prospects(runs)
+    for name in ("alpha_Ra", "alpha_Kt"):
+        assert not found[name].identified
+        assert "temperature_degC" in found[name].advice
+    assert found["Ra25"].identified
+
+
+def test_record_longer_by_the_advised_factor_identifies_friction() -> None:
+    """Noise hides the viscous friction; the advised number of such runs shows it."""
+    few = prospects(noisy((40.0,), 500, 0.25, 3))
+    lacking = [p for p in few.values() if "times as long" in p.advice]
+    assert lacking, {name: p.advice for name, p in few.items()}
+    one = lacking[0]
+    advised = re.search(r"record ([\d.]+) times as long", one.advice)
+    assert advised is not None
+    count = int(np.ceil(1.5 * float(advised[1])))
+    assert prospects(noisy((40.0,) * count, 500, 0.25, 4))[one.name].identified
