@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.start import (
     Start,
     begun,
@@ -35,13 +35,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_STEPS: Final = 20
-"""Gauss-Newton steps of one refit at most."""
-_ATTEMPTS: Final = 3
-"""Refinements of the substeps at most."""
-_NEAR: Final = 0.005
-"""Gain of the log likelihood per sample at which the simulation changes by a tenth of the noise."""
-
 
 def refitted_with(
     fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits | None = None
@@ -56,7 +49,7 @@ def refitted_with(
         starts: Starting points; the fit continues from the best of them.
         limits: Termination limits.
     """
-    model, limits = fit.simulator.model.adding(term), limits or TerminationLimits(_STEPS)
+    model, limits = fit.simulator.model.adding(term), limits or TerminationLimits(DEFAULT.steps)
     began = operations()
     found = _refitted(fit, model, starts, limits)
     if term.equation == "thermal" and has_odd_coefficients(fit):
@@ -80,13 +73,15 @@ def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None =
     model = replace(before, terms=terms)
     known = set(fit.coordinates.names)
     new = np.array([p.prior_mean for p in model.parameters if p.name not in known])
-    return _refitted(fit, model, [Start(new)], limits or TerminationLimits(_STEPS), finely=True)
+    return _refitted(
+        fit, model, [Start(new)], limits or TerminationLimits(DEFAULT.steps), finely=True
+    )
 
 
 def refitted_without(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
-    return _refitted(fit, model, (), limits or TerminationLimits(_STEPS))
+    return _refitted(fit, model, (), limits or TerminationLimits(DEFAULT.steps))
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:
@@ -115,7 +110,7 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> 
     if tuple(terms) == model.terms:
         return fit
     return _refitted(
-        fit, replace(model, terms=tuple(terms)), (), limits or TerminationLimits(_STEPS)
+        fit, replace(model, terms=tuple(terms)), (), limits or TerminationLimits(DEFAULT.steps)
     )
 
 
@@ -141,7 +136,9 @@ def _refitted(
     return replanned(solve(simulator, coordinates, position, states, weighting, limits), limits)
 
 
-def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+def refined(
+    fit: Fit, limits: TerminationLimits | None = None, policy: SelectionPolicy = DEFAULT
+) -> Fit:
     """The fit with substeps whose integration error is far below the noise.
 
     The substeps that are needed depend on the optimum, so the error is measured there.  If the
@@ -151,9 +148,10 @@ def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     Args:
         fit: The fit.
         limits: Termination limits.
+        policy: Limits of the refinements.
     """
-    limits = limits or TerminationLimits(_STEPS)
-    for _ in range(_ATTEMPTS):
+    limits = limits or TerminationLimits(policy.steps)
+    for _ in range(policy.refinements):
         if limits.over:
             return fit
         deviation = fit.weighting.deviation
@@ -166,6 +164,6 @@ def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         fit = solve(simulator, fit.coordinates, fit.position, states, fit.weighting, limits)
         # With finer substeps the fit may reach a stiffer motor than its step plan allows.
         fit = replanned(fit, limits)
-        if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
+        if before.cost - fit.cost < policy.refinement_gain * float(fit.weighting.counts.sum()):
             return fit
     return fit

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import UNCOMPUTED, EvaluatedModel
 from identification.selection.outcome import Searched
+from identification.selection.policy import SelectionPolicy
 from identification.selection.ranking import ranked
 from identification.selection.score import Score
-from identification.selection.trials import UNDERSTATED, Trials
+from identification.selection.trials import Trials
 
 __all__ = [
     "State",
@@ -30,17 +30,6 @@ __all__ = [
     "rivals_of",
     "taken",
 ]
-
-_REFITTED: Final = 7
-"""Candidates refitted in one round at most."""
-_RIVALS: Final = 4
-"""Candidates refitted in place of one effect at most."""
-_NEAR: Final = 0.02
-"""Fraction of an effect's gain by which a rival may fall behind it."""
-_SLACK: Final = 30.0
-"""Log likelihood by which a rival may fall behind in any case."""
-_FAR_LESS: Final = 0.1
-"""Fraction of the largest predicted gain below which no candidate is refitted."""
 
 
 @dataclass
@@ -64,7 +53,7 @@ def forward(state: State, round_: int) -> bool:
     """Add the best candidate that meets the acceptance criteria; return False if there is none."""
     trials, current = state.trials, state.current
     scores = trials.scores(current)
-    wanted = with_predicted_gain(scores, _REFITTED, _least(trials, current, scores))
+    wanted = with_predicted_gain(scores, trials.policy.candidates, _least(trials, current, scores))
     chosen = taken(state, wanted, round_)
     looked = {(s.candidate.term.name, s.candidate.final.variant) for s in wanted}
     for score in with_predicted_gain(scores, len(scores)):
@@ -83,7 +72,7 @@ def forward(state: State, round_: int) -> bool:
 def _least(trials: Trials, current: EvaluatedModel, scores: Sequence[Score]) -> float:
     """Predicted gain below which no candidate is refitted."""
     most = max((score.gain for score in scores), default=0.0)
-    return max(trials.worth_a_refit(current), _FAR_LESS * most)
+    return max(trials.worth_a_refit(current), trials.policy.predicted_share * most)
 
 
 def has_predicted_gain(state: State) -> bool:
@@ -102,10 +91,10 @@ def taken(
     trials, current = state.trials, state.current
     fits = trials.refits(current, wanted, abandon_cost)
     near = trials.near(current, fits)
-    order = ranked(near)
-    passing = [k for k in order if near[k].criteria(current, trials.tried).passed]
+    order = ranked(near, trials.policy)
+    passing = [k for k in order if trials.criteria(near[k], current).passed]
     # Rank the passing models again, because ties are counted from the best model of the set.
-    chosen = passing[ranked([near[k] for k in passing])[0]] if passing else None
+    chosen = passing[ranked([near[k] for k in passing], trials.policy)[0]] if passing else None
     left_out = [s for s in wanted if all(s is not fitted for fitted, _ in fits)]
     if chosen is None and left_out:
         # Candidates with a far smaller predicted gain are refitted only if the best have failed.
@@ -115,11 +104,11 @@ def taken(
     if chosen is None and far:
         # Fits far from the best are evaluated only if the near ones have failed.
         far = [trials.evaluate(one.fit, current.fraction) for one in far]
-        passed = [one.criteria(current, trials.tried).passed for one in far]
+        passed = [trials.criteria(one, current).passed for one in far]
         chosen = len(near) + passed.index(True) if any(passed) else None
     evaluations = [*near, *far]
     for k in [*order, *range(len(near), len(fits))]:
-        score, criteria = fits[k][0], evaluations[k].criteria(current, trials.tried)
+        score, criteria = fits[k][0], trials.criteria(evaluations[k], current)
         term = score.candidate.final
         state.searched.append(
             Searched(term.name, round_, score.gain, criteria, k == chosen, term.variant)
@@ -146,7 +135,7 @@ def enrich(state: State, round_: int) -> None:
         while left and not state.trials.over:
             term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
-            criteria = richer.criteria(state.current, state.trials.tried)
+            criteria = state.trials.criteria(richer, state.current)
             state.searched.append(
                 Searched(term.name, round_, criteria.gain, criteria, criteria.refines, term.variant)
             )
@@ -160,7 +149,7 @@ def backward(state: State) -> None:
         if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
             return
         simpler = state.trials.without(state.current, term)
-        if not state.current.criteria(simpler, state.trials.tried).passed:
+        if not state.trials.criteria(state.current, simpler).passed:
             state.current = simpler
 
 
@@ -173,23 +162,28 @@ def exchange(state: State) -> None:
         rivals = [
             rival
             for rival in rivals_of(state, simpler, term.name)
-            if rival.criteria(simpler, state.trials.tried).passed
+            if state.trials.criteria(rival, simpler).passed
         ]
         if rivals:
             models = [state.current, *rivals]
-            state.current = models[ranked(models)[0]]
+            state.current = models[ranked(models, state.trials.policy)[0]]
 
 
 def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
     """Models with another effect type in place of `name` and a cost close to the current one."""
     trials, current = state.trials, state.current
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
-    abandon = abandon_cost(current, simpler)
-    least = max(_least(trials, simpler, scores), (simpler.fit.cost - abandon) / UNDERSTATED)
-    wanted = with_predicted_gain(scores, _RIVALS, least)
+    abandon = abandon_cost(current, simpler, trials.policy)
+    least = max(
+        _least(trials, simpler, scores), (simpler.fit.cost - abandon) / trials.policy.underestimate
+    )
+    wanted = with_predicted_gain(scores, trials.policy.rivals, least)
     return trials.near(simpler, trials.refits(simpler, wanted, abandon))
 
 
-def abandon_cost(current: EvaluatedModel, simpler: EvaluatedModel) -> float:
+def abandon_cost(
+    current: EvaluatedModel, simpler: EvaluatedModel, policy: SelectionPolicy
+) -> float:
     """Cost above which an extension of the simpler model is no rival of the current model."""
-    return current.fit.cost + max(_SLACK, _NEAR * (simpler.fit.cost - current.fit.cost))
+    gain = simpler.fit.cost - current.fit.cost
+    return current.fit.cost + max(policy.abandon_slack, policy.rival_share * gain)

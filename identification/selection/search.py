@@ -19,7 +19,6 @@ and all effects have to meet the criteria again together with it.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import Final
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.evidence import EvaluatedModel, probabilities, scores_of
 from identification.selection.outcome import Alternative, Found, Outcome
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.ranking import is_better, is_strained, ranked, replaces
 from identification.selection.refit import with_known_amplitudes
 from identification.selection.rounds import (
@@ -48,25 +48,6 @@ from identification.work import Budget, operations
 
 __all__ = ["search"]
 
-_CURVES: Final = 4
-"""Curves refitted at most."""
-_RUNNERS: Final = 2
-"""Runner-up models of the first round from which the selection is repeated."""
-_CURVE_UNDERSTATED: Final = 2.0
-"""Largest ratio of achieved to predicted gain assumed for a curve."""
-_FAR_MORE: Final = 3.0
-"""Gain of a curve over that of the best effect, above which the rounds end."""
-_MOST_OF_IT: Final = 0.5
-"""Fraction of a curve's gain; effects that predict more are tried before the curve."""
-_LISTED_SHARE: Final = 0.75
-"""Fraction of the operation budget for the catalogue."""
-_REFIT_SHARE: Final = 0.06
-"""Fraction of the operation budget for one refit."""
-_MOST_EFFECTS: Final = 6
-"""Rounds at most; each adds at most one effect."""
-_KEPT: Final = 0.005
-"""Posterior probability below which an alternative is not reported."""
-
 
 def search(
     declared: Fit,
@@ -77,6 +58,7 @@ def search(
     withheld: Collection[str] = (),
     *,
     is_part: bool = False,
+    policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
     """Select the effects that the nominal model lacks.
 
@@ -90,16 +72,19 @@ def search(
         withheld: Names of effect types that are not candidates.
         is_part: Whether the records are a representative subset.  The selected model is then
             refitted to all samples later and is not refined here.
+        policy: Limits of the search.
     """
     tell = progress or (lambda fraction: None)
-    trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
-    listed = Budget(_LISTED_SHARE * work)
+    trials = Trials(
+        campaign, Budget(work), policy.refit_budget * work, withheld=withheld, policy=policy
+    )
+    listed = Budget(policy.catalogue_budget * work)
     first = trials.evaluate(declared)
     state = State(trials, first if begin is None else trials.evaluate(begin))
     alone: EvaluatedModel | None = None
     is_exhausted = is_cut_short = is_postponed = False
-    for round_ in range(1, _MOST_EFFECTS + 1):
-        tell((round_ - 1) / (_MOST_EFFECTS + 2))
+    for round_ in range(1, policy.rounds + 1):
+        tell((round_ - 1) / (policy.rounds + 2))
         if listed.spent:
             is_cut_short = has_predicted_gain(state)
             is_exhausted = not is_cut_short
@@ -122,12 +107,12 @@ def search(
     if is_exhausted and is_postponed:
         backward(state)
         exchange(state)
-    tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
+    tell(policy.rounds / (policy.rounds + 2))
     if is_exhausted and not listed.spent:
         _second_thoughts(state)
     _unlisted(state, first, alone, is_exhausted)
     complete = not (trials.over or is_cut_short)
-    tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
+    tell((policy.rounds + 1) / (policy.rounds + 2))
     effects = _settled(state)
     traces = traced(trials.curves(first)) if effects else ()
     last = state.current.fit if is_part else trials.final(state.current)
@@ -146,9 +131,9 @@ def _second_thoughts(state: State) -> None:
     """
     if not state.current.fit.simulator.model.terms:
         return
-    if not (_is_left(state) or is_strained(state.current.fit)):
+    if not (_is_left(state) or is_strained(state.current.fit, state.trials.policy)):
         return
-    for runner in state.trials.runners()[:_RUNNERS]:
+    for runner in state.trials.runners()[: state.trials.policy.runners]:
         if state.trials.over:
             return
         other = State(state.trials, runner, state.searched)
@@ -170,7 +155,9 @@ def _is_left(state: State) -> list[Score]:
         score
         for score in trials.curves(current)
         if score.gain
-        > trials.worth_a_refit(current, _CURVE_UNDERSTATED, _amplitudes(current, score))
+        > trials.worth_a_refit(
+            current, trials.policy.curve_underestimate, _amplitudes(current, score)
+        )
     ]
 
 
@@ -189,7 +176,7 @@ def _asks_for_a_curve(state: State, round_: int) -> bool:
     """
     left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
     listed = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    if listed >= _MOST_OF_IT * left:
+    if listed >= state.trials.policy.curve_share * left:
         return False
     if round_ > 1:
         return bool(_is_left(state))
@@ -202,28 +189,31 @@ def _curve_alone(state: State, declared: EvaluatedModel) -> EvaluatedModel | Non
     If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
     fits better than two of them stops this.
     """
-    if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
+    if state.trials.over or not (
+        _is_left(state) or is_strained(state.current.fit, state.trials.policy)
+    ):
         return None
-    curves = state.trials.curves(declared)[:_CURVES]
-    needed = abandon_cost(state.current, declared)
+    curves = state.trials.curves(declared)[: state.trials.policy.curves]
+    needed = abandon_cost(state.current, declared, state.trials.policy)
     return taken(State(state.trials, declared), curves, 1, needed)
 
 
 def _ends(state: State, round_: int, alone: EvaluatedModel, declared: EvaluatedModel) -> bool:
     """Whether a curve fits so much better than the effects that further rounds would not help."""
     if round_ > 1:
-        return replaces(alone, state.current)
-    is_far = _is_far_better(alone, state.current, declared)
+        return replaces(alone, state.current, state.trials.policy)
+    is_far = _is_far_better(state, alone, declared)
     return is_far and not _closes_the_gap(state, alone)
 
 
-def _is_far_better(alone: EvaluatedModel, listed: EvaluatedModel, declared: EvaluatedModel) -> bool:
+def _is_far_better(state: State, alone: EvaluatedModel, declared: EvaluatedModel) -> bool:
     """Whether a curve gains more than three times as much as the best effect.
 
     The missing effect is then not in the catalogue, and further rounds would accumulate surrogates.
     """
-    gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
-    return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
+    gains = [declared.fit.cost - one.fit.cost for one in (alone, state.current)]
+    is_far = gains[0] > state.trials.policy.curve_factor * gains[1]
+    return is_better(alone, state.current) and is_far
 
 
 def _closes_the_gap(state: State, alone: EvaluatedModel) -> bool:
@@ -233,7 +223,7 @@ def _closes_the_gap(state: State, alone: EvaluatedModel) -> bool:
     """
     gap = state.current.fit.cost - alone.fit.cost
     predicted = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    return predicted > _MOST_OF_IT * gap
+    return predicted > state.trials.policy.curve_share * gap
 
 
 def _unlisted(
@@ -248,16 +238,16 @@ def _unlisted(
     """
     trials, listed = state.trials, state.current
     left = [] if trials.over else _is_left(state)
-    strained = not trials.over and is_strained(listed.fit)
+    strained = not trials.over and is_strained(listed.fit, trials.policy)
     if (left or strained) and alone is None and listed is not declared:
         alone = _curve_alone(state, declared)
-    if alone is not None and replaces(alone, listed):
+    if alone is not None and replaces(alone, listed, trials.policy):
         state.current = alone
         return
     has_curve = any(term.name == "unlisted" for term in listed.fit.simulator.model.terms)
     if left and is_exhausted and not has_curve:
         round_ = 1 + max((s.round for s in state.searched), default=0)
-        chosen = taken(state, left[:_CURVES], round_)
+        chosen = taken(state, left[: trials.policy.curves], round_)
         if chosen is not None:
             state.current = chosen
             backward(state)
@@ -271,7 +261,7 @@ def _settled(state: State) -> list[Found]:
     rank better with another type in place of an effect.
     """
     effects, better = _explained(state)
-    for _ in range(_MOST_EFFECTS):
+    for _ in range(state.trials.policy.rounds):
         if better is None:
             break
         state.current = better
@@ -285,15 +275,15 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     effects, better = [], None
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
-        criteria = current.criteria(simpler, trials.tried)
+        criteria = trials.criteria(current, simpler)
         looked = trials.known_beside(simpler, term)
         if not trials.over and term.name != "unlisted":
             curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
             looked = [*rivals_of(state, simpler, term.name), *curves]
-        rivals = [r for r in looked if r.criteria(simpler, trials.tried).passed]
+        rivals = [r for r in looked if trials.criteria(r, simpler).passed]
         models = [current, *rivals]
         odds = probabilities(scores_of(models))
-        best = models[ranked(models)[0]]
+        best = models[ranked(models, trials.policy)[0]]
         better = best if best is not current else better
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):
@@ -302,7 +292,7 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         alternatives = tuple(
             Alternative(other, probability)
             for other, probability in sorted(others.items(), key=lambda item: -item[1])
-            if probability > _KEPT
+            if probability > trials.policy.reported_probability
         )
         effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
-from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, evaluated
+from identification.selection.evidence import AcceptanceCriteria, EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
     as_declared,
     refined,
@@ -34,24 +34,9 @@ from identification.selection.start import Start, traded
 from identification.selection.tracing import missing_curves
 from identification.work import Budget, operations
 
-__all__ = ["UNDERSTATED", "Trials"]
+__all__ = ["Trials"]
 
 Key = frozenset[tuple[str, str]]
-
-_STEPS: Final = 20
-"""Gauss-Newton steps of one fit at most."""
-_LEGS: Final = 4
-"""Continuations of a fit that has not converged, at most."""
-_SLACK: Final = 30.0
-"""Log likelihood by which a fit may fall behind the best before it is abandoned."""
-_REACH: Final = 0.15
-"""Fraction of the best gain by which a fit may fall behind and still be close to the best."""
-UNDERSTATED: Final = 5.0
-"""Largest ratio of achieved to predicted gain that is assumed."""
-_FINISH: Final = 2.5
-"""Operations to finish a model of a round, over those of a first refit."""
-_PART: Final = 0.2
-"""Fraction of the largest gain above which a model with another effect is a runner-up."""
 
 
 @dataclass
@@ -64,6 +49,7 @@ class Trials:
         longest: Operations after which a first refit stops; the best fits are finished later.
         tried: Largest number of prototypes that were scored together, for the significance limit.
         withheld: Names of effect types that are not candidates.
+        policy: Limits of the search.
     """
 
     campaign: Campaign
@@ -71,6 +57,7 @@ class Trials:
     longest: float = np.inf
     tried: int = 1
     withheld: Collection[str] = ()
+    policy: SelectionPolicy = DEFAULT
     _judged: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
@@ -95,9 +82,12 @@ class Trials:
             longest: Operations after which the fit stops.
             reference: Cost of a better model with which the fit is compared.
         """
-        return TerminationLimits(
-            _STEPS, abandon_cost, Budget(longest, within=self.budget), reference
-        )
+        budget = Budget(longest, within=self.budget)
+        return TerminationLimits(self.policy.steps, abandon_cost, budget, reference)
+
+    def criteria(self, model: EvaluatedModel, simpler: EvaluatedModel) -> AcceptanceCriteria:
+        """Acceptance criteria of a model against a simpler one."""
+        return model.criteria(simpler, self.tried, self.policy)
 
     def evaluate(self, fit: Fit, fraction: float | None = None) -> EvaluatedModel:
         """Evaluate a fit on the validation runs; one result per model structure is cached.
@@ -135,7 +125,9 @@ class Trials:
                 declared = self._judged[frozenset()].fit
                 place = as_declared(current.fit, declared)
                 fit = refitted_without(place, term.name, limits)
-            known = self.evaluate(refined(fit, limits) if np.isfinite(fit.cost) else fit)
+            known = self.evaluate(
+                refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
+            )
         return known
 
     def enriched(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
@@ -143,7 +135,7 @@ class Trials:
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._judged.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit, abandon_cost = current.fit, current.fit.cost + _SLACK
+            fit, abandon_cost = current.fit, current.fit.cost + self.policy.abandon_slack
             (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
             for form in (*term.leads(before), term):
                 led = refitted_as(fit, form, self.limits(abandon_cost, self.longest))
@@ -173,7 +165,7 @@ class Trials:
             return []
         if known is None:
             candidates = candidates_of(current.fit, self.withheld)
-            found = screened(current.fit, candidates)
+            found = screened(current.fit, candidates, self.policy)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
             self._uncomputed[key] = [name for name in names if name not in scored]
@@ -190,7 +182,7 @@ class Trials:
         key = _key(current.fit)
         known = self._curves.get(key)
         if known is None:
-            known = self._curves[key] = missing_curves(current.fit)
+            known = self._curves[key] = missing_curves(current.fit, self.policy)
         return known
 
     def omitted(self, current: EvaluatedModel) -> tuple[OmittedTerm, ...]:
@@ -203,25 +195,25 @@ class Trials:
     ) -> list[tuple[Score, Fit]]:
         """Fits of the model with each candidate added, best first; poor fits are stopped early.
 
-        A candidate is skipped if `UNDERSTATED` times its predicted gain is less than the gain that
-        `abandon_cost` requires, or less than a gain close to the best so far.
+        A candidate is skipped if `underestimate` times its predicted gain is less than the gain
+        that `abandon_cost` requires, or less than a gain close to the best so far.
 
         Args:
             current: Model to which the candidates are added.
             scores: Candidates.
             abandon_cost: Cost that has to be reached.
         """
-        found = []
+        found, policy = [], self.policy
         best = current.fit.cost
         for score in scores:
             key = _key(current.fit) | {_name(score.candidate.final)}
             fit = self._fits.get(key)
             needed = current.fit.cost - min(abandon_cost, current.fit.cost)
-            needed = max(needed, (1.0 - _REACH) * (current.fit.cost - best))
-            if fit is None and UNDERSTATED * score.gain < needed:
+            needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
+            if fit is None and policy.underestimate * score.gain < needed:
                 continue
             if fit is None:
-                slack = max(_SLACK, _REACH * (current.fit.cost - best))
+                slack = max(policy.abandon_slack, policy.close_share * (current.fit.cost - best))
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
@@ -235,12 +227,12 @@ class Trials:
         return sorted(found, key=lambda trial: trial[1].cost)
 
     def runners(self) -> list[EvaluatedModel]:
-        """Runner-up models with a single effect: more than 20 % of the best gain."""
+        """Runner-up models of round 1, best first, at their optima."""
         bare = self._judged[frozenset()].fit.cost
         alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
         gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
         most = max(gains.values(), default=0.0)
-        far = [key for key, gain in gains.items() if gain > _PART * most][1:]
+        far = [key for key, gain in gains.items() if gain > self.policy.runner_share * most][1:]
         return [self.evaluate(self._finished(self._fits[key])) for key in far]
 
     def near(
@@ -249,7 +241,7 @@ class Trials:
         """Finish and evaluate the fits with a cost close to the best, in their order."""
         if not trials:
             return []
-        reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
+        reach = trials[0][1].cost + self.policy.close_share * (current.fit.cost - trials[0][1].cost)
         finer: list[EvaluatedModel] = []
         for score, fit in trials:
             if fit.cost > reach:
@@ -258,7 +250,9 @@ class Trials:
             best = min((one.fit.cost for one in finer), default=np.inf)
             began = operations()
             fraction = min((one.fraction for one in finer), default=1.0)
-            limits = self.limits(best + _SLACK / fraction, self.longest_finish, best)
+            limits = self.limits(
+                best + self.policy.abandon_slack / fraction, self.longest_finish, best
+            )
             finished = self._finished(fit, limits)
             if finished.is_behind(limits) or operations() - began > self.longest_finish:
                 self._unfinished.add(key)
@@ -270,16 +264,14 @@ class Trials:
     @property
     def longest_finish(self) -> float:
         """Operation limit for finishing a model to which further terms may be added."""
-        return _FINISH * self.longest
+        return self.policy.finish_factor * self.longest
 
     def final(self, current: EvaluatedModel) -> Fit:
         """Fit of the final model, finished now if the search had left it unfinished."""
-        fit = current.fit
-        return (
-            refined(fit, TerminationLimits(_STEPS, budget=Budget()))
-            if _key(fit) in self._unfinished
-            else fit
-        )
+        if _key(current.fit) not in self._unfinished:
+            return current.fit
+        limits = TerminationLimits(self.policy.steps, budget=Budget())
+        return refined(current.fit, limits, self.policy)
 
     def _finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         """Fit at its optimum, with substeps as fine as it needs.
@@ -291,11 +283,11 @@ class Trials:
             limits: Termination limits.
         """
         limits = limits or self.limits()
-        return self._converged(refined(self._converged(fit, limits), limits), limits)
+        return self._converged(refined(self._converged(fit, limits), limits, self.policy), limits)
 
     def _converged(self, fit: Fit, limits: TerminationLimits) -> Fit:
         """Continue a fit until it converges or gains less than 1 in log likelihood."""
-        for _ in range(_LEGS):
+        for _ in range(self.policy.continuations):
             if fit.converged or limits.over or fit.is_behind(limits):
                 break
             before = fit.cost
@@ -315,7 +307,7 @@ class Trials:
         return fit
 
     def worth_a_refit(
-        self, current: EvaluatedModel, understated: float = UNDERSTATED, amplitudes: int = 1
+        self, current: EvaluatedModel, understated: float | None = None, amplitudes: int = 1
     ) -> float:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
@@ -325,13 +317,14 @@ class Trials:
 
         Args:
             current: Model to which the effect is added.
-            understated: Largest ratio of achieved to predicted gain.
+            understated: Largest ratio of achieved to predicted gain; that of effects if None.
             amplitudes: Number of fitted amplitudes.
         """
         counts = current.fit.weighting.counts
         each = 0.5 * np.log(max(counts.sum() * current.fraction, 2.0))
         chance = np.log(max(self.tried, 1)) + amplitudes * each
-        size = LEAST_SIZE * float(counts.max()) * current.fraction
+        size = self.policy.least_fall * float(counts.max()) * current.fraction
+        understated = understated or self.policy.underestimate
         return float(max(chance / 2, size / understated)) / current.fraction
 
 

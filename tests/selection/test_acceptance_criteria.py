@@ -22,6 +22,7 @@ from identification.selection.evidence import (
     probabilities,
     scores_of,
 )
+from identification.selection.policy import DEFAULT
 from identification.selection.refit import refitted_as, refitted_with, refitted_without
 from identification.selection.start import Start
 from identification.selection.trials import Trials
@@ -154,10 +155,10 @@ def test_a_model_that_predicts_worse_is_told() -> None:
     one = EvaluatedModel(fit, 1.0, ValidationErrors(square, count, np.zeros(2)))
     other = EvaluatedModel(fit, 1.0, ValidationErrors(1.21 * square, count, np.zeros(2)))
 
-    assert other.predicts_worse(one)
-    assert not one.predicts_worse(other)
-    assert not one.predicts_worse(one)
-    assert not EvaluatedModel(fit, 1.0).predicts_worse(one)
+    assert other.predicts_worse(one, DEFAULT)
+    assert not one.predicts_worse(other, DEFAULT)
+    assert not one.predicts_worse(one, DEFAULT)
+    assert not EvaluatedModel(fit, 1.0).predicts_worse(one, DEFAULT)
 
 
 def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
