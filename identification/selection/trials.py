@@ -58,13 +58,13 @@ class Trials:
     tried: int = 1
     withheld: Collection[str] = ()
     policy: SelectionPolicy = DEFAULT
-    _judged: dict[Key, EvaluatedModel] = field(default_factory=dict)
+    _evaluated: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
     _uncomputed: dict[Key, list[str]] = field(default_factory=dict)
     _unfinished: set[Key] = field(default_factory=set)
-    _led: set[tuple[Key, Key]] = field(default_factory=set)
+    _retried: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
     def over(self) -> bool:
@@ -99,13 +99,13 @@ class Trials:
             fraction: Effective sample fraction [-]; computed from the residual of the fit if None.
         """
         key = _key(fit)
-        known = self._judged.get(key)
+        known = self._evaluated.get(key)
         if known is None and not np.isfinite(fit.cost):
             # The simulation diverges; it is never selected, and a term that stabilises it is kept.
-            known = self._judged[key] = EvaluatedModel(fit.light(), 1.0)
+            known = self._evaluated[key] = EvaluatedModel(fit.light(), 1.0)
         elif known is None or fit.cost < known.fit.cost - 1e-3:
             fraction = effective_fraction(fit) if fraction is None else fraction
-            known = self._judged[key] = evaluated(fit.light(), self.campaign, fraction)
+            known = self._evaluated[key] = evaluated(fit.light(), self.campaign, fraction)
         return known
 
     def without(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
@@ -115,16 +115,15 @@ class Trials:
         may only have helped the optimiser.
         """
         key = _key(current.fit) - {_name(term)}
-        known = self._judged.get(key)
-        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
-            self._led.add((key, _key(current.fit)))
+        known = self._evaluated.get(key)
+        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._retried):
+            self._retried.add((key, _key(current.fit)))
             limits = self.limits(reference=current.fit.cost)
             fit = refitted_without(current.fit, term.name, limits)
             if not np.isfinite(fit.cost):
                 # Without the term the simulation diverges; restart from the nominal parameters.
-                declared = self._judged[frozenset()].fit
-                place = as_declared(current.fit, declared)
-                fit = refitted_without(place, term.name, limits)
+                declared = self._evaluated[frozenset()].fit
+                fit = refitted_without(as_declared(current.fit, declared), term.name, limits)
             known = self.evaluate(
                 refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
             )
@@ -133,7 +132,7 @@ class Trials:
     def enriched(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
         """Model with a term replaced by an extended variant, fitted over continuation steps."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
-        known = self._judged.get(frozenset(kept | {_name(term)}))
+        known = self._evaluated.get(frozenset(kept | {_name(term)}))
         if known is None:
             fit, abandon_cost = current.fit, current.fit.cost + self.policy.abandon_slack
             (before,) = [own for own in fit.simulator.model.terms if own.name == term.name]
@@ -146,16 +145,20 @@ class Trials:
             known = self.evaluate(fit, current.fraction)
         return known
 
-    def known_beside(self, simpler: EvaluatedModel, term: AbstractTerm) -> list[EvaluatedModel]:
-        """Evaluated models that add a term of another type than `term` to the simpler model."""
+    def evaluated_rivals(self, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
+        """Evaluated models that add one term of another type than `name` to the simpler model."""
         key = _key(simpler.fit)
         return [
-            one
-            for known, one in self._judged.items()
-            if known > key
-            and len(known) == len(key) + 1
-            and next(iter(known - key))[0] != term.name
+            model
+            for known, model in self._evaluated.items()
+            if known > key and len(known - key) == 1 and next(iter(known - key))[0] != name
         ]
+
+    def abandon_cost(self, current: EvaluatedModel, simpler: EvaluatedModel) -> float:
+        """Cost above which an extension of the simpler model is no rival of the current model."""
+        gain = simpler.fit.cost - current.fit.cost
+        slack = max(self.policy.abandon_slack, self.policy.rival_share * gain)
+        return current.fit.cost + slack
 
     def scores(self, current: EvaluatedModel) -> list[Score]:
         """Scores of all prototypes of the effect types that are not in the model, best first."""
@@ -217,7 +220,7 @@ class Trials:
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
-                    starts += [Start(place) for place in score.candidate.tried.T]
+                    starts += [Start(values) for values in score.candidate.tried.T]
                 starts += traded(current.fit, score.candidate)
                 fit = refitted_with(current.fit, score.candidate.final, starts, limits)
                 fit = self._fits[key] = fit.light()
@@ -226,45 +229,42 @@ class Trials:
                 found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
 
-    def runners(self) -> list[EvaluatedModel]:
+    def runners_up(self) -> list[EvaluatedModel]:
         """Runner-up models of round 1, best first, at their optima."""
-        bare = self._judged[frozenset()].fit.cost
-        alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
-        gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
-        most = max(gains.values(), default=0.0)
-        far = [key for key, gain in gains.items() if gain > self.policy.runner_share * most][1:]
-        return [self.evaluate(self._finished(self._fits[key])) for key in far]
+        nominal = self._evaluated[frozenset()].fit.cost
+        costs = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
+        gains = {key: nominal - cost for cost, key in costs if next(iter(key))[0] != "unlisted"}
+        least = self.policy.runner_share * max(gains.values(), default=0.0)
+        keys = [key for key, gain in gains.items() if gain > least][1:]
+        return [self.evaluate(self._finished(self._fits[key])) for key in keys]
 
-    def near(
-        self, current: EvaluatedModel, trials: Sequence[tuple[Score, Fit]]
+    def finish_best(
+        self, current: EvaluatedModel, fits: Sequence[tuple[Score, Fit]]
     ) -> list[EvaluatedModel]:
-        """Finish and evaluate the fits with a cost close to the best, in their order."""
-        if not trials:
-            return []
-        reach = trials[0][1].cost + self.policy.close_share * (current.fit.cost - trials[0][1].cost)
-        finer: list[EvaluatedModel] = []
-        for score, fit in trials:
-            if fit.cost > reach:
+        """Finish and evaluate the first refits, those with a cost close to the best.
+
+        Args:
+            current: Model to which the candidates were added.
+            fits: Result of `refits`, best first.
+        """
+        policy, longest = self.policy, self.policy.finish_factor * self.longest
+        models: list[EvaluatedModel] = []
+        for score, fit in fits:
+            lowest = fits[0][1].cost
+            if fit.cost > lowest + policy.close_share * (current.fit.cost - lowest):
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
-            best = min((one.fit.cost for one in finer), default=np.inf)
+            best = min((model.fit.cost for model in models), default=np.inf)
             began = operations()
-            fraction = min((one.fraction for one in finer), default=1.0)
-            limits = self.limits(
-                best + self.policy.abandon_slack / fraction, self.longest_finish, best
-            )
+            fraction = min((model.fraction for model in models), default=1.0)
+            limits = self.limits(best + policy.abandon_slack / fraction, longest, best)
             finished = self._finished(fit, limits)
-            if finished.is_behind(limits) or operations() - began > self.longest_finish:
+            if finished.is_behind(limits) or operations() - began > longest:
                 self._unfinished.add(key)
             # Evaluate the fit while its derivatives are still in memory.
-            finer.append(self.evaluate(finished))
+            models.append(self.evaluate(finished))
             self._fits[key] = finished.light()
-        return finer
-
-    @property
-    def longest_finish(self) -> float:
-        """Operation limit for finishing a model to which further terms may be added."""
-        return self.policy.finish_factor * self.longest
+        return models
 
     def final(self, current: EvaluatedModel) -> Fit:
         """Fit of the final model, finished now if the search had left it unfinished."""

@@ -106,8 +106,8 @@ def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
     declared = work.evaluate(fit_declared(runs.training, "zoh"))
     score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
     current = work.evaluate(work.refits(declared, [score])[0][1])
-    del work._judged[frozenset()]
-    work._judged[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
+    del work._evaluated[frozenset()]
+    work._evaluated[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
     begun: list[Fit] = []
 
     def lost_once(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
