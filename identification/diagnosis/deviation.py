@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 _SOURCE: Final = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
 
 
-class MissingTorque(AbstractTorque):
+class TorqueDisturbance(AbstractTorque):
     """Missing torque, held over a sample interval."""
 
     name = "missing_torque"
@@ -65,7 +65,7 @@ class MissingTorque(AbstractTorque):
         return values.level
 
 
-class MissingVoltage(AbstractVoltage):
+class VoltageDisturbance(AbstractVoltage):
     """Missing voltage, held over a sample interval."""
 
     name = "missing_voltage"
@@ -101,12 +101,12 @@ class Structure:
 
     def matrices(self, entries: Expression) -> tuple[Expression, Expression, Expression]:
         """A (n, n), B (n, 2) and C (2, n) from the varying entries."""
-        n, place = self.shape, 0
+        n, varying = self.shape, 0
         whole: Expression = ca.SX(n, n + 4)
         for k, value in enumerate(self.fixed):
             if value is None:
-                whole[k % n, k // n] = entries[place]
-                place += 1
+                whole[k % n, k // n] = entries[varying]
+                varying += 1
             elif value != 0.0:
                 whole[k % n, k // n] = value
         return whole[:, :n], whole[:, n : n + 2], whole[:, n + 2 :].T
@@ -224,7 +224,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     """Constant entries of A, B and C', and for each record the varying ones (n_sample, k)."""
     simulator = fit.simulator
     kept = [term for term in simulator.model.terms if not isinstance(term, AbstractDelay)]
-    model = replace(simulator.model, terms=(*kept, MissingVoltage(), MissingTorque()))
+    model = replace(simulator.model, terms=(*kept, VoltageDisturbance(), TorqueDisturbance()))
     n, size = len(model.state_names), len(model.parameters)
     x, u, p = ca.SX.sym("x", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", size - 2)
     pushed = ca.SX.sym("e", 2)

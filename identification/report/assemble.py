@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
-from identification.diagnosis.odd_runs import odd_runs
-from identification.diagnosis.outliers import outlier_warnings
+from identification.diagnosis.outliers import outlier_warnings, outlying_run_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
@@ -174,7 +173,7 @@ def _missing(findings: Findings) -> list[str]:
                     f"the model does not explain the {channel} of the {role} runs: the residual is "
                     f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
-    odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
+    odd = outlying_run_warnings(findings.simulated["after"]["training"], findings.noise)
     return (messages or [findings.after.sentence]) + odd
 
 

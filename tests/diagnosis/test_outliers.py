@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
+from identification.diagnosis.outliers import (
+    noise_without_outlying_runs,
+    outlying_run_warnings,
+    root_mean_square,
+)
 from identification.fit.evaluate import Simulated
 from identification.model.excitation import records_of
 from tests.motors import campaign, motor_named
@@ -26,14 +30,14 @@ def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
 
 def test_runs_that_differ_by_chance_are_not_told() -> None:
     """Spread of thirty per cent between runs, and between two of them."""
-    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
-    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
-    assert odd_runs(simulated([(9.0, 9.0)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(9.0, 9.0)]), NOISE) == []
 
 
 def test_a_run_that_is_far_off_is_told_once() -> None:
     """In both channels: one sentence, with both."""
-    found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
+    found = outlying_run_warnings(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
 
     (sentence,) = found
     assert sentence.startswith("run1.csv: outlying run")
@@ -45,6 +49,6 @@ def test_noise_is_that_of_the_runs_that_fit() -> None:
     """One of four is far off in current; noise of the speed is that of all."""
     runs = simulated([(1.0, 1.0), (1.0, 1.0), (20.0, 1.0), (1.0, 1.0)])
 
-    noise = noise_of_most(runs, root_mean_square(runs))
+    noise = noise_without_outlying_runs(runs, root_mean_square(runs))
 
     np.testing.assert_allclose(noise, NOISE, rtol=0.05)
