@@ -244,8 +244,8 @@ def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> L
     own = len(symbols.triangle) + symbols.size * columns
     carries, rows = [], []
     for piece in pieces:
-        rest = np.zeros((symbols.size * columns + pairs + 1, lanes))
-        carries.append(np.concatenate([started(deviation, piece, hyper), rest]))
+        zeros = np.zeros((symbols.size * columns + pairs + 1, lanes))
+        carries.append(np.concatenate([started(deviation, piece, hyper), zeros]))
         rows.append(rows_of(piece))
     finals, _ = _filter_scan(structure)(rows, hyper, carries)
     sums, logs = np.zeros((pairs, lanes)), np.zeros(lanes)

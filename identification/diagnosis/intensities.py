@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -188,15 +189,10 @@ def _grid(pieces: Sequence[Piece]) -> Array:
     size = float(np.log(max(np.sqrt(np.mean(residual**2)), 1.0)))
     longest = np.log(longest_correlation_time(pieces))
     points = []
-    for intensity in (-2.0, 0.0, size):
-        for share in (0.2, 0.5, 0.8):
-            time = np.log(_SHORTEST) + share * (longest - np.log(_SHORTEST))
-            for other in (-2.0, intensity):
-                for slow in (-2.0, 0.0):
-                    sizes = [other, intensity, slow, slow]
-                    correlation_times = [time, time, 2.0, 2.0]
-                    points.append([*sizes, *correlation_times, -0.1, -0.1, -4.0])
-                    if other != intensity:
-                        sizes = [intensity, other, slow, slow]
-                        points.append([*sizes, *correlation_times, -0.1, -0.1, -4.0])
+    sizes, shares = (-2.0, 0.0, size), (0.2, 0.5, 0.8)
+    for intensity, share, is_equal, slow in product(sizes, shares, (False, True), (-2.0, 0.0)):
+        time = np.log(_SHORTEST) + share * (longest - np.log(_SHORTEST))
+        other = intensity if is_equal else -2.0
+        for pair in dict.fromkeys([(other, intensity), (intensity, other)]):
+            points.append([*pair, slow, slow, time, time, 2.0, 2.0, -0.1, -0.1, -4.0])
     return np.array(points).T

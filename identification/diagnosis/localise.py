@@ -166,10 +166,9 @@ def localise(fit: Fit) -> Localisation:
     mechanical = _deficiency(deviation, both, 1, gains[1], longest)
     known = likelihood(deviation, deviation.pieces, both.hyper)
     missing = []
-    for k, trace in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
+    for k, smoothed in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
         record = fit.simulator.records[k]
-        columns = [*trace.mean.T, *trace.deviation.T]
-        e_v, e_tau, v_sd, tau_sd = (np.ascontiguousarray(column) for column in columns)
+        e_v, e_tau, v_sd, tau_sd = (np.ascontiguousarray(column) for column in smoothed.T)
         missing.append(Missing(k, record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
     white = fits.chosen(deviation, electrical.significant, mechanical.significant)
     noise = deviation.noise * np.maximum(

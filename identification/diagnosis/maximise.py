@@ -146,8 +146,8 @@ def _value_and_gradient(
         found = (values[1 : moving.size + 1] - values[0]) / step
     gradient[moving] = np.where(np.isfinite(found), found, 0.0)
     value = float(values[0]) if np.isfinite(values[0]) else -np.inf
-    rest = values[moving.size + 1 :]
-    return value, gradient, np.where(np.isfinite(rest), rest, -np.inf) if rest.size else rest
+    own = values[moving.size + 1 :]
+    return value, gradient, np.where(np.isfinite(own), own, -np.inf) if own.size else own
 
 
 def _first_inverse(valued: Valued, point: Array, bounds: tuple[Array, Array]) -> Array:

@@ -37,26 +37,13 @@ from identification.diagnosis.filtering import (
 )
 from identification.model.scan import scan_of
 
-__all__ = ["SmoothedDisturbance", "auxiliary_residuals", "smoothed_disturbances"]
+__all__ = ["auxiliary_residuals", "smoothed_disturbances"]
 
 Array = NDArray[np.float64]
 
 _AT_ONCE: Final = 50_000
 """Rows whose covariances are held in memory together.  A longer piece is filtered twice: the second
 pass takes the blocks in reverse order and starts each from the state stored by the first pass."""
-
-
-@dataclass(frozen=True)
-class SmoothedDisturbance:
-    """Missing voltage and torque of one record.
-
-    Args:
-        mean: (n_sample, 2) missing voltage and torque [V, N m].
-        deviation: (n_sample, 2) their posterior standard deviation [V, N m].
-    """
-
-    mean: Array
-    deviation: Array
 
 
 def auxiliary_residuals(
@@ -83,10 +70,8 @@ def auxiliary_residuals(
     return found
 
 
-def smoothed_disturbances(
-    deviation: Deviation, hyper: Array, known: Likelihood
-) -> list[SmoothedDisturbance]:
-    """Smoothed missing voltage and torque of all records.
+def smoothed_disturbances(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Array]:
+    """For each record (n_sample, 4) missing voltage and torque, then their standard deviations.
 
     Args:
         deviation: The linear model.
@@ -94,13 +79,12 @@ def smoothed_disturbances(
         known: Posterior of the parameters under them.
     """
 
-    def disturbance(out: Array) -> Array:
-        return _disturbance(deviation, out, known.covariance[0])
+    def smoothed(out: Array) -> Array:
+        return _smoothed(deviation, out, known.covariance[0])
 
     found = []
     for pieces in _batches(deviation.pieces):
-        for trace in _passes(deviation, pieces, hyper, known, disturbance):
-            found.append(SmoothedDisturbance(trace[:, :2], trace[:, 2:]))
+        found += _passes(deviation, pieces, hyper, known, smoothed)
     return found
 
 
@@ -161,7 +145,7 @@ def _auxiliary_residual(out: Array) -> Array:
     return np.asarray(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
 
 
-def _disturbance(deviation: Deviation, out: Array, covariance: Array) -> Array:
+def _smoothed(deviation: Deviation, out: Array, covariance: Array) -> Array:
     """(n_sample, 4) missing terms and their standard deviations from the output of `_backward`."""
     response = out[:, :2, 1:]
     moved = np.einsum("ncj,jk,nck->nc", response, covariance, response, optimize=True)
