@@ -45,10 +45,10 @@ from identification.report.gather import write_outputs
 from identification.selection.confounded import confounded_terms
 from identification.selection.long import search_long
 from identification.selection.non_identifiable import (
-    Line,
-    lines_of,
+    LinearPart,
+    linear_parts_of,
     with_linear_parts,
-    with_lines_drawn,
+    with_linear_parts_drawn,
 )
 from identification.selection.omitted import OmittedTerm, unknown_gain, with_omitted_drawn
 from identification.selection.outcome import Outcome
@@ -171,7 +171,7 @@ def _identified(
     tell("posterior", 0.55)
     chain, draws = _drawn(
         Posterior(closed, fraction),
-        lines_of(final),
+        linear_parts_of(final),
         omitted,
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),
@@ -322,7 +322,7 @@ def _declared(campaign: Campaign, options: FitOptions) -> Fit:
 
 def _drawn(
     posterior: Posterior,
-    lines: Sequence[Line],
+    lines: Sequence[LinearPart],
     omitted: Sequence[OmittedTerm],
     options: FitOptions,
     progress: Callable[[float], None],
@@ -333,7 +333,7 @@ def _drawn(
     def opened(draws: dict[str, Array]) -> dict[str, Array]:
         draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
         draws = with_scale_drawn(draws, posterior.fit, options.seed)
-        return with_lines_drawn(draws, lines, options.seed)
+        return with_linear_parts_drawn(draws, lines, options.seed)
 
     if not options.posterior:
         return None, opened(normal_draws(posterior, options.seed))

@@ -47,7 +47,7 @@ from identification.report.result import parameter_entry
 from identification.report.story import effect_entries, searched_entries
 from identification.report.summary import NEAR_NOISE
 from identification.report.worse import worse_warnings
-from identification.selection.non_identifiable import lines_of
+from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import consider_variances
 
 __all__ = ["assemble"]
@@ -356,7 +356,7 @@ def _warnings(findings: Findings, missed: Sequence[str]) -> list[str]:
 def _undetermined(findings: Findings) -> list[str]:
     """Warning on the parameters that the runs do not determine."""
     # The linear part of a curve is reported under the parameter it is collinear with.
-    lines = {line.name for line in lines_of(findings.final)}
+    lines = {line.name for line in linear_parts_of(findings.final)}
     lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
     unknown = [name for name, found in findings.known.items() if not found and name not in lines]
     if not unknown:

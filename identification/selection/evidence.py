@@ -32,7 +32,7 @@ differences of BIC).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -42,7 +42,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 from identification.linear import least_squares
-from identification.model.term import AbstractTerm, State
+from identification.model.term import AbstractTerm
 from identification.selection.policy import DEFAULT, SelectionPolicy
 
 __all__ = [
@@ -86,7 +86,7 @@ class AcceptanceCriteria:
     log_odds: float
     local: bool
     flaw: str = ""
-    policy: SelectionPolicy = DEFAULT
+    policy: SelectionPolicy = field(default=DEFAULT, repr=False)
 
     @property
     def passed(self) -> bool:
@@ -195,10 +195,8 @@ class EvaluatedModel:
             fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
         validation, possible, log_odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
-            floor = self.fit.weighting.deviation**2
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = 0.5 * np.log(simpler.unseen.square / self.unseen.square)
-                excess = 0.5 * np.log(simpler.unseen.square / floor)
+            ratio = _log_ratio(simpler.unseen.square, self.unseen.square)
+            excess = _log_ratio(simpler.unseen.square, self.fit.weighting.deviation**2)
             validation = float(np.sum(ratio[counts > 0]))
             scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
             possible = float(np.sum(excess[counts > 0])) - policy.validation_sd * scatter
@@ -231,8 +229,7 @@ class EvaluatedModel:
         """Whether the validation runs prefer the other model as clearly as they must an effect."""
         if self.unseen is None or other.unseen is None:
             return False
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = 0.5 * np.log(other.unseen.square / self.unseen.square)
+        ratio = _log_ratio(other.unseen.square, self.unseen.square)
         counted = (ratio * self.unseen.count)[self.fit.weighting.counts > 0]
         log_odds = max(self.fraction, other.fraction) * float(np.sum(counted))
         return log_odds < -policy.validation_log_odds
@@ -254,13 +251,10 @@ class EvaluatedModel:
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
-        return (
-            fraction * (self.fit.cost + self._foretold())
-            + 0.5 * size * float(np.log(samples))
-            + chance
-        )
+        penalty = 0.5 * size * float(np.log(samples))
+        return fraction * (self.fit.cost + self._predictive()) + penalty + chance
 
-    def _foretold(self) -> float:
+    def _predictive(self) -> float:
         """Negative log likelihood of the validation runs at unknown noise level."""
         if self.unseen is None:
             return 0.0
@@ -270,22 +264,26 @@ class EvaluatedModel:
         return float(np.sum(terms[seen & (self.unseen.count > 0)]))
 
 
+def _log_ratio(square: Array, other: Array) -> Array:
+    """Logarithm of the ratio of two RMS errors, from the mean squares of each channel."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(0.5 * np.log(square / other))
+
+
 def _lasting(fit: Fit) -> int:
     """Number of initial values, over all records, that count as parameters in the BIC.
 
     Current, speed and fading states do not count.  Late samples contain no information on them, so
     their penalty does not grow with the logarithm of the record length.
     """
-    return len(fit.states) * sum(not state.fades for state in _states(fit))
+    states = [state for term in fit.simulator.model.terms for state in term.states]
+    return len(fit.states) * sum(not state.fades for state in states)
 
 
 def _fading(fit: Fit) -> int:
     """Number of initial values of fading states, over all records."""
-    return len(fit.states) * sum(state.fades for state in _states(fit))
-
-
-def _states(fit: Fit) -> list[State]:
-    return [state for term in fit.simulator.model.terms for state in term.states]
+    states = [state for term in fit.simulator.model.terms for state in term.states]
+    return len(fit.states) * sum(state.fades for state in states)
 
 
 def _determined(fit: Fit) -> float:

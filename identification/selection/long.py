@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -48,20 +49,14 @@ def search_long(
         policy: Limits of the search.
     """
     tell = progress or (lambda fraction: None)
+    select = partial(search, withheld=withheld, policy=policy)
     part = representative_subset(campaign, declared, policy)
     if part is None:
-        return search(declared, campaign, progress, work, withheld=withheld, policy=policy)
+        return select(declared, campaign, progress, work)
     budget = Budget(work)
-    stretches, nominal = part
-    found = search(
-        nominal,
-        stretches,
-        lambda done: tell(0.6 * done),
-        policy.subset_budget * work,
-        withheld=withheld,
-        is_part=True,
-        policy=policy,
-    )
+    segments, nominal = part
+    effort = policy.subset_budget * work
+    found = select(nominal, segments, lambda done: tell(0.6 * done), effort, is_part=True)
     trials = Trials(campaign, budget, tried=max(len(found.searched), 1), policy=policy)
     whole, effects = _confirmed(declared, found, trials)
     tell(0.8)
@@ -69,15 +64,7 @@ def search_long(
         complete = found.complete and not budget.spent
         return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None
-    more = search(
-        declared,
-        campaign,
-        lambda done: tell(0.8 + 0.2 * done),
-        budget.left,
-        begin,
-        withheld,
-        policy=policy,
-    )
+    more = select(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin)
     return replace(more, searched=(*found.searched, *more.searched))
 
 

@@ -1,7 +1,7 @@
 """Numbers that govern the selection of effects, each with unit and origin.
 
 Only the first group decides which model is accepted; none of its numbers was tuned on a simulator.
-The second group decides between effects and curves, and what is reported beside an effect.  The
+The second group decides between effects and curves, and what is reported with an effect.  The
 third limits the work: a larger limit finds more of the effects that a cheap prediction misses, at
 more operations, and every model still has to meet the acceptance criteria.  The last group concerns
 the intervals and not the selection.

@@ -16,9 +16,9 @@ from identification.fit.solve import Fit
 from identification.selection.evidence import EvaluatedModel, scores_of
 from identification.selection.policy import SelectionPolicy
 
-__all__ = ["is_better", "is_strained", "ranked", "replaces"]
+__all__ = ["is_better", "is_at_bound", "ranked", "replaces"]
 
-_PLACES: Final = {name: place for place, name in enumerate(CATALOGUE)}
+_POSITIONS: Final = {name: position for position, name in enumerate(CATALOGUE)}
 """Position of each effect type in the catalogue, the most common first."""
 
 
@@ -34,8 +34,9 @@ def ranked(models: Sequence[EvaluatedModel], policy: SelectionPolicy) -> list[in
 
     def key(k: int) -> tuple[float, float]:
         alike = scores[k] < best + policy.tie
-        places = [_PLACES.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
-        return (best, float(sum(places))) if alike else (scores[k], 0.0)
+        terms = models[k].fit.simulator.model.terms
+        positions = [_POSITIONS.get(term.name, np.inf) for term in terms]
+        return (best, float(sum(positions))) if alike else (scores[k], 0.0)
 
     return sorted(range(len(models)), key=key)
 
@@ -46,7 +47,7 @@ def is_better(one: EvaluatedModel, other: EvaluatedModel) -> bool:
     return scores[0] < scores[1]
 
 
-def replaces(alone: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPolicy) -> bool:
+def replaces(curve: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPolicy) -> bool:
     """Whether a curve replaces the effects of the catalogue.
 
     The curve has to rank better, and its validation error must not be clearly larger.  In place of
@@ -54,17 +55,16 @@ def replaces(alone: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPol
     only as well as an effect is that effect.  The size limit does not apply if the effect has a
     shape parameter at its bound.
     """
-    if alone.predicts_worse(listed, policy):
+    if curve.predicts_worse(listed, policy):
         return False
-    fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
-    must_be_smaller = len(listed.fit.simulator.model.terms) == 1 and not is_strained(
-        listed.fit, policy
-    )
+    fall = np.log(listed.fit.weighting.deviation / curve.fit.weighting.deviation)
+    is_only = len(listed.fit.simulator.model.terms) == 1
+    must_be_smaller = is_only and not is_at_bound(listed.fit, policy)
     is_small = float(np.sum(fall)) < policy.least_fall
-    return is_better(alone, listed) and not (must_be_smaller and is_small)
+    return is_better(curve, listed) and not (must_be_smaller and is_small)
 
 
-def is_strained(fit: Fit, policy: SelectionPolicy) -> bool:
+def is_at_bound(fit: Fit, policy: SelectionPolicy) -> bool:
     """Whether a defining shape parameter of an effect may lie beyond a bound of its range.
 
     Example: a drag at the largest allowed exponent is more curved than real drag.  The data require
@@ -80,5 +80,5 @@ def is_strained(fit: Fit, policy: SelectionPolicy) -> bool:
         side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)
     )
     spread = np.sqrt(np.diag(fit.equations.covariance())[shapes])
-    near = np.maximum(policy.bound_range * (upper - lower), policy.bound_sd * spread)
-    return bool(np.any(np.minimum(position - lower, upper - position) < near))
+    margin = np.maximum(policy.bound_range * (upper - lower), policy.bound_sd * spread)
+    return bool(np.any(np.minimum(position - lower, upper - position) < margin))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +36,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_LIMITS: Final = TerminationLimits(DEFAULT.steps)
+
 
 def refitted_with(
-    fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits | None = None
+    fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits = _LIMITS
 ) -> Fit:
     """Fit of the model with `term` added, from the optimum of `fit`.
 
@@ -49,7 +52,7 @@ def refitted_with(
         starts: Starting points; the fit continues from the best of them.
         limits: Termination limits.
     """
-    model, limits = fit.simulator.model.adding(term), limits or TerminationLimits(DEFAULT.steps)
+    model = fit.simulator.model.adding(term)
     began = operations()
     found = _refitted(fit, model, starts, limits)
     if term.equation == "thermal" and has_odd_coefficients(fit):
@@ -61,7 +64,7 @@ def refitted_with(
     return found
 
 
-def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None = None) -> Fit:
+def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits = _LIMITS) -> Fit:
     """Fit with a term in an extended variant, from the optimum of `fit`.
 
     New parameters start at their neutral values.  Substeps are chosen beforehand so that the whole
@@ -73,26 +76,24 @@ def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None =
     model = replace(before, terms=terms)
     known = set(fit.coordinates.names)
     new = np.array([p.prior_mean for p in model.parameters if p.name not in known])
-    return _refitted(
-        fit, model, [Start(new)], limits or TerminationLimits(DEFAULT.steps), finely=True
-    )
+    return _refitted(fit, model, [Start(new)], limits, finely=True)
 
 
-def refitted_without(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
+def refitted_without(fit: Fit, name: str, limits: TerminationLimits = _LIMITS) -> Fit:
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
-    return _refitted(fit, model, (), limits or TerminationLimits(DEFAULT.steps))
+    return _refitted(fit, model, (), limits)
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:
     """The fit moved to the nominal values of the parameters that the nominal model has."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     values |= dict(zip(declared.coordinates.names, declared.values, strict=True))
-    place = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
-    return replace(fit, position=place)
+    position = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
+    return replace(fit, position=position)
 
 
-def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
     """The fit with the prior scale of per-record amplitudes set to their fitted RMS value.
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
@@ -109,9 +110,7 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> 
         terms.append(term)
     if tuple(terms) == model.terms:
         return fit
-    return _refitted(
-        fit, replace(model, terms=tuple(terms)), (), limits or TerminationLimits(DEFAULT.steps)
-    )
+    return _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
 
 
 def _refitted(
@@ -137,7 +136,7 @@ def _refitted(
 
 
 def refined(
-    fit: Fit, limits: TerminationLimits | None = None, policy: SelectionPolicy = DEFAULT
+    fit: Fit, limits: TerminationLimits = _LIMITS, policy: SelectionPolicy = DEFAULT
 ) -> Fit:
     """The fit with substeps whose integration error is far below the noise.
 
@@ -150,7 +149,6 @@ def refined(
         limits: Termination limits.
         policy: Limits of the refinements.
     """
-    limits = limits or TerminationLimits(policy.steps)
     for _ in range(policy.refinements):
         if limits.over:
             return fit

@@ -38,7 +38,7 @@ from identification.fit.solve import Fit
 from identification.selection.evidence import EvaluatedModel, probabilities, scores_of
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.ranking import is_better, is_strained, ranked, replaces
+from identification.selection.ranking import is_at_bound, is_better, ranked, replaces
 from identification.selection.refit import with_known_amplitudes
 from identification.selection.score import Score
 from identification.selection.steps import (
@@ -154,7 +154,7 @@ def _has_structure(state: State) -> bool:
     """Whether a curve would still gain, or an effect has a shape parameter at its bound."""
     if _curves_worth_a_refit(state):
         return True
-    return is_strained(state.current.fit, state.trials.policy)
+    return is_at_bound(state.current.fit, state.trials.policy)
 
 
 def _curves_worth_a_refit(state: State) -> list[Score]:

@@ -60,9 +60,9 @@ def representative_subset(
     """
     if sum(record.rows for record in campaign.training) <= policy.subset_ratio * PART_ROWS:
         return None
-    training = _stretches(campaign.training, declared.residuals(), PART_ROWS, policy)
+    training = _segments(campaign.training, declared.residuals(), PART_ROWS, policy)
     unseen = simulate_unseen(declared, campaign.validation)
-    validation = _stretches(
+    validation = _segments(
         [s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2, policy
     )
     own = declared.simulator
@@ -81,7 +81,7 @@ def subset_of_fit(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
     records = fit.simulator.records
     if sum(record.rows for record in records) <= policy.subset_ratio * PART_ROWS:
         return fit
-    return fitted_to(_stretches(records, fit.residuals(), PART_ROWS, policy), fit)
+    return fitted_to(_segments(records, fit.residuals(), PART_ROWS, policy), fit)
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:
@@ -103,7 +103,7 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     return replanned(found, limits)
 
 
-def _stretches(
+def _segments(
     records: Sequence[Record], residuals: Sequence[Array], rows: int, policy: SelectionPolicy
 ) -> list[Record]:
     """One segment of each record, about `rows` samples in total."""
@@ -128,8 +128,8 @@ def _stretches(
             chosen[k] = int(np.argmax(worth))
             taken[k] = windows[chosen[k]]
     return [
-        _slice(record, place * max(length // _PLACES, 1), length)
-        for record, place, length in zip(records, chosen, lengths, strict=True)
+        _slice(record, first * max(length // _PLACES, 1), length)
+        for record, first, length in zip(records, chosen, lengths, strict=True)
     ]
 
 
@@ -140,22 +140,11 @@ def _regressors(records: Sequence[Record], residuals: Sequence[Array]) -> list[A
         current, speed = record.measured.T
         slow = 0.02 * record.span[1]
         warmth = record.column("temperature") - 25.0
-        rows = [
-            np.ones(record.rows),
-            current,
-            speed,
-            record.column("voltage"),
-            np.tanh(speed / slow),
-            np.tanh(current / (0.05 * record.span[0])),
-            speed * np.abs(speed),
-            current * np.abs(current),
-            current * speed,
-            warmth * current,
-            warmth * speed,
-            residual[:, 0],
-            residual[:, 1],
-        ]
-        columns = np.column_stack(rows)
+        directions = np.tanh(speed / slow), np.tanh(current / (0.05 * record.span[0]))
+        squares = speed * np.abs(speed), current * np.abs(current), current * speed
+        linear = np.ones(record.rows), current, speed, record.column("voltage")
+        heated = warmth * current, warmth * speed
+        columns = np.column_stack([*linear, *directions, *squares, *heated, residual])
         found.append(np.where(np.isfinite(columns), columns, 0.0))
     return found
 

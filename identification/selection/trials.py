@@ -163,18 +163,17 @@ class Trials:
     def scores(self, current: EvaluatedModel) -> list[Score]:
         """Scores of all prototypes of the effect types that are not in the model, best first."""
         key = _key(current.fit)
-        known = self._scores.get(key)
         if not np.isfinite(current.fit.cost):
             return []
-        if known is None:
+        if key not in self._scores:
             candidates = candidates_of(current.fit, self.withheld)
             found = screened(current.fit, candidates, self.policy)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
             self._uncomputed[key] = [name for name in names if name not in scored]
-            known = self._scores[key] = without_shared(found)
+            self._scores[key] = without_shared(found)
             self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
-        return known
+        return self._scores[key]
 
     def uncomputed(self, current: EvaluatedModel) -> list[str]:
         """Effect types without a finite score for a screened model."""
@@ -183,10 +182,9 @@ class Trials:
     def curves(self, current: EvaluatedModel) -> list[Score]:
         """Scores of terms that belong to no effect type (curves, ripples, ...), best first."""
         key = _key(current.fit)
-        known = self._curves.get(key)
-        if known is None:
-            known = self._curves[key] = missing_curves(current.fit, self.policy)
-        return known
+        if key not in self._curves:
+            self._curves[key] = missing_curves(current.fit, self.policy)
+        return self._curves[key]
 
     def omitted(self, current: EvaluatedModel) -> tuple[OmittedTerm, ...]:
         """Terms outside the model with a predicted gain above chance, effect types and curves."""
@@ -211,11 +209,11 @@ class Trials:
         for score in scores:
             key = _key(current.fit) | {_name(score.candidate.final)}
             fit = self._fits.get(key)
-            needed = current.fit.cost - min(abandon_cost, current.fit.cost)
-            needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
-            if fit is None and policy.underestimate * score.gain < needed:
-                continue
             if fit is None:
+                needed = current.fit.cost - min(abandon_cost, current.fit.cost)
+                needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
+                if policy.underestimate * score.gain < needed:
+                    continue
                 slack = max(policy.abandon_slack, policy.close_share * (current.fit.cost - best))
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)
                 starts = list(score.starts)
@@ -291,17 +289,8 @@ class Trials:
             if fit.converged or limits.over or fit.is_behind(limits):
                 break
             before = fit.cost
-            fit = replanned(
-                solve(
-                    fit.simulator,
-                    fit.coordinates,
-                    fit.position,
-                    fit.states,
-                    fit.weighting,
-                    limits,
-                ),
-                limits,
-            )
+            start = fit.position, fit.states, fit.weighting
+            fit = replanned(solve(fit.simulator, fit.coordinates, *start, limits), limits)
             if before - fit.cost < 1.0:
                 break
         return fit
