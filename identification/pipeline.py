@@ -43,7 +43,7 @@ from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms
 from identification.selection.long import search_long
-from identification.selection.non_identifiable import lines_of, with_linear_parts
+from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.threads import repeatable_algebra
@@ -180,7 +180,7 @@ def _identified(
     tell("posterior", 0.55)
     chain, draws = final_draws(
         Posterior(closed, fraction),
-        lines_of(final),
+        linear_parts_of(final),
         omitted,
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),

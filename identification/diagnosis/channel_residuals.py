@@ -83,7 +83,7 @@ class ChannelResiduals:
         excess = max(float(stats.kurtosis(stacked)), 0.0) if stacked.size > 3 else 0.0
         return (2.0 * float(np.mean(power**2)) + excess) / self.count
 
-    def imitated(self, noise: float) -> tuple[float, float]:
+    def error_variance(self, noise: float) -> tuple[float, float]:
         """Mean and variance, over noise^2, of the mean square error by uncertain parameters."""
         if not self.errors or not self.errors[0].shape[1]:
             return 0.0, 0.0
@@ -91,8 +91,8 @@ class ChannelResiduals:
         values = np.maximum(eigh(gram)[0], 0.0)
         # Cross term of the errors with the noise: 4 sigma^2 z'Gz / count, times the noise spectrum.
         power = float(spectrum(self.taps, 4096).max())
-        met = 4.0 * power * float(values.sum()) / self.count
-        return float(values.sum()), float(2.0 * np.sum(values**2) + met)
+        cross = 4.0 * power * float(values.sum()) / self.count
+        return float(values.sum()), float(2.0 * np.sum(values**2) + cross)
 
     def whiteness(self) -> float:
         """Ljung-Box test of the whitened residual: p value.
@@ -157,7 +157,7 @@ def residuals_of_training(fit: Fit) -> list[ChannelResiduals]:
     """Residuals of current and speed over the training records."""
     simulated = simulate_fitted(fit)
     none = [np.zeros((s.record.rows, 2, 0)) for s in simulated]
-    return _remains([s.record for s in simulated], [s.residual for s in simulated], none)
+    return _by_channel([s.record for s in simulated], [s.residual for s in simulated], none)
 
 
 def residuals_of_validation(
@@ -185,7 +185,7 @@ def residuals_of_validation(
         left = _without_start(both, derivative[:, :, n:], one.record.weight, noise)
         residuals.append(left[:, :, 0])
         errors.append(left[:, :, 1:])
-    return _remains([s.record for s in simulated], residuals, errors)
+    return _by_channel([s.record for s in simulated], residuals, errors)
 
 
 def _spread(fit: Fit, noise: Array) -> Array:
@@ -212,7 +212,7 @@ def _without_start(series: Array, directions: Array, weight: Array, noise: Array
     return np.asarray(series - directions @ shift)
 
 
-def _remains(
+def _by_channel(
     records: Sequence[Record], residuals: Sequence[Array], errors: Sequence[Array]
 ) -> list[ChannelResiduals]:
     found = []

@@ -165,7 +165,7 @@ def _limit(
 ) -> float:
     """Upper limit of the noise ratio: noise of the training runs plus parameter uncertainty."""
     variance = left.scatter() + (training.scatter() if training is not None else 0.0)
-    mean, more = left.imitated(noise)
+    mean, more = left.error_variance(noise)
     reach = float(stats.norm.isf(level))
     return float(np.sqrt(1.0 + mean + reach * np.sqrt(variance + more))) + _RESOLVED
 

@@ -9,7 +9,7 @@ A, B and C are the derivatives of the simulated step itself, so they are exact f
 with any electrical time constant.  The disturbances e are held over a sample interval, like the
 voltage.  T is the derivative of the simulation with respect to the parameters, which are uncertain.
 
-The two disturbances are ordinary terms of the model (`term.py`), so the physics is implemented only
+The disturbances are an ordinary term of the model (`term.py`), so the physics is implemented only
 once.  Delayed channels are used without their delay: a delay of a few samples shifts the trace by
 as much and does not change the intensities.
 """
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -47,35 +47,25 @@ __all__ = ["Deviation", "Piece", "Structure", "deviation_of"]
 Array = NDArray[np.float64]
 
 
-_SOURCE: Final = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
+class Disturbance(AbstractTorque, AbstractVoltage):
+    """Missing voltage and torque, held over a sample interval."""
 
-
-class MissingTorque(AbstractTorque):
-    """Missing torque, held over a sample interval."""
-
-    name = "missing_torque"
+    name = "disturbance"
     equation = "mechanical"
     drivers = ()
-    source = _SOURCE
-    parameters = (Parameter("level", "N m", "missing torque"),)
-
-    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Missing torque [N m]."""
-        return values.level
-
-
-class MissingVoltage(AbstractVoltage):
-    """Missing voltage, held over a sample interval."""
-
-    name = "missing_voltage"
-    equation = "electrical"
-    drivers = ()
-    source = _SOURCE
-    parameters = (Parameter("level", "V", "missing voltage"),)
+    source = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
+    parameters = (
+        Parameter("voltage", "V", "missing voltage"),
+        Parameter("torque", "N m", "missing torque"),
+    )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Missing voltage [V]."""
-        return values.level
+        return values.voltage
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Missing torque [N m]."""
+        return values.torque
 
 
 @dataclass(frozen=True)
@@ -100,12 +90,12 @@ class Structure:
 
     def matrices(self, entries: Expression) -> tuple[Expression, Expression, Expression]:
         """A (n, n), B (n, 2) and C (2, n) from the varying entries."""
-        n, place = self.shape, 0
+        n, varying = self.shape, 0
         whole: Expression = ca.SX(n, n + 4)
         for k, value in enumerate(self.fixed):
             if value is None:
-                whole[k % n, k // n] = entries[place]
-                place += 1
+                whole[k % n, k // n] = entries[varying]
+                varying += 1
             elif value != 0.0:
                 whole[k % n, k // n] = value
         return whole[:, :n], whole[:, n : n + 2], whole[:, n + 2 :].T
@@ -218,7 +208,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     """Constant entries of A, B and C', and for each record the varying ones (n_sample, k)."""
     simulator = fit.simulator
     kept = [term for term in simulator.model.terms if not isinstance(term, AbstractDelay)]
-    model = replace(simulator.model, terms=(*kept, MissingVoltage(), MissingTorque()))
+    model = replace(simulator.model, terms=(*kept, Disturbance()))
     n, size = len(model.state_names), len(model.parameters)
     x, u, p = ca.SX.sym("x", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", size - 2)
     pushed = ca.SX.sym("e", 2)

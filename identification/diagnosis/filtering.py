@@ -182,9 +182,9 @@ def started(deviation: Deviation, piece: Piece, hyper: Array) -> Array:
     for k in range(4):
         diagonal[n + k] = hyper[2 * k + 1] / np.maximum(1.0 - hyper[2 * k] ** 2, 1e-300)
     packed = np.zeros((len(symbols.triangle), lanes))
-    for place, (i, j) in enumerate(symbols.triangle):
+    for index, (i, j) in enumerate(symbols.triangle):
         if i == j:
-            packed[place] = diagonal[i]
+            packed[index] = diagonal[i]
     return packed
 
 
@@ -244,8 +244,8 @@ def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> L
     own = len(symbols.triangle) + symbols.size * columns
     carries, rows = [], []
     for piece in pieces:
-        rest = np.zeros((symbols.size * columns + pairs + 1, lanes))
-        carries.append(np.concatenate([started(deviation, piece, hyper), rest]))
+        zeros = np.zeros((symbols.size * columns + pairs + 1, lanes))
+        carries.append(np.concatenate([started(deviation, piece, hyper), zeros]))
         rows.append(rows_of(piece))
     finals, _ = _filter_scan(structure)(rows, hyper, carries)
     sums, logs = np.zeros((pairs, lanes)), np.zeros(lanes)
@@ -272,11 +272,9 @@ def _integrated(deviation: Deviation, sums: Array, logs: Array) -> Likelihood:
     n = deviation.structure.tangents
     lanes = logs.size
     products = np.empty((lanes, n + 1, n + 1))
-    place = 0
-    for i in range(n + 1):
-        for j in range(i + 1):
-            products[:, i, j] = products[:, j, i] = sums[place]
-            place += 1
+    pairs = [(i, j) for i in range(n + 1) for j in range(i + 1)]
+    for (i, j), values in zip(pairs, sums, strict=True):
+        products[:, i, j] = products[:, j, i] = values
     prior = deviation.precision
     with np.errstate(invalid="ignore"):
         matrix = products[:, 1:, 1:] + np.diag(prior)

@@ -6,7 +6,7 @@ Both state equations get an unknown disturbance, a missing voltage and a missing
 
 each a first-order Gauss-Markov process of unknown intensity and correlation time.  A Kalman filter
 of the deviation from the fitted simulation gives the likelihood of the intensities
-(`strengths.py`), and a smoother gives the two missing terms over time (`smoothing.py`):
+(`intensities.py`), and a smoother gives the two missing terms over time (`smoothing.py`):
 
     found = localise(fit)
     found.mechanical.significant, found.missing[0].torque
@@ -19,7 +19,7 @@ disturbance by prior and correlation time rather than by data; the bands of the 
 
 *Null hypothesis.* In a complete model each sensor may have white noise and slow noise of unknown
 correlation time, and the logged voltage may be noisy; none of these counts as missing.  An
-intensity also has to be significant with outliers down-weighted (`spikes.py`).  Intensities and
+intensity also has to be significant with outliers down-weighted (`outliers.py`).  Intensities and
 noise come from unweighted samples, because a jump of a missing term first looks like an outlier.
 
 *Samples.* Intensities are estimated from about 12,000 rows, in segments spread evenly over all
@@ -41,14 +41,14 @@ from scipy import special
 
 from identification.diagnosis.deviation import Deviation, Piece, deviation_of
 from identification.diagnosis.filtering import Likelihood, likelihood
-from identification.diagnosis.smoothing import traces
-from identification.diagnosis.spikes import weighted
-from identification.diagnosis.strengths import (
-    Strengths,
-    longest_memory,
+from identification.diagnosis.intensities import (
+    Hyperparameters,
+    longest_correlation_time,
+    maximum_likelihood,
     p_value_of,
-    strongest,
 )
+from identification.diagnosis.outliers import with_outliers_weighted
+from identification.diagnosis.smoothing import smoothed_disturbances
 from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise"]
@@ -62,7 +62,7 @@ _COARSE: Final = 4_000
 """Rows of the first estimate."""
 _FINE: Final = 12_000
 """Rows of the final estimate."""
-_STRETCH: Final = 600
+_SEGMENT: Final = 600
 """Rows of one segment."""
 _WORSE: Final = 3.0
 """Loss of log likelihood at which a linearisation at shifted parameters is rejected."""
@@ -150,35 +150,35 @@ def localise(fit: Fit) -> Localisation:
         fit: The fitted model with its training records; it may contain effects.
     """
     deviation = deviation_of(fit)
-    coarse = _stretches(deviation.pieces, _COARSE)
-    both = strongest(deviation, coarse, (True, True))
+    coarse = _segments(deviation.pieces, _COARSE)
+    both = maximum_likelihood(deviation, coarse, (True, True))
     known = likelihood(deviation, coarse, both.hyper)
     # Free the first linearisation, so that the rows are in memory only once.
     del deviation, coarse
-    deviation = _moved(fit, both, known)
-    fits = _nested(deviation, _stretches(deviation.pieces, _FINE), both.place)
-    longest = longest_memory(fits.pieces)
+    deviation = _relinearised(fit, both, known)
+    fits = _nested_fits(deviation, _segments(deviation.pieces, _FINE), both.point)
+    longest = longest_correlation_time(fits.pieces)
     gains = fits.gains
     if any(_is_significant(gain, longest) for gain in gains):
-        gains = _gains_beside_spikes(deviation, fits, gains)
+        gains = _gains_without_outliers(deviation, fits, gains)
     both = fits.both
     electrical = _deficiency(deviation, both, 0, gains[0], longest)
     mechanical = _deficiency(deviation, both, 1, gains[1], longest)
     known = likelihood(deviation, deviation.pieces, both.hyper)
     missing = []
-    for k, trace in enumerate(traces(deviation, both.hyper, known)):
+    for k, smoothed in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
         record = fit.simulator.records[k]
-        columns = [*trace.mean.T, *trace.deviation.T]
+        columns = [*smoothed.mean.T, *smoothed.deviation.T]
         e_v, e_tau, v_sd, tau_sd = (np.ascontiguousarray(column) for column in columns)
         missing.append(Missing(k, record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
     white = fits.chosen(deviation, electrical.significant, mechanical.significant)
     noise = deviation.noise * np.maximum(
-        np.hypot(white.sizes[2:4], white.white), _quickest(deviation)
+        np.hypot(white.intensities[2:4], white.white), _least_noise(deviation)
     )
     return Localisation(electrical, mechanical, np.asarray(noise), tuple(missing))
 
 
-def _quickest(deviation: Deviation) -> Array:
+def _least_noise(deviation: Deviation) -> Array:
     """(2,) lower bound of the sensor noise, from higher differences of the residual.
 
     If the current follows the voltage within one sample, a strong missing voltage explains white
@@ -204,40 +204,40 @@ class _Nested:
     """Maximum likelihood intensities with both disturbances, and with each one alone."""
 
     pieces: list[Piece]
-    both: Strengths
-    torque: Strengths
-    voltage: Strengths
+    both: Hyperparameters
+    torque: Hyperparameters
+    voltage: Hyperparameters
 
     @property
     def gains(self) -> tuple[float, float]:
         """Gains by the missing voltage and by the missing torque, each in addition to the other."""
         return self.both.value - self.torque.value, self.both.value - self.voltage.value
 
-    def chosen(self, deviation: Deviation, electrical: bool, mechanical: bool) -> Strengths:
+    def chosen(self, deviation: Deviation, electrical: bool, mechanical: bool) -> Hyperparameters:
         """The model without insignificant disturbances, which would absorb coloured noise."""
         if electrical:
             return self.both if mechanical else self.voltage
         if mechanical:
             return self.torque
-        return strongest(deviation, self.pieces, (False, False), self.torque.place)
+        return maximum_likelihood(deviation, self.pieces, (False, False), self.torque.point)
 
 
-def _nested(deviation: Deviation, pieces: list[Piece], start: Array) -> _Nested:
-    both = strongest(deviation, pieces, (True, True), start)
-    torque = strongest(deviation, pieces, (False, True), both.place, both.value)
-    voltage = strongest(deviation, pieces, (True, False), both.place, both.value)
+def _nested_fits(deviation: Deviation, pieces: list[Piece], start: Array) -> _Nested:
+    both = maximum_likelihood(deviation, pieces, (True, True), start)
+    torque = maximum_likelihood(deviation, pieces, (False, True), both.point, both.value)
+    voltage = maximum_likelihood(deviation, pieces, (True, False), both.point, both.value)
     return _Nested(pieces, both, torque, voltage)
 
 
-def _gains_beside_spikes(
+def _gains_without_outliers(
     deviation: Deviation, fits: _Nested, gains: tuple[float, float]
 ) -> tuple[float, float]:
     """The smaller of the gains with and without down-weighted outliers."""
     known = likelihood(deviation, fits.pieces, fits.both.hyper)
-    pieces = weighted(deviation, fits.pieces, fits.both.hyper, known)
+    pieces = with_outliers_weighted(deviation, fits.pieces, fits.both.hyper, known)
     if pieces is None:
         return gains
-    again = _nested(deviation, pieces, fits.both.place).gains
+    again = _nested_fits(deviation, pieces, fits.both.point).gains
     return min(gains[0], again[0]), min(gains[1], again[1])
 
 
@@ -245,7 +245,7 @@ def _is_significant(gain: float, longest: float) -> bool:
     return p_value_of(gain, longest) < 0.5 * LEVEL
 
 
-def _moved(fit: Fit, both: Strengths, known: Likelihood) -> Deviation:
+def _relinearised(fit: Fit, both: Hyperparameters, known: Likelihood) -> Deviation:
     """The model linearised at the posterior mean of the parameters with disturbances allowed.
 
     The shift is halved if the simulation is too nonlinear to follow all of it.
@@ -256,13 +256,13 @@ def _moved(fit: Fit, both: Strengths, known: Likelihood) -> Deviation:
             fit.position + share * shift, fit.coordinates.lower, fit.coordinates.upper
         )
         moved = deviation_of(fit, position)
-        there = likelihood(moved, _stretches(moved.pieces, _COARSE), both.hyper)
+        there = likelihood(moved, _segments(moved.pieces, _COARSE), both.hyper)
         if float(there.value[0]) > value - _WORSE:
             return moved
     return deviation_of(fit)
 
 
-def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:
+def _segments(pieces: Sequence[Piece], rows: int) -> list[Piece]:
     """Segments of the records, evenly spread, about `rows` rows in total."""
     total = sum(piece.rows for piece in pieces)
     if total <= 1.5 * rows:
@@ -270,7 +270,7 @@ def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:
     found = []
     for piece in pieces:
         share = int(rows * piece.rows / total)
-        count = max(1, round(share / _STRETCH))
+        count = max(1, round(share / _SEGMENT))
         length = min(piece.rows, max(share // count, 50))
         starts = np.linspace(0, piece.rows - length, count).astype(int)
         found += [piece.part(int(start), int(start) + length) for start in starts]
@@ -278,15 +278,15 @@ def _stretches(pieces: Sequence[Piece], rows: int) -> list[Piece]:
 
 
 def _deficiency(
-    deviation: Deviation, both: Strengths, place: int, gain: float, longest: float
+    deviation: Deviation, both: Hyperparameters, index: int, gain: float, longest: float
 ) -> Deficiency:
     gain = max(gain, 0.0)
     p_value = p_value_of(gain, longest)
     return Deficiency(
-        equation="mechanical" if place else "electrical",
-        unit="N m" if place else "V",
-        strength=float(both.sizes[place] * deviation.scale[place]),
-        time_constant=float(both.memories[place] * deviation.interval),
+        equation="mechanical" if index else "electrical",
+        unit="N m" if index else "V",
+        strength=float(both.intensities[index] * deviation.scale[index]),
+        time_constant=float(both.correlation_times[index] * deviation.interval),
         gain=gain,
         p_value=p_value,
         significant=_is_significant(gain, longest),

@@ -27,10 +27,15 @@ Valued = Callable[[Array], Array]
 """Function of (n, n_lane) points; returns (n_lane,) values, minus infinity if undefined."""
 
 _DIFFERENCE: Final = 1e-4
+"""Step of the forward differences of the gradient."""
 _SECOND: Final = 3e-2
+"""Step of the second differences of the first Hessian."""
 _SHORTER: Final = (0.5, 0.2, 0.05, 0.01)
+"""Fractions of a step that are tried together with the full one."""
 _LONGEST: Final = 2.0
+"""Largest change of a coordinate in one step."""
 _ENOUGH: Final = 0.01
+"""Gain that does not matter."""
 _STEPS: Final = 40
 _TRIED: Final = 4
 """Steps before the comparison with a rival may end the iteration."""
@@ -45,12 +50,12 @@ class Optimum:
     """Result of a maximisation.
 
     Args:
-        place: (n,) point of the maximum.
+        point: (n,) point of the maximum.
         value: Value there.
         inverse: (n, n) approximate inverse of the negative Hessian.
     """
 
-    place: Array
+    point: Array
     value: float
     inverse: Array
 
@@ -73,14 +78,14 @@ def maximise(
             or is sure to stay far below it.
     """
     lower, upper = bounds
-    place = np.clip(start, lower, upper)
+    point = np.clip(start, lower, upper)
     if inverse is None:
-        inverse = _first_inverse(valued, place, bounds)
-    value, gradient, _ = _looked(valued, place, bounds, np.zeros((place.size, 0)))
+        inverse = _first_inverse(valued, point, bounds)
+    value, gradient, _ = _value_and_gradient(valued, point, bounds, np.zeros((point.size, 0)))
     small = 0
     for number in range(_STEPS):
-        free = _free(place, gradient, bounds)
-        step = np.zeros(place.size)
+        free = _free(point, gradient, bounds)
+        step = np.zeros(point.size)
         step[free] = solution(_inverted(inverse)[np.ix_(free, free)], gradient[free])
         predicted = float(gradient @ step)
         if not predicted > _ENOUGH or (
@@ -88,25 +93,25 @@ def maximise(
         ):
             break
         step *= min(1.0, _LONGEST / np.abs(step).max())
-        tries = np.clip(place[:, None] + step[:, None] * np.array(_SHORTER), *_columns(bounds))
-        full = np.clip(place + step, lower, upper)
-        ahead, slope, others = _looked(valued, full, bounds, tries)
+        tries = np.clip(point[:, None] + step[:, None] * np.array(_SHORTER), *_columns(bounds))
+        full = np.clip(point + step, lower, upper)
+        ahead, slope, others = _value_and_gradient(valued, full, bounds, tries)
         if not ahead > value + 1e-4 * predicted or others.max() > ahead + 0.1 * abs(ahead - value):
             best = int(np.argmax(others))
             if not others[best] > value:
                 if small > 1:
                     break
                 small += 1
-                inverse = _first_inverse(valued, place, bounds)
+                inverse = _first_inverse(valued, point, bounds)
                 continue
             full = tries[:, best]
-            ahead, slope, _ = _looked(valued, full, bounds, np.zeros((place.size, 0)))
-        inverse = _bent(inverse, full - place, gradient - slope)
+            ahead, slope, _ = _value_and_gradient(valued, full, bounds, np.zeros((point.size, 0)))
+        inverse = _bfgs_update(inverse, full - point, gradient - slope)
         small = small + 1 if ahead - value < _ENOUGH else 0
-        place, value, gradient = full, ahead, slope
+        point, value, gradient = full, ahead, slope
         if small > 1:
             break
-    return Optimum(place, value, inverse)
+    return Optimum(point, value, inverse)
 
 
 def _is_decided(number: int, value: float, predicted: float, rival: float) -> bool:
@@ -119,51 +124,51 @@ def _columns(bounds: tuple[Array, Array]) -> tuple[Array, Array]:
     return bounds[0][:, None], bounds[1][:, None]
 
 
-def _free(place: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:
+def _free(point: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:
     """Indices of the coordinates that the gradient does not push against a bound."""
     lower, upper = bounds
-    held = ((place <= lower) & (gradient <= 0)) | ((place >= upper) & (gradient >= 0))
+    held = ((point <= lower) & (gradient <= 0)) | ((point >= upper) & (gradient >= 0))
     return np.flatnonzero(~held)
 
 
-def _looked(
-    valued: Valued, place: Array, bounds: tuple[Array, Array], others: Array
+def _value_and_gradient(
+    valued: Valued, point: Array, bounds: tuple[Array, Array], others: Array
 ) -> tuple[float, Array, Array]:
     """Value and gradient at one point, and values at others, in one call."""
     lower, upper = bounds
     moving = np.flatnonzero(upper > lower)
-    lanes = np.repeat(place[:, None], moving.size + 1, axis=1)
-    step = np.where(place[moving] + _DIFFERENCE > upper[moving], -_DIFFERENCE, _DIFFERENCE)
+    lanes = np.repeat(point[:, None], moving.size + 1, axis=1)
+    step = np.where(point[moving] + _DIFFERENCE > upper[moving], -_DIFFERENCE, _DIFFERENCE)
     lanes[moving, np.arange(1, moving.size + 1)] += step
     values = valued(np.concatenate([lanes, others], axis=1))
-    gradient = np.zeros(place.size)
+    gradient = np.zeros(point.size)
     with np.errstate(invalid="ignore"):
         found = (values[1 : moving.size + 1] - values[0]) / step
     gradient[moving] = np.where(np.isfinite(found), found, 0.0)
     value = float(values[0]) if np.isfinite(values[0]) else -np.inf
-    rest = values[moving.size + 1 :]
-    return value, gradient, np.where(np.isfinite(rest), rest, -np.inf) if rest.size else rest
+    own = values[moving.size + 1 :]
+    return value, gradient, np.where(np.isfinite(own), own, -np.inf) if own.size else own
 
 
-def _first_inverse(valued: Valued, place: Array, bounds: tuple[Array, Array]) -> Array:
+def _first_inverse(valued: Valued, point: Array, bounds: tuple[Array, Array]) -> Array:
     """Inverse of the diagonal of the negative Hessian, from second differences."""
-    size = place.size
-    lanes = np.repeat(place[:, None], 2 * size + 1, axis=1)
+    size = point.size
+    lanes = np.repeat(point[:, None], 2 * size + 1, axis=1)
     lanes[np.arange(size), np.arange(1, size + 1)] += _SECOND
     lanes[np.arange(size), np.arange(size + 1, 2 * size + 1)] -= _SECOND
     values = valued(lanes)
     with np.errstate(invalid="ignore"):
-        bend = (2 * values[0] - values[1 : size + 1] - values[size + 1 :]) / _SECOND**2
+        curvature = (2 * values[0] - values[1 : size + 1] - values[size + 1 :]) / _SECOND**2
         slope = np.abs(values[1 : size + 1] - values[size + 1 :]) / (2 * _SECOND)
     # Where the curvature is negative or below the slope, the slope limits the step to one half.
-    bend = np.where(np.isfinite(bend) & (bend > 0), bend, 0.0)
+    curvature = np.where(np.isfinite(curvature) & (curvature > 0), curvature, 0.0)
     slope = np.where(np.isfinite(slope), slope, 0.0)
     return np.diag(
-        1.0 / np.maximum.reduce([bend, 2.0 * slope * (bend < slope), np.full(size, 0.3)])
+        1.0 / np.maximum.reduce([curvature, 2.0 * slope * (curvature < slope), np.full(size, 0.3)])
     )
 
 
-def _bent(inverse: Array, step: Array, change: Array) -> Array:
+def _bfgs_update(inverse: Array, step: Array, change: Array) -> Array:
     """BFGS update of the inverse, damped so that it stays positive definite."""
     if not np.abs(step).max() > 0:
         return inverse

@@ -1,37 +1,129 @@
-"""Detection of isolated outliers: spikes of a sensor, its cable or its converter.
+"""Outliers: warnings of outlying runs and isolated samples, weights in the Kalman filter.
 
-The scale is the median absolute deviation times 1.4826, an estimate of the standard deviation of
-normal noise that is robust against outliers (Rousseeuw and Croux, Journal of the American
-Statistical Association 88 (1993), 1273-1283).  A normal residual exceeds ten standard deviations
-once in 10^23 samples.  A sample counts only if its neighbours deviate much less: if the time
-constants of the motor exceed the sample interval, a real deviation of the motor includes the
-neighbours.
+*Runs.* The error of an outlying run is far above the median error of the other runs: another motor,
+another load, or a sensor fault.
+
+*Samples.* The scale is the median absolute deviation times 1.4826, a robust estimate of the
+standard deviation of normal noise.  A normal residual exceeds ten standard deviations once in 10^23
+samples.  A sample counts only if its neighbours deviate much less: if the time constants of the
+motor exceed the sample interval, a real deviation of the motor includes the neighbours.
+
+*Weights.* An outlier is not missing physics, but a filter for normal noise would explain it by a
+short burst of voltage.  Samples far from their prediction by all others are weighted under a
+Student-t law and never deleted.  This is done only if that law is clearly better than the normal
+one.
+
+Source: Rousseeuw and Croux, J. American Statistical Association 88 (1993), 1273-1283 (scale);
+Lange, Little and Taylor, ibid. 84 (1989), 881-896 (Student-t weights).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.diagnosis.deviation import Deviation, Piece
+from identification.diagnosis.filtering import Likelihood
+from identification.diagnosis.smoothing import auxiliary_residuals
 from identification.fit.evaluate import Simulated
+from identification.fit.noise import student
 from identification.warning import ResultWarning
 
-__all__ = ["outlier_warnings"]
+__all__ = [
+    "noise_without_outlying_runs",
+    "outlier_warnings",
+    "outlying_run_warnings",
+    "root_mean_square",
+    "with_outliers_weighted",
+]
 
 Array = NDArray[np.float64]
 
+_RUN_RATIO: Final = 2.0
+"""Error of an outlying run over the median error of the other runs, at least."""
+_RUN_NOISE: Final = 1.5
+"""Error of an outlying run over the noise, at least."""
 _NORMAL: Final = 1.4826
 """Standard deviation of normal noise over its median absolute deviation."""
-_FAR: Final = 10.0
+_DEVIATIONS: Final = 10.0
 """Deviation of an outlier at least, in standard deviations."""
-_BESIDE: Final = 0.5
+_NEIGHBOUR: Final = 0.5
 """Largest deviation of a neighbour, over that of the sample."""
 _SHARE: Final = 0.5
 """Fraction of the squared error from which the outliers decide the noise estimate."""
 _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
+
+
+def outlying_run_warnings(simulated: Sequence[Simulated], noise: Array) -> list[ResultWarning]:
+    """Warnings for runs whose error is far larger than that of the others.
+
+    Args:
+        simulated: Training records with their simulation.
+        noise: (2,) noise of current and speed [A, rad/s].
+    """
+    names = list(dict.fromkeys(s.record.name for s in simulated))
+    reasons: dict[str, list[str]] = {}
+    for channel, word in enumerate(("current", "speed")):
+        ratios = _errors(simulated, channel) / max(float(noise[channel]), 1e-300)
+        medians = _medians_of_others(ratios)
+        for k in np.flatnonzero(ratios > np.maximum(_RUN_NOISE, _RUN_RATIO * medians)):
+            reason = (
+                f"RMS error of the {word} {ratios[k]:.3g} times the sensor noise, median of the "
+                f"other runs {medians[k]:.3g}"
+            )
+            reasons.setdefault(names[k], []).append(reason)
+    fix = "check motor, load and sensors of this run, or omit it from the fit"
+    return [
+        ResultWarning("outlying_run", "warning", f"{name}: outlying run: {'; '.join(found)}", fix)
+        for name, found in reasons.items()
+    ]
+
+
+def noise_without_outlying_runs(simulated: Sequence[Simulated], noise: Array) -> Array:
+    """(2,) noise of current and speed without the excess error of outlying runs [A, rad/s].
+
+    Args:
+        simulated: Training records with their simulation.
+        noise: (2,) noise estimated from the residuals of all runs.
+    """
+    found = noise.copy()
+    for channel in range(2):
+        errors = _errors(simulated, channel)
+        fitting = ~(errors > _RUN_RATIO * _medians_of_others(errors))
+        if not fitting.all():
+            found[channel] = min(found[channel], float(np.median(errors[fitting])))
+    return found
+
+
+def root_mean_square(simulated: Sequence[Simulated]) -> Array:
+    """(2,) RMS error of current and speed over all records [A, rad/s].
+
+    Args:
+        simulated: Records with their simulation.
+    """
+    weight = np.sum([s.record.weight.sum(axis=0) for s in simulated], axis=0)
+    square = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
+    return np.asarray(np.sqrt(square / np.maximum(weight, 1.0)))
+
+
+def _medians_of_others(errors: Array) -> Array:
+    """(n_run,) median error of the other runs; infinite if there are none."""
+    others = [np.delete(errors, k) for k in range(errors.size)]
+    return np.array([np.median(each) if each.size else np.inf for each in others])
+
+
+def _errors(simulated: Sequence[Simulated], channel: int) -> Array:
+    """(n_run,) RMS error of each run; zero if nothing was measured."""
+    found: dict[str, list[Array]] = {}
+    for s in simulated:
+        kept = s.record.weight[:, channel] > 0
+        found.setdefault(s.record.name, []).append(s.residual[kept, channel])
+    errors = [np.concatenate(pieces) for pieces in found.values()]
+    return np.array([np.sqrt(np.mean(e**2)) if e.size else 0.0 for e in errors])
 
 
 def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
@@ -49,28 +141,60 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
         if not residual.size:
             continue
         scale = _NORMAL * float(np.median(np.abs(residual - np.median(residual))))
-        alone = np.concatenate([_alone(piece, _FAR * scale) for _, piece in pieces])
-        rest = float(np.sum(residual[~alone] ** 2))
-        if scale <= 0.0 or rest > (1.0 - _SHARE) * float(np.sum(residual**2)):
+        isolated = [_is_isolated(piece, _DEVIATIONS * scale) for _, piece in pieces]
+        outlying = np.concatenate(isolated)
+        others = float(np.sum(residual[~outlying] ** 2))
+        if scale <= 0.0 or others > (1.0 - _SHARE) * float(np.sum(residual**2)):
             continue
-        names = [name for name, piece in pieces if _alone(piece, _FAR * scale).any()]
-        farthest = float(np.abs(residual[alone]).max())
+        names = [name for (name, _), own in zip(pieces, isolated, strict=True) if own.any()]
+        largest = float(np.abs(residual[outlying]).max())
         whole = float(np.sqrt(np.mean(residual**2)))
         message = (
-            f"{', '.join(dict.fromkeys(names))}, column {column}: {int(alone.sum())} isolated "
-            f"outliers: the residual exceeds {_FAR:g} standard deviations of the noise (largest "
-            f"{farthest:.3g} {unit}), the residuals of the neighbouring samples are less than half "
-            f"as large; the noise is {scale:.3g} {unit} without and {whole:.3g} {unit} with these "
-            "samples, so intervals may be too narrow"
+            f"{', '.join(dict.fromkeys(names))}, column {column}: {int(outlying.sum())} isolated "
+            f"outliers: the residual exceeds {_DEVIATIONS:g} standard deviations of the noise "
+            f"(largest {largest:.3g} {unit}), the residuals of the neighbouring samples are less "
+            f"than half as large; the noise is {scale:.3g} {unit} without and {whole:.3g} {unit} "
+            "with these samples, so intervals may be too narrow"
         )
         fix = "check sensor, cable and converter, or remove these samples"
         warnings.append(ResultWarning("isolated_outliers", "warning", message, fix))
     return warnings
 
 
-def _alone(residual: Array, far: float) -> NDArray[np.bool_]:
+def _is_isolated(residual: Array, limit: float) -> NDArray[np.bool_]:
     """Samples beyond a limit whose neighbours deviate by less than half as much."""
     size = np.abs(residual)
     padded = np.pad(size, 1)
-    beside = np.maximum(padded[:-2], padded[2:])
-    return np.asarray((size > far) & (beside < _BESIDE * size))
+    neighbour = np.maximum(padded[:-2], padded[2:])
+    return np.asarray((size > limit) & (neighbour < _NEIGHBOUR * size))
+
+
+def with_outliers_weighted(
+    deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
+) -> list[Piece] | None:
+    """The pieces with outliers down-weighted; None if the noise is normal.
+
+    Args:
+        deviation: The linear model.
+        pieces: Segments of its records.
+        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
+        known: Posterior of the parameters under them.
+    """
+    residuals = auxiliary_residuals(deviation, pieces, hyper, known)
+    weights = [piece.weight.copy() for piece in pieces]
+    is_normal = True
+    for channel in range(2):
+        kept = [
+            residual[:, channel][piece.weight[:, channel] > 0]
+            for piece, residual in zip(pieces, residuals, strict=True)
+        ]
+        stacked = np.concatenate(kept)
+        freedom, scale = student(stacked) if stacked.size else (None, 0.0)
+        if freedom is not None:
+            is_normal = False
+            for weight, residual in zip(weights, residuals, strict=True):
+                ratio = residual[:, channel] / scale
+                weight[:, channel] *= (freedom + 1) / (freedom + ratio**2)
+    if is_normal:
+        return None
+    return [replace(piece, weight=weight) for piece, weight in zip(pieces, weights, strict=True)]

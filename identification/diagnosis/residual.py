@@ -151,7 +151,7 @@ def cross_correlation(
     variance = np.zeros(lags.size)
     for run, signal in zip(runs, inputs, strict=True):
         products += lagged_products(run, signal, lag)
-        variance += _energy(run) / run.size * _energy(signal) * _colour_factor(run, signal)
+        variance += _energy(run) / run.size * _energy(signal) * _spectral_factor(run, signal)
     scale = np.sqrt(sum(_energy(run) for run in runs) * sum(_energy(signal) for signal in inputs))
     return _correlation(lags, products, variance, float(scale), level)
 
@@ -244,7 +244,7 @@ def _correlation(
     return Correlation(lags, products / scale, half_width, level)
 
 
-def _colour_factor(run: Array, signal: Array) -> float:
+def _spectral_factor(run: Array, signal: Array) -> float:
     """sum_j rho_e(j) rho_u(j), as the residual spectrum averaged over the power of the input."""
     length = fft.next_fast_len(2 * run.size, real=True)
     power = np.abs(fft.fft(signal, length)) ** 2

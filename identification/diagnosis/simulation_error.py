@@ -1,10 +1,7 @@
-"""Simulation error: RMSE, NRMSE and fit percentage.
+"""Simulation error of a channel: RMSE and NRMSE.
 
-With the residual e of a channel:
-
-    rmse   = sqrt(mean e^2)
-    nrmse  = rmse / standard deviation of the measured channel
-    fit    = 100 (1 - nrmse)   [%]
+rmse  = sqrt(mean e^2)                                  e residual
+nrmse = rmse / standard deviation of the measured channel
 """
 
 from __future__ import annotations
@@ -15,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Errors", "fit_percent", "nrmse", "pooled_errors", "rmse"]
+__all__ = ["Errors", "pooled_errors"]
 
 Array = NDArray[np.float64]
 
@@ -31,42 +28,6 @@ class Errors:
 
     rmse: float
     nrmse: float
-
-    @property
-    def fit_percent(self) -> float:
-        """``100 (1 - nrmse)`` [%]: 100 is perfect, 0 is no better than the mean of the record."""
-        return 100.0 * (1.0 - self.nrmse)
-
-
-def rmse(residual: Array) -> float:
-    """Root mean square of a residual (n_sample,), in its unit."""
-    return float(np.sqrt(np.mean(np.square(residual))))
-
-
-def nrmse(residual: Array, measured: Array) -> float:
-    """RMSE over the standard deviation of the measured channel [-].
-
-    Args:
-        residual: (n_sample,) measured minus simulated.
-        measured: (n_sample,) the channel, in the same unit.
-
-    Returns:
-        The ratio; infinite if the channel is constant and the residual is not zero.
-    """
-    return pooled_errors([residual], [measured]).nrmse
-
-
-def fit_percent(residual: Array, measured: Array) -> float:
-    """Fit percentage ``100 (1 - nrmse)`` [%].
-
-    Args:
-        residual: (n_sample,) measured minus simulated.
-        measured: (n_sample,) the channel, in the same unit.
-
-    Returns:
-        100 for a perfect simulation, 0 for one no better than the mean, negative for worse.
-    """
-    return pooled_errors([residual], [measured]).fit_percent
 
 
 def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:

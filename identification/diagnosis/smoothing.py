@@ -37,7 +37,7 @@ from identification.diagnosis.filtering import (
 )
 from identification.model.scan import scan_of
 
-__all__ = ["MissingSignals", "surprises", "traces"]
+__all__ = ["MissingSignals", "auxiliary_residuals", "smoothed_disturbances"]
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class MissingSignals:
     deviation: Array
 
 
-def surprises(
+def auxiliary_residuals(
     deviation: Deviation, pieces: Sequence[Piece], hyper: Array, known: Likelihood
 ) -> list[Array]:
     """For each piece (n_sample, 2) standardised auxiliary residuals.
@@ -79,11 +79,13 @@ def surprises(
     """
     found = []
     for batch in _batches(pieces):
-        found += _passes(deviation, batch, hyper, known, _surprise)
+        found += _passes(deviation, batch, hyper, known, _auxiliary_residual)
     return found
 
 
-def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[MissingSignals]:
+def smoothed_disturbances(
+    deviation: Deviation, hyper: Array, known: Likelihood
+) -> list[MissingSignals]:
     """Smoothed missing voltage and torque of all records.
 
     Args:
@@ -92,13 +94,13 @@ def traces(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Missin
         known: Posterior of the parameters under them.
     """
 
-    def traced(out: Array) -> Array:
-        return _trace(deviation, out, known.covariance[0])
+    def smoothed(out: Array) -> Array:
+        return _smoothed(deviation, out, known.covariance[0])
 
     found = []
     for pieces in _batches(deviation.pieces):
-        for trace in _passes(deviation, pieces, hyper, known, traced):
-            found.append(MissingSignals(trace[:, :2], trace[:, 2:]))
+        for both in _passes(deviation, pieces, hyper, known, smoothed):
+            found.append(MissingSignals(both[:, :2], both[:, 2:]))
     return found
 
 
@@ -154,12 +156,12 @@ def _rows(piece: Piece, first: int, known: Likelihood) -> Array:
     return rows_of(replace(part, targets=targets))
 
 
-def _surprise(out: Array) -> Array:
+def _auxiliary_residual(out: Array) -> Array:
     """(n_sample, 2) standardised auxiliary residuals from the output of `_backward`."""
     return np.asarray(out[:, 4:6, 0] / np.sqrt(np.maximum(out[:, 6:8, 0], 1e-300)))
 
 
-def _trace(deviation: Deviation, out: Array, covariance: Array) -> Array:
+def _smoothed(deviation: Deviation, out: Array, covariance: Array) -> Array:
     """(n_sample, 4) missing terms and their standard deviations from the output of `_backward`."""
     response = out[:, :2, 1:]
     moved = np.einsum("ncj,jk,nck->nc", response, covariance, response, optimize=True)
@@ -243,10 +245,10 @@ def _backward(structure: Structure) -> ca.Function:
     f = symbols.transition(row.entries, row.lane)
     value = ca.mtimes(f.T, adjoint)
     matrix = _symmetric(symbols, ca.mtimes(ca.mtimes(f.T, symbols.full(future)), f))
-    surprise: list[ca.SX] = []
+    auxiliary: list[ca.SX] = []
     spread: list[ca.SX] = []
     for c, gain, innovation, inverse in reversed(passed):
-        surprise.insert(0, innovation * inverse - ca.mtimes(gain.T, value))
+        auxiliary.insert(0, innovation * inverse - ca.mtimes(gain.T, value))
         spread.insert(0, inverse + ca.mtimes(ca.mtimes(gain.T, matrix), gain))
         keep = ca.SX.eye(size) - ca.mtimes(gain, c)
         value = c.T * (innovation * inverse) + ca.mtimes(keep.T, value)
@@ -265,7 +267,7 @@ def _backward(structure: Structure) -> ca.Function:
         ],
         [
             ca.vertcat(symbols.packed(matrix), value),
-            ca.vertcat(smoothed, *variance, *surprise, *spread),
+            ca.vertcat(smoothed, *variance, *auxiliary, *spread),
         ],
     )
 

@@ -18,7 +18,7 @@ from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.sample import Sample, sample
-from identification.selection.non_identifiable import Line, with_lines_drawn
+from identification.selection.non_identifiable import LinearPart, with_linear_parts_drawn
 from identification.selection.omitted import OmittedTerm, with_omitted_drawn
 
 __all__ = ["final_draws", "nominal_draws", "within_signs"]
@@ -30,7 +30,7 @@ _SIGNED: Final = ("Ra25", "Kt25", "J", "b", "L")
 
 def final_draws(
     posterior: Posterior,
-    lines: Sequence[Line],
+    lines: Sequence[LinearPart],
     omitted: Sequence[OmittedTerm],
     options: FitOptions,
     progress: Callable[[float], None],
@@ -56,7 +56,7 @@ def final_draws(
     def opened(draws: dict[str, Array]) -> dict[str, Array]:
         draws = with_omitted_drawn(draws, posterior.fit, omitted, options.seed)
         draws = with_scale_drawn(draws, posterior.fit, options.seed)
-        return with_lines_drawn(draws, lines, options.seed)
+        return with_linear_parts_drawn(draws, lines, options.seed)
 
     if not options.posterior:
         return None, within_signs(opened(posterior.normal_draws(options.seed)))

@@ -50,7 +50,7 @@ from identification.result.simulation_errors import (
     unexplained_channels,
     worse_runs,
 )
-from identification.selection.non_identifiable import lines_of
+from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import consider_variances
 from identification.warning import ResultWarning
 
@@ -262,7 +262,7 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
 def _undetermined(findings: Findings) -> list[ResultWarning]:
     """Warning on the parameters that the runs do not determine."""
     # The linear part of a curve is reported under the parameter it is collinear with.
-    lines = {line.name for line in lines_of(findings.final)}
+    lines = {line.name for line in linear_parts_of(findings.final)}
     lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
     unknown = [name for name, found in findings.known.items() if not found and name not in lines]
     if not unknown:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
-from identification.diagnosis.odd_runs import noise_of_most, root_mean_square
+from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
 from identification.feedback.nonlinear import SimulatedLoop
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
@@ -122,11 +122,13 @@ class Findings:
         training = self.simulated["after"]["training"]
         error = root_mean_square(training)
         if self.after is None or self.left is None:
-            found = noise_of_most(training, noise_deviation(self.final))
+            found = noise_without_outlying_runs(training, noise_deviation(self.final))
             return bounded_noise(self.campaign.training, found, error)
         noise = error.copy()
         for k, channel in enumerate(CHANNELS):
             checks = self.after.of(channel, "training")
             if any(check.is_too_large and check.noise_ratio > _GROSS for check in checks):
                 noise[k] = min(noise[k], self.left.noise[k])
-        return bounded_noise(self.campaign.training, noise_of_most(training, noise), error)
+        return bounded_noise(
+            self.campaign.training, noise_without_outlying_runs(training, noise), error
+        )

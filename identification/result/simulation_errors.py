@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.odd_runs import odd_runs
+from identification.diagnosis.outliers import outlying_run_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.fit.evaluate import Simulated
 from identification.result.entries import finite_or_null
@@ -90,7 +90,7 @@ def unexplained_channels(findings: Findings) -> list[ResultWarning]:
                     f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
                 warnings.append(ResultWarning(UNEXPLAINED_CHANNEL, "warning", message))
-    odd = odd_runs(findings.simulated["after"]["training"], findings.noise)
+    odd = outlying_run_warnings(findings.simulated["after"]["training"], findings.noise)
     other = ResultWarning("residual_not_noise", "warning", findings.after.sentence)
     return (warnings or [other]) + odd
 

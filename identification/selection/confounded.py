@@ -38,7 +38,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from identification.effects.effect import Candidate, columns
 from identification.effects.friction import CoulombFriction
@@ -47,38 +46,20 @@ from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits
 from identification.model.excitation import Record
-from identification.selection.evidence import LEAST_SIZE
 from identification.selection.omitted import OmittedTerm
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Along, Start
 from identification.selection.subset import fitted_to, subset_of_fit
 
-__all__ = ["LIMIT", "confounded_terms", "turns_one_way"]
+__all__ = ["confounded_terms", "turns_one_way"]
 
 Array = NDArray[np.float64]
 
-LIMIT: Final = float(0.5 * chi2.isf(1e-3, 1))
-"""Loss of log likelihood that the true value exceeds by chance once in a thousand: 5.4."""
-
-_LEFT: Final = 0.1
-"""Fraction of the parameter that is left if the sensor has the lag."""
-
-_SMALL: Final = 0.2
-"""Fraction of the lag that is small enough for first order."""
-
 _REVERSES: Final = 0.1
 """Ratio of the peak speeds of the two directions above which a motor reverses."""
-
-_SEEN: Final = 0.46
-"""Change, in standard deviations, that widens an interval by a tenth."""
-
-_STEPS: Final = 20
-"""Gauss-Newton steps of a swapped fit at most."""
-
-_MOST: Final = 100_000
-"""Samples up to which an optimum that a subset does not exclude is fitted to all samples."""
 
 
 @dataclass(frozen=True)
@@ -87,24 +68,54 @@ class _Rival:
 
     Args:
         parameter: Name of the parameter.
-        near: Candidate with one prototype of small amplitude.
+        small: Candidate with one prototype of small amplitude.
         whole: Amplitude that causes all of the lag or friction, over that of the prototype [-].
         swapped: Amplitude that causes nearly all of it, where a fit starts; None for no fit.
     """
 
     parameter: str
-    near: Candidate
+    small: Candidate
     whole: float
     swapped: float | None = None
 
     @property
     def name(self) -> str:
         """Effect type."""
-        return self.near.term.name
+        return self.small.term.name
+
+
+@dataclass(frozen=True)
+class _Final:
+    """The selected model, with the limits of an exclusion; see `confounded_terms`."""
+
+    fit: Fit
+    fraction: float
+    is_structured: bool
+    policy: SelectionPolicy
+
+    def limit(self, fit: Fit) -> float:
+        """Loss of log likelihood, on the records of a fit, that excludes an optimum."""
+        if not self.is_structured:
+            return self.policy.exclusion_loss
+        size = self.policy.least_fall * float(fit.weighting.counts.max()) * self.fraction
+        return max(self.policy.exclusion_loss, size)
+
+    def term(
+        self, rival: _Rival, step: Array, gain: float, limit: float, time: float | None = None
+    ) -> OmittedTerm:
+        """The change, with the sign that lowers the parameter: a lag cannot be negative."""
+        names = self.fit.coordinates.names
+        sign = -1.0 if step[names.index(rival.parameter)] > 0.0 else 1.0
+        steps = dict(zip(names, map(float, sign * step), strict=True))
+        return OmittedTerm(rival.name, float(gain), limit, steps, rival.parameter, time)
 
 
 def confounded_terms(
-    final: Fit, nominal: Fit | None = None, *, is_structured: bool = False
+    final: Fit,
+    nominal: Fit | None = None,
+    *,
+    is_structured: bool = False,
+    policy: SelectionPolicy = DEFAULT,
 ) -> tuple[OmittedTerm, ...]:
     """Effects that are confounded with parameters; for each parameter the one that lowers it most.
 
@@ -118,22 +129,23 @@ def confounded_terms(
         is_structured: Whether the residual has structure that no effect explains.  The model is
             then wrong somewhere, and a loss excludes an optimum only if it is as large as the gain
             that the size criterion requires.
+        policy: Limits of the exclusion.
     """
     fraction = effective_fraction(final)
     known = identified(final, fraction)
     present = {term.name for term in final.simulator.model.terms}
     origins = {p.name: p.origin for p in final.coordinates.parameters}
     bases = [final] if nominal is None else [nominal, final]
-    parts = [subset_of_fit(base) for base in bases]
+    parts = [subset_of_fit(base, policy) for base in bases]
     deviations = np.sqrt(np.diag(final.equations.covariance()) / fraction)
-    least = dict(zip(final.coordinates.names, -_SEEN * deviations, strict=True))
+    least = dict(zip(final.coordinates.names, -policy.widening * deviations, strict=True))
     found: dict[str, OmittedTerm] = {}
-    for rival in _rivals(final):
+    model = _Final(final, fraction, is_structured, policy)
+    for rival in _rivals(final, policy):
         name = rival.parameter
         if not known[name] or origins[name] or rival.name in present:
             continue
-        swapped = _swapped(final, parts, rival, fraction, is_structured=is_structured)
-        for term in (*_near(final, parts[-1], rival, fraction), *swapped):
+        for term in (*_first_order(model, parts[-1], rival), *_swapped(model, parts, rival)):
             if term.steps[name] < least[name]:
                 found[name], least[name] = term, term.steps[name]
     return tuple(found.values())
@@ -150,19 +162,19 @@ def turns_one_way(records: Sequence[Record]) -> bool:
     return min(high, -low) <= _REVERSES * max(high, -low)
 
 
-def _rivals(fit: Fit) -> Iterator[_Rival]:
+def _rivals(fit: Fit, policy: SelectionPolicy) -> Iterator[_Rival]:
     """The confounded effects in their textbook forms."""
     scales = scales_of(fit)
     at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
     lag = at["L"] / at["Ra25"]
     delays = [c for c in ChannelDelay.candidates(scales) if c.term.variant == "current"]
     filters = CurrentFilter.candidates(scales)[0], SpeedFilter.candidates(scales)[0]
-    yield _lagging("L", filters[0], lag, swaps=True)
-    yield _lagging("L", delays[0], lag)
+    yield _lagging("L", filters[0], lag, policy, swaps=True)
+    yield _lagging("L", delays[0], lag, policy)
     # A logged current follows the true speed and so separates the motor's lag from the sensor's.
-    unseen = not fit.weighting.counts[0] > 0
+    is_unlogged = not fit.weighting.counts[0] > 0
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
-    yield _lagging("J", filters[1], slow, swaps=unseen)
+    yield _lagging("J", filters[1], slow, policy, swaps=is_unlogged)
     if turns_one_way(scales.records):
         friction = CoulombFriction.candidates(scales)[0]
         first = friction.starts[:, :1]
@@ -170,86 +182,66 @@ def _rivals(fit: Fit) -> Iterator[_Rival]:
         yield _Rival("b", Candidate(friction.term, first), whole)
 
 
-def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) -> _Rival:
+def _lagging(
+    name: str, lagging: Candidate, lag: float, policy: SelectionPolicy, *, swaps: bool = False
+) -> _Rival:
     """A sensor lag [s], the first parameter of its term, in place of the lag of the motor [s]."""
     own = lagging.term.parameters[0]
-    small, nearly = np.clip([_SMALL * lag, (1.0 - _LEFT) * lag], 1.01 * own.lower, 0.99 * own.upper)
+    shares = np.array([policy.small_lag, 1.0 - policy.remaining_lag])
+    small, nearly = np.clip(shares * lag, 1.01 * own.lower, 0.99 * own.upper)
     small = max(float(small), 1e-3 * own.upper)
-    near = Candidate(lagging.term, columns((small,)))
-    return _Rival(name, near, max(lag / small, 1.0), float(nearly) if swaps else None)
+    candidate = Candidate(lagging.term, columns((small,)))
+    return _Rival(name, candidate, max(lag / small, 1.0), float(nearly) if swaps else None)
 
 
-def _near(final: Fit, part: Fit, rival: _Rival, fraction: float) -> Iterator[OmittedTerm]:
+def _first_order(final: _Final, part: Fit, rival: _Rival) -> Iterator[OmittedTerm]:
     """First-order change by an effect of small, free amplitude."""
-    fraction *= _rows(final) / _rows(part)
-    for score in screened(part, [rival.near]):
+    fraction = final.fraction * (_rows(final.fit) / _rows(part))
+    for score in screened(part, [rival.small], final.policy):
         if score.along is None or score.covariance is None:
             continue
         variance = float(score.covariance[0, 0])
         weight = float(np.sqrt(2.0 * score.gain * variance))
-        if rival.near.term.parameters[0].vanishes:
+        if rival.small.term.parameters[0].vanishes:
             # The score has replaced a negative amplitude by that of the prototype.
-            weight = float(score.start[0] / rival.near.starts[0, 0])
+            weight = float(score.start[0] / rival.small.starts[0, 0])
         if not weight > 0.0:
             continue
         size = 1.0 / np.sqrt(fraction / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
         step = np.reshape(score.along.position, -1) / weight * size
         if np.isfinite(step).all():
-            yield _term(final, rival, step, fraction * score.gain, LIMIT)
+            yield final.term(rival, step, fraction * score.gain, final.policy.exclusion_loss)
 
 
-def _swapped(
-    final: Fit, parts: Sequence[Fit], rival: _Rival, fraction: float, *, is_structured: bool
-) -> Iterator[OmittedTerm]:
+def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[OmittedTerm]:
     """Changes to optima that are not excluded and at which the sensor has most of the lag."""
     if rival.swapped is None:
         return
-    names, part = final.coordinates.names, parts[-1]
-    here = dict(zip(names, final.values, strict=True))
+    policy, fraction, whole, part = final.policy, final.fraction, final.fit, parts[-1]
+    here = dict(zip(whole.coordinates.names, whole.values, strict=True))
     for base in parts:
         values = base.values.copy()
-        values[base.coordinates.names.index(rival.parameter)] *= _LEFT
-        still = tuple(np.zeros_like(state) for state in base.states)
-        along = Along(base.coordinates.of(values) - base.position, still)
-        start = Start(np.array([rival.swapped]), along=along)
-        limit = _limit(part, fraction, is_structured=is_structured)
-        if part is not final:
-            # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
-            limit += part.position.size
-        fit = refitted_with(
-            base, rival.near.term, [start], TerminationLimits(_STEPS, part.cost + limit / fraction)
-        )
+        values[base.coordinates.names.index(rival.parameter)] *= policy.remaining_lag
+        start = Start(np.array([rival.swapped]), along=Along.to(base, values))
+        # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
+        limit = final.limit(part) + (0 if part is whole else part.position.size)
+        limits = TerminationLimits(policy.steps, part.cost + limit / fraction)
+        fit = refitted_with(base, rival.small.term, [start], limits)
         loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
-        limit = _limit(final, fraction, is_structured=is_structured)
-        if part is not final and _rows(final) <= _MOST:
-            limits = TerminationLimits(_STEPS, final.cost + limit / fraction)
-            fit = fitted_to(final.simulator.records, fit, limits)
-            loss = fraction * (fit.cost - final.cost)
+        limit = final.limit(whole)
+        if part is not whole and _rows(whole) <= policy.confirmed_samples:
+            limits = TerminationLimits(policy.steps, whole.cost + limit / fraction)
+            fit = fitted_to(whole.simulator.records, fit, limits)
+            loss = fraction * (fit.cost - whole.cost)
         if loss < limit:
             there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
-            moved = final.coordinates.of(np.array([there[name] for name in names]))
-            step = (moved - final.position) / np.sqrt(max(2.0 * loss, 1.0))
-            time = there[f"{rival.name}.{rival.near.term.parameters[0].name}"]
-            yield _term(final, rival, step, -loss, limit, float(time))
-
-
-def _limit(fit: Fit, fraction: float, *, is_structured: bool) -> float:
-    """Loss of log likelihood, on the records of a fit, that excludes an optimum."""
-    size = LEAST_SIZE * float(fit.weighting.counts.max()) * fraction
-    return max(LIMIT, size) if is_structured else LIMIT
+            moved = whole.coordinates.of(np.array([there[name] for name in here]))
+            step = (moved - whole.position) / np.sqrt(max(2.0 * loss, 1.0))
+            time = there[f"{rival.name}.{rival.small.term.parameters[0].name}"]
+            yield final.term(rival, step, -loss, limit, float(time))
 
 
 def _rows(fit: Fit) -> int:
     return sum(record.rows for record in fit.simulator.records)
-
-
-def _term(
-    fit: Fit, rival: _Rival, step: Array, gain: float, limit: float, time: float | None = None
-) -> OmittedTerm:
-    """The change, with the sign that lowers the parameter: a lag cannot be negative."""
-    names = fit.coordinates.names
-    sign = -1.0 if step[names.index(rival.parameter)] > 0.0 else 1.0
-    steps = dict(zip(names, map(float, sign * step), strict=True))
-    return OmittedTerm(rival.name, float(gain), limit, steps, rival.parameter, time)

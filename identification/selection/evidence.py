@@ -32,7 +32,7 @@ differences of BIC).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -43,10 +43,9 @@ from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
 from identification.linear import least_squares
-from identification.model.term import State
+from identification.selection.policy import DEFAULT, SelectionPolicy
 
 __all__ = [
-    "LEAST_SIZE",
     "UNCOMPUTED",
     "AcceptanceCriteria",
     "EvaluatedModel",
@@ -57,17 +56,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-LEAST_SIZE: Final = 0.02
-"""Fall of the error, summed over the channels, that the size criterion requires [-]."""
-_LEAST_SHARE: Final = 0.25
-"""Fraction of the fall in training that the validation criterion requires."""
-_SCATTER: Final = 0.002
-"""Relative change of an error that counts as no change."""
-_LEAST_LOG_ODDS: Final = 3.0
-"""Log odds by which the validation runs have to prefer an effect, twenty to one: strong evidence on
-the scale of Kass and Raftery."""
-_SURELY: Final = 2.0
-"""Standard errors by which the validation noise may exceed its estimate."""
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""
 UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
@@ -87,6 +75,7 @@ class AcceptanceCriteria:
         log_odds: Gain of the log likelihood of the validation runs, in effective samples.
         local: Whether the effect is restricted to single runs.
         flaw: Why the fitted effect is implausible for its type; empty if it is plausible.
+        policy: Limits of the criteria.
     """
 
     gain: float
@@ -97,6 +86,7 @@ class AcceptanceCriteria:
     log_odds: float
     local: bool
     flaw: str = ""
+    policy: SelectionPolicy = field(default=DEFAULT, repr=False)
 
     @property
     def passed(self) -> bool:
@@ -111,12 +101,15 @@ class AcceptanceCriteria:
         the error can still bias other parameters by many standard deviations.  The gain has to be
         significant, and the validation error has to fall.
         """
-        is_foretold = self.validation is None or self.validation > _SCATTER
-        return self.passed or (self.gain > self.needed and is_foretold and not self.flaw)
+        is_predicted = self.validation is None or (
+            self.validation > self.policy.validation_tolerance
+        )
+        return self.passed or (self.gain > self.needed and is_predicted and not self.flaw)
 
     @property
     def refusal(self) -> str:
         """The criterion that is not met, in words; empty if all are met."""
+        policy = self.policy
         if self.flaw:
             return self.flaw
         if not self.gain > self.needed:
@@ -124,16 +117,18 @@ class AcceptanceCriteria:
                 f"not significant: the gain in log likelihood is {self.gain:.1f}; the best of all "
                 f"prototypes reaches {self.needed:.1f} by chance"
             )
-        if not self.training > LEAST_SIZE:
+        if not self.training > policy.least_fall:
             return (
                 f"too small: the simulation error of the training runs changes by "
-                f"{-100 * self.training:+.2f} % (limit {-100 * LEAST_SIZE:.1f} %)"
+                f"{-100 * self.training:+.2f} % (limit {-100 * policy.least_fall:.1f} %)"
             )
         if self.validation is None:
             return ""
-        expected = _LEAST_SHARE * min(self.training, max(self.possible, 0.0))
-        least = -_LEAST_SHARE * self.training if self.local else expected - _SCATTER
-        is_preferred = self.local or self.log_odds > _LEAST_LOG_ODDS
+        least = -policy.validation_share * self.training
+        if not self.local:
+            expected = policy.validation_share * min(self.training, max(self.possible, 0.0))
+            least = expected - policy.validation_tolerance
+        is_preferred = self.local or self.log_odds > policy.validation_log_odds
         if not (self.validation > least and is_preferred):
             return (
                 "not confirmed by the validation runs: their simulation error changes by "
@@ -177,12 +172,15 @@ class EvaluatedModel:
         """Whether cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
-    def criteria(self, simpler: EvaluatedModel, tried: int) -> AcceptanceCriteria:
+    def criteria(
+        self, simpler: EvaluatedModel, tried: int, policy: SelectionPolicy = DEFAULT
+    ) -> AcceptanceCriteria:
         """Acceptance criteria of this model against a simpler one.
 
         Args:
             simpler: The model without the effect.
             tried: Number of prototypes from which the effect was selected.
+            policy: Limits of the criteria.
         """
         more = self.fit.position.size - simpler.fit.position.size
         more += _lasting(self.fit) - _lasting(simpler.fit)
@@ -197,13 +195,11 @@ class EvaluatedModel:
             fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
         validation, possible, log_odds = None, 0.0, 0.0
         if self.unseen is not None and simpler.unseen is not None:
-            floor = self.fit.weighting.deviation**2
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = 0.5 * np.log(simpler.unseen.square / self.unseen.square)
-                excess = 0.5 * np.log(simpler.unseen.square / floor)
+            ratio = _log_ratio(simpler.unseen.square, self.unseen.square)
+            excess = _log_ratio(simpler.unseen.square, self.fit.weighting.deviation**2)
             validation = float(np.sum(ratio[counts > 0]))
             scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
-            possible = float(np.sum(excess[counts > 0])) - _SURELY * scatter
+            possible = float(np.sum(excess[counts > 0])) - policy.validation_sd * scatter
             log_odds = self.fraction * float(np.sum((ratio * self.unseen.count)[counts > 0]))
         return AcceptanceCriteria(
             gain=self.fraction * (simpler.fit.cost - self.fit.cost),
@@ -215,6 +211,7 @@ class EvaluatedModel:
             local=bool(added) and all(term.is_local for term in added),
             # An extended variant has the type of the term it replaces, and can be implausible too.
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
+            policy=policy,
         )
 
     def _flaw(self, terms: Sequence[AbstractEffect]) -> str:
@@ -228,14 +225,14 @@ class EvaluatedModel:
                 return term.flaw(own)
         return ""
 
-    def predicts_worse(self, other: EvaluatedModel) -> bool:
-        """Whether the validation runs prefer the other model by twenty to one."""
+    def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:
+        """Whether the validation runs prefer the other model as clearly as they must an effect."""
         if self.unseen is None or other.unseen is None:
             return False
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = 0.5 * np.log(other.unseen.square / self.unseen.square)
+        ratio = _log_ratio(other.unseen.square, self.unseen.square)
         counted = (ratio * self.unseen.count)[self.fit.weighting.counts > 0]
-        return bool(max(self.fraction, other.fraction) * float(np.sum(counted)) < -_LEAST_LOG_ODDS)
+        log_odds = max(self.fraction, other.fraction) * float(np.sum(counted))
+        return log_odds < -policy.validation_log_odds
 
     def score(self, fraction: float) -> float:
         """Criterion for the comparison of models; smaller is better.
@@ -254,13 +251,10 @@ class EvaluatedModel:
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
-        return (
-            fraction * (self.fit.cost + self._foretold())
-            + 0.5 * size * float(np.log(samples))
-            + chance
-        )
+        penalty = 0.5 * size * float(np.log(samples))
+        return fraction * (self.fit.cost + self._predictive()) + penalty + chance
 
-    def _foretold(self) -> float:
+    def _predictive(self) -> float:
         """Negative log likelihood of the validation runs at unknown noise level."""
         if self.unseen is None:
             return 0.0
@@ -270,22 +264,26 @@ class EvaluatedModel:
         return float(np.sum(terms[seen & (self.unseen.count > 0)]))
 
 
+def _log_ratio(square: Array, other: Array) -> Array:
+    """Logarithm of the ratio of two RMS errors, from the mean squares of each channel."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(0.5 * np.log(square / other))
+
+
 def _lasting(fit: Fit) -> int:
     """Number of initial values, over all records, that count as parameters in the BIC.
 
     Current, speed and fading states do not count.  Late samples contain no information on them, so
     their penalty does not grow with the logarithm of the record length.
     """
-    return len(fit.states) * sum(not state.fades for state in _states(fit))
+    states = [state for term in fit.simulator.model.terms for state in term.states]
+    return len(fit.states) * sum(not state.fades for state in states)
 
 
 def _fading(fit: Fit) -> int:
     """Number of initial values of fading states, over all records."""
-    return len(fit.states) * sum(state.fades for state in _states(fit))
-
-
-def _states(fit: Fit) -> list[State]:
-    return [state for term in fit.simulator.model.terms for state in term.states]
+    states = [state for term in fit.simulator.model.terms for state in term.states]
+    return len(fit.states) * sum(state.fades for state in states)
 
 
 def _determined(fit: Fit) -> float:

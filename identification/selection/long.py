@@ -14,23 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import Final
+from functools import partial
 
 import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
-from identification.selection.evidence import LEAST_SIZE
 from identification.selection.outcome import Found, Outcome
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.search import search
 from identification.selection.subset import fitted_to, representative_subset
 from identification.selection.trials import Trials
 from identification.work import Budget
 
 __all__ = ["search_long"]
-
-_PART: Final = 0.7
-"""Fraction of the operation budget for the search on the subset."""
 
 
 def search_long(
@@ -39,6 +36,7 @@ def search_long(
     progress: Callable[[float], None] | None = None,
     work: float = np.inf,
     withheld: Collection[str] = (),
+    policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
     """Select the effects that the nominal model lacks, for records of any length.
 
@@ -48,30 +46,25 @@ def search_long(
         progress: Called with the completed fraction [-].
         work: Operation budget; no new step starts after it is spent.
         withheld: Names of effect types that are not candidates.
+        policy: Limits of the search.
     """
     tell = progress or (lambda fraction: None)
-    part = representative_subset(campaign, declared)
+    select = partial(search, withheld=withheld, policy=policy)
+    part = representative_subset(campaign, declared, policy)
     if part is None:
-        return search(declared, campaign, progress, work, withheld=withheld)
+        return select(declared, campaign, progress, work)
     budget = Budget(work)
-    stretches, nominal = part
-    found = search(
-        nominal,
-        stretches,
-        lambda done: tell(0.6 * done),
-        _PART * work,
-        withheld=withheld,
-        is_part=True,
-    )
-    whole, effects = _confirmed(declared, campaign, found, budget)
+    segments, nominal = part
+    effort = policy.subset_budget * work
+    found = select(nominal, segments, lambda done: tell(0.6 * done), effort, is_part=True)
+    trials = Trials(campaign, budget, tried=max(len(found.searched), 1), policy=policy)
+    whole, effects = _confirmed(declared, found, trials)
     tell(0.8)
-    if _excess(whole, found.fit) < LEAST_SIZE or budget.spent:
+    if _excess(whole, found.fit) < policy.least_fall or budget.spent:
         complete = found.complete and not budget.spent
         return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None
-    more = search(
-        declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin, withheld
-    )
+    more = select(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin)
     return replace(more, searched=(*found.searched, *more.searched))
 
 
@@ -82,20 +75,17 @@ def _excess(whole: Fit, part: Fit) -> float:
     return float(np.sum(ratio[counts]))
 
 
-def _confirmed(
-    declared: Fit, campaign: Campaign, found: Outcome, budget: Budget
-) -> tuple[Fit, tuple[Found, ...]]:
+def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tuple[Found, ...]]:
     """The model of the subset fitted to all samples, without the effects that fail there."""
     if not found.effects:
         return declared, ()
-    trials = Trials(campaign, budget, tried=max(len(found.searched), 1))
     trials.evaluate(declared)
     current = trials.evaluate(fitted_to(declared.simulator.records, found.fit, trials.limits()))
     kept: list[Found] = []
     for effect in found.effects:
         term = next(t for t in current.fit.simulator.model.terms if t.name == effect.name)
         simpler = trials.without(current, term)
-        criteria = current.criteria(simpler, trials.tried)
+        criteria = trials.criteria(current, simpler)
         if criteria.passed:
             kept.append(replace(effect, criteria=criteria))
         else:

@@ -29,13 +29,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.solve import Fit, TerminationLimits
+from identification.fit.solve import Fit
 from identification.selection.refit import refitted_as
 from identification.surrogates.collinear import is_formed
 from identification.surrogates.curve import HEIGHTS, REGRESSORS, AbstractCurve
 from identification.surrogates.curves import sampled
 
-__all__ = ["Line", "lines_of", "with_linear_parts", "with_lines_drawn"]
+__all__ = ["LinearPart", "linear_parts_of", "with_linear_parts", "with_linear_parts_drawn"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ _ALL: Final = 0.95
 
 
 @dataclass(frozen=True)
-class Line:
+class LinearPart:
     """Linear part that belongs either to a curve or to a nominal parameter.
 
     Args:
@@ -107,21 +107,23 @@ class Line:
         return scaled | heights
 
 
-def lines_of(fit: Fit) -> tuple[Line, ...]:
+def linear_parts_of(fit: Fit) -> tuple[LinearPart, ...]:
     """Free linear parts of the curves of a fit; see `with_linear_parts`."""
     found = []
     for term in fit.simulator.model.terms:
         if isinstance(term, AbstractCurve) and term.linear:
             sizes = (term.current, term.speed, term.size)
             found += [
-                Line(term.equation, name, size, width, term.unit)
+                LinearPart(term.equation, name, size, width, term.unit)
                 for name, size, width in zip(REGRESSORS, sizes, term.linear, strict=True)
                 if width > 0.0
             ]
     return tuple(found)
 
 
-def with_lines_drawn(draws: dict[str, Array], lines: Sequence[Line], seed: int) -> dict[str, Array]:
+def with_linear_parts_drawn(
+    draws: dict[str, Array], lines: Sequence[LinearPart], seed: int
+) -> dict[str, Array]:
     """Posterior draws with non-identifiable lines added.
 
     Args:
@@ -135,18 +137,13 @@ def with_lines_drawn(draws: dict[str, Array], lines: Sequence[Line], seed: int) 
     return draws
 
 
-def with_linear_parts(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """The fit with the linear parts of its curves free; the optimum stays where it was.
-
-    Args:
-        fit: Fit of a model, with or without curves.
-        limits: Termination limits.
-    """
+def with_linear_parts(fit: Fit) -> Fit:
+    """The fit with the linear parts of its curves free; the optimum stays where it was."""
     for term in fit.simulator.model.terms:
         if isinstance(term, AbstractCurve) and not term.linear:
             linear = _widths(term, fit)
             if any(linear):
-                fit = refitted_as(fit, replace(term, linear=linear), limits)
+                fit = refitted_as(fit, replace(term, linear=linear))
     return fit
 
 

@@ -7,38 +7,33 @@ common effect types then comes first.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import effects_of
 from identification.fit.solve import Fit
-from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, scores_of
+from identification.selection.evidence import EvaluatedModel, scores_of
+from identification.selection.policy import SelectionPolicy
 
-__all__ = ["is_better", "is_strained", "ranked", "replaces"]
-
-_ALIKE: Final = 1.0
-"""Difference of the criterion below which models are tied."""
-_AT: Final = 1e-3
-"""Fraction of its range within which a shape parameter counts as at its bound."""
-_WITHIN: Final = 2.0
-"""Standard deviations within which a shape parameter counts as at its bound."""
+__all__ = ["is_better", "is_at_bound", "ranked", "replaces"]
 
 
-def ranked(models: Sequence[EvaluatedModel]) -> list[int]:
+def ranked(models: Sequence[EvaluatedModel], policy: SelectionPolicy) -> list[int]:
     """Indices of the models, best first; ties are decided by the catalogue, common types first.
 
     Args:
         models: Models evaluated on the same campaign.
+        policy: Difference of the criterion that counts as a tie.
     """
     scores = scores_of(models)
     best = min(scores, default=0.0)
     positions = {name: position for position, name in enumerate(CATALOGUE)}
 
     def key(k: int) -> tuple[float, float]:
-        alike = scores[k] < best + _ALIKE
-        places = [positions.get(term.name, np.inf) for term in models[k].fit.simulator.model.terms]
+        alike = scores[k] < best + policy.tie
+        terms = models[k].fit.simulator.model.terms
+        places = [positions.get(term.name, np.inf) for term in terms]
         return (best, float(sum(places))) if alike else (scores[k], 0.0)
 
     return sorted(range(len(models)), key=key)
@@ -50,7 +45,7 @@ def is_better(one: EvaluatedModel, other: EvaluatedModel) -> bool:
     return scores[0] < scores[1]
 
 
-def replaces(alone: EvaluatedModel, listed: EvaluatedModel) -> bool:
+def replaces(curve: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPolicy) -> bool:
     """Whether a curve replaces the effects of the catalogue.
 
     The curve has to rank better, and its validation error must not be clearly larger.  In place of
@@ -58,14 +53,16 @@ def replaces(alone: EvaluatedModel, listed: EvaluatedModel) -> bool:
     only as well as an effect is that effect.  The size limit does not apply if the effect has a
     shape parameter at its bound.
     """
-    if alone.predicts_worse(listed):
+    if curve.predicts_worse(listed, policy):
         return False
-    fall = np.log(listed.fit.weighting.deviation / alone.fit.weighting.deviation)
-    must_be_smaller = len(listed.fit.simulator.model.terms) == 1 and not is_strained(listed.fit)
-    return is_better(alone, listed) and not (must_be_smaller and float(np.sum(fall)) < LEAST_SIZE)
+    fall = np.log(listed.fit.weighting.deviation / curve.fit.weighting.deviation)
+    is_only = len(listed.fit.simulator.model.terms) == 1
+    must_be_smaller = is_only and not is_at_bound(listed.fit, policy)
+    is_small = float(np.sum(fall)) < policy.least_fall
+    return is_better(curve, listed) and not (must_be_smaller and is_small)
 
 
-def is_strained(fit: Fit) -> bool:
+def is_at_bound(fit: Fit, policy: SelectionPolicy) -> bool:
     """Whether a defining shape parameter of an effect may lie beyond a bound of its range.
 
     Example: a drag at the largest allowed exponent is more curved than real drag.  The data require
@@ -83,5 +80,5 @@ def is_strained(fit: Fit) -> bool:
         side[shapes] for side in (fit.coordinates.lower, fit.position, fit.coordinates.upper)
     )
     spread = np.sqrt(np.diag(fit.equations.covariance())[shapes])
-    near = np.maximum(_AT * (upper - lower), _WITHIN * spread)
-    return bool(np.any(np.minimum(position - lower, upper - position) < near))
+    margin = np.maximum(policy.bound_range * (upper - lower), policy.bound_sd * spread)
+    return bool(np.any(np.minimum(position - lower, upper - position) < margin))

@@ -15,6 +15,7 @@ from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.start import (
     Start,
     begun,
@@ -34,16 +35,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_STEPS: Final = 20
-"""Gauss-Newton steps of one refit at most."""
-_ATTEMPTS: Final = 3
-"""Refinements of the substeps at most."""
-_NEAR: Final = 0.005
-"""Gain of the log likelihood per sample at which the simulation changes by a tenth of the noise."""
+_LIMITS: Final = TerminationLimits(DEFAULT.steps)
 
 
 def refitted_with(
-    fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits | None = None
+    fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits = _LIMITS
 ) -> Fit:
     """Fit of the model with `term` added, from the optimum of `fit`.
 
@@ -55,7 +51,7 @@ def refitted_with(
         starts: Starting points; the fit continues from the best of them.
         limits: Termination limits.
     """
-    model, limits = fit.simulator.model.adding(term), limits or TerminationLimits(_STEPS)
+    model = fit.simulator.model.adding(term)
     began = operations()
     found = _refitted(fit, model, starts, limits)
     if term.equation == "thermal" and has_odd_coefficients(fit):
@@ -67,7 +63,7 @@ def refitted_with(
     return found
 
 
-def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None = None) -> Fit:
+def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits = _LIMITS) -> Fit:
     """Fit with a term in an extended variant, from the optimum of `fit`.
 
     New parameters start at their neutral values.  Substeps are chosen beforehand so that the whole
@@ -79,24 +75,24 @@ def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits | None =
     model = replace(before, terms=terms)
     known = set(fit.coordinates.names)
     new = np.array([p.prior_mean for p in model.parameters if p.name not in known])
-    return _refitted(fit, model, [Start(new)], limits or TerminationLimits(_STEPS), finely=True)
+    return _refitted(fit, model, [Start(new)], limits, finely=True)
 
 
-def refitted_without(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
+def refitted_without(fit: Fit, name: str, limits: TerminationLimits = _LIMITS) -> Fit:
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
-    return _refitted(fit, model, (), limits or TerminationLimits(_STEPS))
+    return _refitted(fit, model, (), limits)
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:
     """The fit moved to the nominal values of the parameters that the nominal model has."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     values |= dict(zip(declared.coordinates.names, declared.values, strict=True))
-    place = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
-    return replace(fit, position=place)
+    position = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
+    return replace(fit, position=position)
 
 
-def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
     """The fit with the prior scale of per-record amplitudes set to their fitted RMS value.
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
@@ -113,9 +109,7 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits | None = None) -> 
         terms.append(term)
     if tuple(terms) == model.terms:
         return fit
-    return _refitted(
-        fit, replace(model, terms=tuple(terms)), (), limits or TerminationLimits(_STEPS)
-    )
+    return _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
 
 
 def _refitted(
@@ -140,7 +134,9 @@ def _refitted(
     return solve(simulator, coordinates, position, states, weighting, limits)
 
 
-def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+def refined(
+    fit: Fit, limits: TerminationLimits = _LIMITS, policy: SelectionPolicy = DEFAULT
+) -> Fit:
     """The fit with substeps whose integration error is far below the noise.
 
     The substeps that are needed depend on the optimum, so the error is measured there.  If the
@@ -150,9 +146,9 @@ def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     Args:
         fit: The fit.
         limits: Termination limits.
+        policy: Limits of the refinements.
     """
-    limits = limits or TerminationLimits(_STEPS)
-    for _ in range(_ATTEMPTS):
+    for _ in range(policy.refinements):
         if limits.over:
             return fit
         here = (fit.values, fit.states, fit.weighting.deviation)
@@ -162,6 +158,6 @@ def refined(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         before = fit
         # With finer substeps the fit may reach a stiffer motor than its step plan allows.
         fit = renewed(continued(replace(fit, simulator=simulator), limits), limits)
-        if before.cost - fit.cost < _NEAR * float(fit.weighting.counts.sum()):
+        if before.cost - fit.cost < policy.refinement_gain * float(fit.weighting.counts.sum()):
             return fit
     return fit

@@ -45,6 +45,11 @@ class Score:
     others: tuple[Start, ...] = ()
 
     @property
+    def structure(self) -> tuple[str, str]:
+        """Effect type and variant."""
+        return self.candidate.term.name, self.candidate.final.variant
+
+    @property
     def starts(self) -> tuple[Start, ...]:
         """Starting points of a refit, the largest predicted gain first."""
         return (Start(self.start, self.own, self.along), *self.others)
@@ -58,10 +63,9 @@ def gathered(scores: Sequence[Score]) -> list[Score]:
     """
     best: dict[tuple[str, str], Score] = {}
     for score in scores:
-        key = (score.candidate.term.name, score.candidate.final.variant)
-        known = best.setdefault(key, score)
+        known = best.setdefault(score.structure, score)
         if known is not score and len(known.others) < _OTHERS:
-            best[key] = replace(known, others=(*known.others, *score.starts))
+            best[score.structure] = replace(known, others=(*known.others, *score.starts))
     return list(best.values())
 
 

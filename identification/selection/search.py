@@ -1,25 +1,35 @@
 """Forward selection of effects with backward elimination and exchange.
 
-    forward    score every prototype, refit the candidates with the largest predicted gain, and
-               add the best one that meets the acceptance criteria
-    enrich     replace effects by extended variants of their laws
-    backward   remove the effects that no longer meet the criteria
-    exchange   replace effects by other types that meet the criteria and rank better
+     1  M <- nominal model
+     2  repeat while the budget of the catalogue lasts, at most `rounds` times
+     3      predict the gain of every candidate given M (Rao score)       Trials.scores
+     4      refit the candidates with the largest predicted gain          Trials.refits
+     5      M <- the best that meets the acceptance criteria              steps.accept
+     6          none: the catalogue is exhausted, leave the loop
+     7      M <- extended variants of its laws that are accepted          steps.enrich
+     8      C <- nominal model with the best curve, if curves predict
+                more than the effects do and the residual has structure   _fit_curve
+     9          C fits far better than M: leave the loop
+    10      unless a candidate predicts more than the last effect did:
+    11          remove effects that no longer meet the criteria           steps.backward
+    12          replace effects by types that rank better                 steps.exchange
+    13  if exhausted and the residual has structure: repeat 3 to 7 from
+            the runner-up models of round 1, keep the better model        _restart
+    14  M <- C if it ranks and predicts better; otherwise, if exhausted,
+            M <- M with a curve that meets the criteria, then 11 and 12   _add_curve
+    15  replace effects by types that rank better in evaluated models     _effects_of
 
-The rounds end when no candidate is accepted or the budget is spent.  Exchange removes surrogates:
-an effect that was added first because it absorbed part of two true effects is replaced once these
-are in the model.  Effect types that fit equally well are reported as alternatives with their
-posterior probabilities.
+An effect is accepted in `steps.accept` and nowhere else; the criteria are in `evidence.py`, their
+limits in `policy.py`.
 
-At the end, curves that belong to no effect type are tried.  If a curve meets the same criteria,
-nothing in the catalogue explains the residual.  The curve then replaces the effects, or it is added
-and all effects have to meet the criteria again together with it.
+Exchange removes surrogates: an effect that was added first because it absorbed part of two true
+effects is replaced once these are in the model.  A curve belongs to no effect type.  Effect types
+that fit equally well are reported as alternatives with their posterior probabilities.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import Final
 
 import numpy as np
 
@@ -27,11 +37,13 @@ from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.evidence import EvaluatedModel, probabilities, scores_of
 from identification.selection.outcome import Alternative, Found, Outcome
-from identification.selection.ranking import is_better, is_strained, ranked, replaces
+from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.ranking import is_at_bound, is_better, ranked, replaces
 from identification.selection.refit import with_known_amplitudes
-from identification.selection.rounds import (
+from identification.selection.score import Score
+from identification.selection.steps import (
     State,
-    abandon_cost,
+    accept,
     backward,
     enrich,
     exchange,
@@ -39,33 +51,12 @@ from identification.selection.rounds import (
     has_predicted_gain,
     lacks_more,
     rivals_of,
-    taken,
 )
-from identification.selection.score import Score
 from identification.selection.tracing import traced
 from identification.selection.trials import Trials
 from identification.work import Budget, operations
 
 __all__ = ["search"]
-
-_CURVES: Final = 4
-"""Curves refitted at most."""
-_RUNNERS: Final = 2
-"""Runner-up models of the first round from which the selection is repeated."""
-_CURVE_UNDERSTATED: Final = 2.0
-"""Largest ratio of achieved to predicted gain assumed for a curve."""
-_FAR_MORE: Final = 3.0
-"""Gain of a curve over that of the best effect, above which the rounds end."""
-_MOST_OF_IT: Final = 0.5
-"""Fraction of a curve's gain; effects that predict more are tried before the curve."""
-_LISTED_SHARE: Final = 0.75
-"""Fraction of the operation budget for the catalogue."""
-_REFIT_SHARE: Final = 0.06
-"""Fraction of the operation budget for one refit."""
-_MOST_EFFECTS: Final = 6
-"""Rounds at most; each adds at most one effect."""
-_KEPT: Final = 0.005
-"""Posterior probability below which an alternative is not reported."""
 
 
 def search(
@@ -77,6 +68,7 @@ def search(
     withheld: Collection[str] = (),
     *,
     is_part: bool = False,
+    policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
     """Select the effects that the nominal model lacks.
 
@@ -90,155 +82,149 @@ def search(
         withheld: Names of effect types that are not candidates.
         is_part: Whether the records are a representative subset.  The selected model is then
             refitted to all samples later and is not refined here.
+        policy: Limits of the search.
     """
-    tell = progress or (lambda fraction: None)
-    trials = Trials(campaign, Budget(work), longest=_REFIT_SHARE * work, withheld=withheld)
-    listed = Budget(_LISTED_SHARE * work)
-    first = trials.evaluate(declared)
-    state = State(trials, first if begin is None else trials.evaluate(begin))
-    alone: EvaluatedModel | None = None
+    report = progress or (lambda fraction: None)
+    trials = Trials(
+        campaign, Budget(work), policy.refit_budget * work, withheld=withheld, policy=policy
+    )
+    listed = Budget(policy.catalogue_budget * work)
+    nominal = trials.evaluate(declared)
+    state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
     is_exhausted = is_cut_short = is_postponed = False
-    for round_ in range(1, _MOST_EFFECTS + 1):
-        tell((round_ - 1) / (_MOST_EFFECTS + 2))
+    for done in range(policy.rounds):
+        report(done / (policy.rounds + 2))
         if listed.spent:
             is_cut_short = has_predicted_gain(state)
             is_exhausted = not is_cut_short
             break
-        if not forward(state, round_):
+        if not forward(state):
             is_exhausted = True
             break
-        enrich(state, round_)
-        if alone is None and _asks_for_a_curve(state, round_):
+        enrich(state)
+        if state.curve is None and _is_curve_due(state):
             began = operations()
-            alone = _curve_alone(state, first)
+            _fit_curve(state)
             # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
             listed = listed.longer(operations() - began)
-        if alone is not None and _ends(state, round_, alone, first):
+        if state.curve is not None and _is_far_better(state, state.curve):
             break
-        is_postponed = round_ > 1 and lacks_more(state)
-        if round_ > 1 and not is_postponed:
+        is_postponed = done > 0 and lacks_more(state)
+        if done > 0 and not is_postponed:
             backward(state)
             exchange(state)
     if is_exhausted and is_postponed:
         backward(state)
         exchange(state)
-    tell(_MOST_EFFECTS / (_MOST_EFFECTS + 2))
+    report(policy.rounds / (policy.rounds + 2))
     if is_exhausted and not listed.spent:
-        _second_thoughts(state)
-    _unlisted(state, first, alone, is_exhausted)
-    complete = not (trials.over or is_cut_short)
-    tell((_MOST_EFFECTS + 1) / (_MOST_EFFECTS + 2))
-    effects = _settled(state)
-    traces = traced(trials.curves(first)) if effects else ()
-    last = state.current.fit if is_part else trials.final(state.current)
-    fit = with_known_amplitudes(last)
-    return Outcome(
-        fit, tuple(effects), tuple(state.searched), complete, traces, trials.omitted(state.current)
-    )
+        _restart(state)
+    _add_curve(state, is_exhausted=is_exhausted)
+    is_complete = not (trials.over or is_cut_short)
+    report((policy.rounds + 1) / (policy.rounds + 2))
+    effects = tuple(_effects_of(state))
+    traces = traced(trials.curves(nominal)) if effects else ()
+    fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))
+    omitted = trials.omitted(state.current)
+    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted)
 
 
-def _second_thoughts(state: State) -> None:
+def _restart(state: State) -> None:
     """Repeat the selection from runner-up models of round 1 if the residual still has structure.
 
     A flexible effect can absorb a second one.  Example: a Stribeck friction that is selected first
     also fits a dry friction, which then has no predicted gain.  If the dry friction is selected
     first, the Stribeck friction still has a predicted gain.
     """
-    if not state.current.fit.simulator.model.terms:
+    trials = state.trials
+    if not state.current.fit.simulator.model.terms or not _has_structure(state):
         return
-    if not (_is_left(state) or is_strained(state.current.fit)):
-        return
-    for runner in state.trials.runners()[:_RUNNERS]:
-        if state.trials.over:
+    for runner_up in trials.runners_up()[: trials.policy.runners]:
+        if trials.over:
             return
-        other = State(state.trials, runner, state.searched)
-        round_ = 1 + max(one.round for one in state.searched)
-        if forward(other, round_):
-            enrich(other, round_)
+        other = State(trials, state.nominal, runner_up, state.searched)
+        if forward(other):
+            enrich(other)
             if is_better(other.current, state.current):
                 state.current = other.current
                 backward(state)
 
 
-def _is_left(state: State) -> list[Score]:
+def _has_structure(state: State) -> bool:
+    """Whether a curve would still gain, or an effect has a shape parameter at its bound."""
+    if _curves_worth_a_refit(state):
+        return True
+    return is_at_bound(state.current.fit, state.trials.policy)
+
+
+def _curves_worth_a_refit(state: State) -> list[Score]:
     """Curves with a predicted gain, given the current model, that justifies a refit.
 
     A curve has no shape parameters, so its gain is underestimated less than that of an effect.
     """
     trials, current = state.trials, state.current
-    return [
-        score
-        for score in trials.curves(current)
-        if score.gain
-        > trials.worth_a_refit(current, _CURVE_UNDERSTATED, _amplitudes(current, score))
-    ]
+    records, found = len(current.fit.states), []
+    for score in trials.curves(current):
+        # Per-record amplitudes count once for each record.
+        amplitudes = score.candidate.joint * (records if score.candidate.by_record else 1)
+        factor = trials.policy.curve_underestimate
+        if score.gain > trials.worth_a_refit(current, factor, amplitudes):
+            found.append(score)
+    return found
 
 
-def _amplitudes(current: EvaluatedModel, score: Score) -> int:
-    """Number of amplitudes of a curve; per-record amplitudes count once for each record."""
-    records = len(current.fit.states) if score.candidate.by_record else 1
-    return score.candidate.joint * records
+def _largest_gain(scores: list[Score]) -> float:
+    return max((score.gain for score in scores), default=0.0)
 
 
-def _asks_for_a_curve(state: State, round_: int) -> bool:
+def _is_curve_due(state: State) -> bool:
     """Whether to fit a curve to the nominal model alone before the next round.
 
     If effects predict at least half of the gain that curves predict, an effect is refitted first,
     which is cheaper.  Otherwise, in round 1, a curve has to predict more than the accepted effect
     did; in later rounds, a curve has to justify a refit.
     """
-    left = max((score.gain for score in state.trials.curves(state.current)), default=0.0)
-    listed = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    if listed >= _MOST_OF_IT * left:
+    trials = state.trials
+    by_curve = _largest_gain(trials.curves(state.current))
+    if _largest_gain(trials.scores(state.current)) >= trials.policy.curve_share * by_curve:
         return False
-    if round_ > 1:
-        return bool(_is_left(state))
-    return left > state.predicted_gain
+    if state.round > 1:
+        return bool(_curves_worth_a_refit(state))
+    return by_curve > state.predicted_gain
 
 
-def _curve_alone(state: State, declared: EvaluatedModel) -> EvaluatedModel | None:
+def _fit_curve(state: State) -> None:
     """Fit the best curve to the nominal model alone if the effects leave structured residuals.
 
     If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
     fits better than two of them stops this.
     """
-    if state.trials.over or not (_is_left(state) or is_strained(state.current.fit)):
-        return None
-    curves = state.trials.curves(declared)[:_CURVES]
-    needed = abandon_cost(state.current, declared)
-    return taken(State(state.trials, declared), curves, 1, needed)
+    trials, nominal = state.trials, state.nominal
+    if trials.over or not _has_structure(state):
+        return
+    curves = trials.curves(nominal)[: trials.policy.curves]
+    limit = trials.abandon_cost(state.current, nominal)
+    state.curve = accept(State(trials, nominal, nominal), curves, limit)
 
 
-def _ends(state: State, round_: int, alone: EvaluatedModel, declared: EvaluatedModel) -> bool:
-    """Whether a curve fits so much better than the effects that further rounds would not help."""
-    if round_ > 1:
-        return replaces(alone, state.current)
-    is_far = _is_far_better(alone, state.current, declared)
-    return is_far and not _closes_the_gap(state, alone)
+def _is_far_better(state: State, curve: EvaluatedModel) -> bool:
+    """Whether a curve fits so much better than the effects that further rounds would not help.
 
-
-def _is_far_better(alone: EvaluatedModel, listed: EvaluatedModel, declared: EvaluatedModel) -> bool:
-    """Whether a curve gains more than three times as much as the best effect.
-
-    The missing effect is then not in the catalogue, and further rounds would accumulate surrogates.
+    After one effect, it has to gain three times as much, and no second effect may be predicted to
+    gain most of the difference: two effects of the catalogue can be confounded with one curve in
+    two signals.
     """
-    gains = [declared.fit.cost - one.fit.cost for one in (alone, listed)]
-    return is_better(alone, listed) and gains[0] > _FAR_MORE * gains[1]
+    policy, current = state.trials.policy, state.current
+    if state.round > 1:
+        return replaces(curve, current, policy)
+    of_curve, of_effect = (state.nominal.fit.cost - one.fit.cost for one in (curve, current))
+    if not (is_better(curve, current) and of_curve > policy.curve_factor * of_effect):
+        return False
+    predicted = _largest_gain(state.trials.scores(current))
+    return predicted <= policy.curve_share * (current.fit.cost - curve.fit.cost)
 
 
-def _closes_the_gap(state: State, alone: EvaluatedModel) -> bool:
-    """Whether a further effect is predicted to gain most of what the curve gains over the model.
-
-    Two effects of the catalogue can be confounded with one curve in two signals.
-    """
-    gap = state.current.fit.cost - alone.fit.cost
-    predicted = max((score.gain for score in state.trials.scores(state.current)), default=0.0)
-    return predicted > _MOST_OF_IT * gap
-
-
-def _unlisted(
-    state: State, declared: EvaluatedModel, alone: EvaluatedModel | None, is_exhausted: bool
-) -> None:
+def _add_curve(state: State, *, is_exhausted: bool) -> None:
     """Replace the effects by a curve, or add a curve to them, if the curve is accepted.
 
     If the residual has structure, or an effect has a shape parameter at its bound, all effects may
@@ -247,31 +233,29 @@ def _unlisted(
     curve again.  A model with an unlisted term gets no second one.
     """
     trials, listed = state.trials, state.current
-    left = [] if trials.over else _is_left(state)
-    strained = not trials.over and is_strained(listed.fit)
-    if (left or strained) and alone is None and listed is not declared:
-        alone = _curve_alone(state, declared)
-    if alone is not None and replaces(alone, listed):
-        state.current = alone
+    curves = [] if trials.over else _curves_worth_a_refit(state)
+    if state.curve is None and listed is not state.nominal:
+        _fit_curve(state)
+    if state.curve is not None and replaces(state.curve, listed, trials.policy):
+        state.current = state.curve
         return
     has_curve = any(term.name == "unlisted" for term in listed.fit.simulator.model.terms)
-    if left and is_exhausted and not has_curve:
-        round_ = 1 + max((s.round for s in state.searched), default=0)
-        chosen = taken(state, left[:_CURVES], round_)
-        if chosen is not None:
-            state.current = chosen
+    if curves and is_exhausted and not has_curve:
+        accepted = accept(state, curves[: trials.policy.curves])
+        if accepted is not None:
+            state.current = accepted
             backward(state)
             exchange(state)
 
 
-def _settled(state: State) -> list[Found]:
+def _effects_of(state: State) -> list[Found]:
     """Effects of the final model, after exchanges that need no further refit.
 
     If the search was cut short, or changed its model last, a model that was evaluated before may
     rank better with another type in place of an effect.
     """
     effects, better = _explained(state)
-    for _ in range(_MOST_EFFECTS):
+    for _ in range(state.trials.policy.rounds):
         if better is None:
             break
         state.current = better
@@ -285,15 +269,15 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     effects, better = [], None
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
-        criteria = current.criteria(simpler, trials.tried)
-        looked = trials.known_beside(simpler, term)
+        criteria = trials.criteria(current, simpler)
+        rivals = trials.evaluated_rivals(simpler, term.name)
         if not trials.over and term.name != "unlisted":
-            curves = [one for one in looked if one.fit.simulator.model.terms[-1].name == "unlisted"]
-            looked = [*rivals_of(state, simpler, term.name), *curves]
-        rivals = [r for r in looked if r.criteria(simpler, trials.tried).passed]
+            curves = [r for r in rivals if r.fit.simulator.model.terms[-1].name == "unlisted"]
+            rivals = [*rivals_of(state, simpler, term.name), *curves]
+        rivals = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
         models = [current, *rivals]
         odds = probabilities(scores_of(models))
-        best = models[ranked(models)[0]]
+        best = models[ranked(models, trials.policy)[0]]
         better = best if best is not current else better
         others: dict[str, float] = {}
         for rival, probability in zip(rivals, odds[1:], strict=True):
@@ -302,7 +286,7 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         alternatives = tuple(
             Alternative(other, probability)
             for other, probability in sorted(others.items(), key=lambda item: -item[1])
-            if probability > _KEPT
+            if probability > trials.policy.reported_probability
         )
         effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better

@@ -38,7 +38,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Place = tuple[Array, list[Array]]
+Point = tuple[Array, list[Array]]
+"""Search coordinates, and for each record the initial state."""
 
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
 """Fractions of the amplitude at which a start is simulated."""
@@ -55,6 +56,12 @@ class Along:
 
     position: Array
     states: tuple[Array, ...]
+
+    @classmethod
+    def to(cls, fit: Fit, values: Array) -> Along:
+        """Change of a fit to other parameter values; the initial states are held."""
+        states = tuple(np.zeros_like(state) for state in fit.states)
+        return cls(fit.coordinates.of(values) - fit.position, states)
 
     def of(self, columns: slice) -> Along:
         """Selected columns."""
@@ -102,7 +109,7 @@ def begun(
         states.
     """
     records = fit.simulator.records
-    whole = [_place(fit, model, coordinates, start) for start in starts or [Start(np.zeros(0))]]
+    whole = [_extended(fit, model, coordinates, start) for start in starts or [Start(np.zeros(0))]]
     position, states = whole[0]
     values = coordinates.values(position)
     simulator = fit.simulator.changed_to(model, values)
@@ -110,20 +117,20 @@ def begun(
         return simulator, position, states
     # Too few substeps make a stiff start diverge, and it could not be compared with the others.
     simulator = simulator.roughly_accurate(values, states, weighting.deviation)
-    places = [
-        place
-        for start, (position, states) in zip(starts, whole, strict=True)
-        for place in _shorter(fit, coordinates, model, start, (position, states))
+    points = [
+        point
+        for start, own in zip(starts, whole, strict=True)
+        for point in _shortened(fit, coordinates, model, start, own)
     ]
-    lanes = np.column_stack([position for position, _ in places])
-    columns = [np.column_stack([states[k] for _, states in places]) for k in range(len(records))]
+    lanes = np.column_stack([position for position, _ in points])
+    columns = [np.column_stack([states[k] for _, states in points]) for k in range(len(records))]
     sums = simulator.misfit(coordinates.values(lanes), columns, weighting)
     cost = weighting.sized(sums)[1] - coordinates.log_prior(lanes)
     best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
-    return simulator, *places[best]
+    return simulator, *points[best]
 
 
-def _place(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Place:
+def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Point:
     """Optimum of the fit, extended by the values of a start."""
     here = dict(zip(fit.coordinates.names, fit.values, strict=True))
     new = [name for name in coordinates.names if name not in here]
@@ -134,23 +141,24 @@ def _place(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) 
     return coordinates.of(np.array([here[name] for name in coordinates.names])), states
 
 
-def _shorter(
-    fit: Fit, coordinates: Coordinates, model: MotorModel, start: Start, whole: Place
-) -> list[Place]:
+def _shortened(
+    fit: Fit, coordinates: Coordinates, model: MotorModel, start: Start, whole: Point
+) -> list[Point]:
     """The point at several fractions of the new amplitudes, with the fit held and moved along."""
     position, states = whole
     known = set(fit.coordinates.names)
     is_size = np.array([p.name not in known and p.vanishes for p in coordinates.parameters])
     shares = _SHARES if is_size.any() else _SHARES[:1]
-    ways = [_held(position, states)]
+    changes = [Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))]
     if start.along is not None:
-        ways.append(_following(fit, model, coordinates, start.along))
+        changes.append(_following(fit, model, coordinates, start.along))
     found = []
-    for way in ways:
+    for change in changes:
         for share in shares:
-            moved = np.where(is_size, share, 1.0) * position + share * way.position
-            ends = [state + share * move for state, move in zip(states, way.states, strict=True)]
-            found.append((np.clip(moved, coordinates.lower, coordinates.upper), ends))
+            moved = np.where(is_size, share, 1.0) * position + share * change.position
+            both = zip(states, change.states, strict=True)
+            own = [state + share * shift for state, shift in both]
+            found.append((np.clip(moved, coordinates.lower, coordinates.upper), own))
     return found
 
 
@@ -162,11 +170,10 @@ def traded(fit: Fit, candidate: Candidate) -> list[Start]:
         candidate: The candidate.
     """
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
-    rest = tuple(np.zeros_like(state) for state in fit.states)
     found = []
-    for place, factors in candidate.traded:
+    for start, factors in candidate.traded:
         after = np.array([values[name] * factors.get(name, 1.0) for name in values])
-        found.append(Start(place, along=Along(fit.coordinates.of(after) - fit.position, rest)))
+        found.append(Start(start, along=Along.to(fit, after)))
     return found
 
 
@@ -195,11 +202,6 @@ def with_usual_coefficients(fit: Fit) -> Fit:
             values[at[quantity]] *= factor if factor > 0 else 1.0
     position = np.clip(fit.coordinates.of(values), fit.coordinates.lower, fit.coordinates.upper)
     return replace(fit, position=position)
-
-
-def _held(position: Array, states: Sequence[Array]) -> Along:
-    """Zero change: the fit is held."""
-    return Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))
 
 
 def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Along) -> Along:

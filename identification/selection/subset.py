@@ -31,37 +31,37 @@ from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
+from identification.selection.policy import DEFAULT, SelectionPolicy
 
 __all__ = ["fitted_to", "informative_segments", "representative_subset", "subset_of_fit"]
 
 Array = NDArray[np.float64]
 
-_LEAST: Final = 1_000
-"""Samples of a segment at least; a segment has to be many times the slowest time constant."""
-_LONGER: Final = 1.5
-"""Ratio of samples to subset size from which a subset is worth its overhead."""
 _PLACES: Final = 4
 """Possible start positions per segment length."""
 _SWEEPS: Final = 2
 """Passes of the exchange over all records."""
 
 
-def representative_subset(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
+def representative_subset(
+    campaign: Campaign, declared: Fit, policy: SelectionPolicy = DEFAULT
+) -> tuple[Campaign, Fit] | None:
     """Segments of the records of a campaign, and the nominal model fitted to them.
 
     Args:
         campaign: Training and validation records.
         declared: Fit of the nominal model to all training records.
+        policy: Limits of the sizes.
 
     Returns:
         The campaign of the segments and its nominal fit; None if the records are short.
     """
-    if sum(record.rows for record in campaign.training) <= _LONGER * PART_ROWS:
+    if sum(record.rows for record in campaign.training) <= policy.subset_ratio * PART_ROWS:
         return None
-    training = _stretches(campaign.training, declared.residuals(), PART_ROWS)
+    training = _segments(campaign.training, declared.residuals(), PART_ROWS, policy)
     unseen = simulate_unseen(declared, campaign.validation)
-    validation = _stretches(
-        [s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2
+    validation = _segments(
+        [s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2, policy
     )
     own = declared.simulator
     simulator = Simulator.fitting(own.model, training, declared.values)
@@ -69,16 +69,17 @@ def representative_subset(campaign: Campaign, declared: Fit) -> tuple[Campaign, 
     return replace(campaign, training=tuple(training), validation=tuple(validation)), fit
 
 
-def subset_of_fit(fit: Fit) -> Fit:
+def subset_of_fit(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
     """A model fitted to segments of its records; the fit itself if the records are short.
 
     Args:
         fit: Fit of the model to all training records.
+        policy: Limits of the sizes.
     """
     records = fit.simulator.records
-    if sum(record.rows for record in records) <= _LONGER * PART_ROWS:
+    if sum(record.rows for record in records) <= policy.subset_ratio * PART_ROWS:
         return fit
-    return fitted_to(_stretches(records, fit.residuals(), PART_ROWS), fit)
+    return fitted_to(_segments(records, fit.residuals(), PART_ROWS, policy), fit)
 
 
 def informative_segments(records: Sequence[Record], rows: int) -> list[Record]:
@@ -88,7 +89,8 @@ def informative_segments(records: Sequence[Record], rows: int) -> list[Record]:
         records: The records.
         rows: Samples of all segments together.
     """
-    return _stretches(records, [np.zeros_like(record.measured) for record in records], rows)
+    residuals = [np.zeros_like(record.measured) for record in records]
+    return _segments(records, residuals, rows, DEFAULT)
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:
@@ -109,10 +111,14 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     return solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
 
 
-def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:
+def _segments(
+    records: Sequence[Record], residuals: Sequence[Array], rows: int, policy: SelectionPolicy
+) -> list[Record]:
     """One segment of each record, about `rows` samples in total."""
     total = sum(record.rows for record in records)
-    lengths = [min(r.rows, max(_LEAST, int(rows * r.rows / total))) for r in records]
+    lengths = [
+        min(r.rows, max(policy.segment_samples, int(rows * r.rows / total))) for r in records
+    ]
     scale = np.sqrt(np.mean([np.mean(f**2, axis=0) for f in _regressors(records, residuals)], 0))
     moments = [
         _moments(features / np.where(scale > 0, scale, 1.0), max(length // _PLACES, 1))
@@ -130,8 +136,8 @@ def _stretches(records: Sequence[Record], residuals: Sequence[Array], rows: int)
             chosen[k] = int(np.argmax(worth))
             taken[k] = windows[chosen[k]]
     return [
-        _slice(record, place * max(length // _PLACES, 1), length)
-        for record, place, length in zip(records, chosen, lengths, strict=True)
+        _slice(record, first * max(length // _PLACES, 1), length)
+        for record, first, length in zip(records, chosen, lengths, strict=True)
     ]
 
 
@@ -142,22 +148,11 @@ def _regressors(records: Sequence[Record], residuals: Sequence[Array]) -> list[A
         current, speed = record.measured.T
         slow = 0.02 * record.span[1]
         warmth = record.column("temperature") - 25.0
-        rows = [
-            np.ones(record.rows),
-            current,
-            speed,
-            record.column("voltage"),
-            np.tanh(speed / slow),
-            np.tanh(current / (0.05 * record.span[0])),
-            speed * np.abs(speed),
-            current * np.abs(current),
-            current * speed,
-            warmth * current,
-            warmth * speed,
-            residual[:, 0],
-            residual[:, 1],
-        ]
-        columns = np.column_stack(rows)
+        directions = np.tanh(speed / slow), np.tanh(current / (0.05 * record.span[0]))
+        squares = speed * np.abs(speed), current * np.abs(current), current * speed
+        linear = np.ones(record.rows), current, speed, record.column("voltage")
+        heated = warmth * current, warmth * speed
+        columns = np.column_stack([*linear, *directions, *squares, *heated, residual])
         found.append(np.where(np.isfinite(columns), columns, 0.0))
     return found
 

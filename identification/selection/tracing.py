@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
@@ -56,15 +57,16 @@ class Trace:
     curve_sd: Array
 
 
-def missing_curves(fit: Fit) -> list[Score]:
+def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
     """Scores of curves, ripples and other unlisted terms, one per structure, best first.
 
     Args:
         fit: Fit of a model at its optimum.
+        policy: Limits of the screening.
     """
     scales = replace(scales_of(fit), frequencies=_peaks(fit))
     candidates = [candidate for kind in SURROGATES for candidate in kind.candidates(scales)]
-    return gathered(screened(fit, candidates))
+    return gathered(screened(fit, candidates, policy))
 
 
 def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
-from identification.selection.evidence import LEAST_SIZE, EvaluatedModel, evaluated
+from identification.selection.evidence import AcceptanceCriteria, EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
     as_declared,
     refined,
@@ -34,24 +34,9 @@ from identification.selection.start import Start, traded
 from identification.selection.tracing import missing_curves
 from identification.work import Budget, operations
 
-__all__ = ["UNDERSTATED", "Trials"]
+__all__ = ["Trials"]
 
 Key = frozenset[tuple[str, str]]
-
-_STEPS: Final = 20
-"""Gauss-Newton steps of one fit at most."""
-_LEGS: Final = 4
-"""Continuations of a fit that has not converged, at most."""
-_SLACK: Final = 30.0
-"""Log likelihood by which a fit may fall behind the best before it is abandoned."""
-_REACH: Final = 0.15
-"""Fraction of the best gain by which a fit may fall behind and still be close to the best."""
-UNDERSTATED: Final = 5.0
-"""Largest ratio of achieved to predicted gain that is assumed."""
-_FINISH: Final = 2.5
-"""Operations to finish a model of a round, over those of a first refit."""
-_PART: Final = 0.2
-"""Fraction of the largest gain above which a model with another effect is a runner-up."""
 
 
 @dataclass
@@ -64,6 +49,7 @@ class Trials:
         longest: Operations after which a first refit stops; the best fits are finished later.
         tried: Largest number of prototypes that were scored together, for the significance limit.
         withheld: Names of effect types that are not candidates.
+        policy: Limits of the search.
     """
 
     campaign: Campaign
@@ -71,13 +57,14 @@ class Trials:
     longest: float = np.inf
     tried: int = 1
     withheld: Collection[str] = ()
-    _judged: dict[Key, EvaluatedModel] = field(default_factory=dict)
+    policy: SelectionPolicy = DEFAULT
+    _evaluated: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
     _curves: dict[Key, list[Score]] = field(default_factory=dict)
     _uncomputed: dict[Key, list[str]] = field(default_factory=dict)
     _unfinished: set[Key] = field(default_factory=set)
-    _led: set[tuple[Key, Key]] = field(default_factory=set)
+    _retried: set[tuple[Key, Key]] = field(default_factory=set)
 
     @property
     def over(self) -> bool:
@@ -95,9 +82,12 @@ class Trials:
             longest: Operations after which the fit stops.
             reference: Cost of a better model with which the fit is compared.
         """
-        return TerminationLimits(
-            _STEPS, abandon_cost, Budget(longest, within=self.budget), reference
-        )
+        budget = Budget(longest, within=self.budget)
+        return TerminationLimits(self.policy.steps, abandon_cost, budget, reference)
+
+    def criteria(self, model: EvaluatedModel, simpler: EvaluatedModel) -> AcceptanceCriteria:
+        """Acceptance criteria of a model against a simpler one."""
+        return model.criteria(simpler, self.tried, self.policy)
 
     def evaluate(self, fit: Fit, fraction: float | None = None) -> EvaluatedModel:
         """Evaluate a fit on the validation runs; one result per model structure is cached.
@@ -109,13 +99,13 @@ class Trials:
             fraction: Effective sample fraction [-]; computed from the residual of the fit if None.
         """
         key = _key(fit)
-        known = self._judged.get(key)
+        known = self._evaluated.get(key)
         if known is None and not np.isfinite(fit.cost):
             # The simulation diverges; it is never selected, and a term that stabilises it is kept.
-            known = self._judged[key] = EvaluatedModel(fit.light(), 1.0)
+            known = self._evaluated[key] = EvaluatedModel(fit.light(), 1.0)
         elif known is None or fit.cost < known.fit.cost - 1e-3:
             fraction = effective_fraction(fit) if fraction is None else fraction
-            known = self._judged[key] = evaluated(fit.light(), self.campaign, fraction)
+            known = self._evaluated[key] = evaluated(fit.light(), self.campaign, fraction)
         return known
 
     def without(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
@@ -125,25 +115,26 @@ class Trials:
         may only have helped the optimiser.
         """
         key = frozenset(name for name in _key(current.fit) if name[0] != term.name)
-        known = self._judged.get(key)
-        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._led):
-            self._led.add((key, _key(current.fit)))
+        known = self._evaluated.get(key)
+        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._retried):
+            self._retried.add((key, _key(current.fit)))
             limits = self.limits(reference=current.fit.cost)
             fit = refitted_without(current.fit, term.name, limits)
             if not np.isfinite(fit.cost):
                 # Without the term the simulation diverges; restart from the nominal parameters.
-                declared = self._judged[frozenset()].fit
-                place = as_declared(current.fit, declared)
-                fit = refitted_without(place, term.name, limits)
-            known = self.evaluate(refined(fit, limits) if np.isfinite(fit.cost) else fit)
+                declared = self._evaluated[frozenset()].fit
+                fit = refitted_without(as_declared(current.fit, declared), term.name, limits)
+            known = self.evaluate(
+                refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
+            )
         return known
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant, fitted over continuation steps."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
-        known = self._judged.get(frozenset(kept | {_name(term)}))
+        known = self._evaluated.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit, abandon_cost = current.fit, current.fit.cost + _SLACK
+            fit, abandon_cost = current.fit, current.fit.cost + self.policy.abandon_slack
             (before,) = [
                 own for own in effects_of(fit.simulator.model.terms) if own.name == term.name
             ]
@@ -156,32 +147,35 @@ class Trials:
             known = self.evaluate(fit, current.fraction)
         return known
 
-    def known_beside(self, simpler: EvaluatedModel, term: AbstractTerm) -> list[EvaluatedModel]:
-        """Evaluated models that add a term of another type than `term` to the simpler model."""
+    def evaluated_rivals(self, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
+        """Evaluated models that add one term of another type than `name` to the simpler model."""
         key = _key(simpler.fit)
         return [
-            one
-            for known, one in self._judged.items()
-            if known > key
-            and len(known) == len(key) + 1
-            and next(iter(known - key))[0] != term.name
+            model
+            for known, model in self._evaluated.items()
+            if known > key and len(known - key) == 1 and next(iter(known - key))[0] != name
         ]
+
+    def abandon_cost(self, current: EvaluatedModel, simpler: EvaluatedModel) -> float:
+        """Cost above which an extension of the simpler model is no rival of the current model."""
+        gain = simpler.fit.cost - current.fit.cost
+        slack = max(self.policy.abandon_slack, self.policy.rival_share * gain)
+        return current.fit.cost + slack
 
     def scores(self, current: EvaluatedModel) -> list[Score]:
         """Scores of all prototypes of the effect types that are not in the model, best first."""
         key = _key(current.fit)
-        known = self._scores.get(key)
         if not np.isfinite(current.fit.cost):
             return []
-        if known is None:
+        if key not in self._scores:
             candidates = candidates_of(current.fit, self.withheld)
-            found = screened(current.fit, candidates)
+            found = screened(current.fit, candidates, self.policy)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
             self._uncomputed[key] = [name for name in names if name not in scored]
-            known = self._scores[key] = without_shared(found)
+            self._scores[key] = without_shared(found)
             self.tried = max(self.tried, sum(candidate.prototypes for candidate in candidates))
-        return known
+        return self._scores[key]
 
     def uncomputed(self, current: EvaluatedModel) -> list[str]:
         """Effect types without a finite score for a screened model."""
@@ -190,10 +184,9 @@ class Trials:
     def curves(self, current: EvaluatedModel) -> list[Score]:
         """Scores of terms that belong to no effect type (curves, ripples, ...), best first."""
         key = _key(current.fit)
-        known = self._curves.get(key)
-        if known is None:
-            known = self._curves[key] = missing_curves(current.fit)
-        return known
+        if key not in self._curves:
+            self._curves[key] = missing_curves(current.fit, self.policy)
+        return self._curves[key]
 
     def omitted(self, current: EvaluatedModel) -> tuple[OmittedTerm, ...]:
         """Terms outside the model with a predicted gain above chance, effect types and curves."""
@@ -205,29 +198,29 @@ class Trials:
     ) -> list[tuple[Score, Fit]]:
         """Fits of the model with each candidate added, best first; poor fits are stopped early.
 
-        A candidate is skipped if `UNDERSTATED` times its predicted gain is less than the gain that
-        `abandon_cost` requires, or less than a gain close to the best so far.
+        A candidate is skipped if `underestimate` times its predicted gain is less than the gain
+        that `abandon_cost` requires, or less than a gain close to the best so far.
 
         Args:
             current: Model to which the candidates are added.
             scores: Candidates.
             abandon_cost: Cost that has to be reached.
         """
-        found = []
+        found, policy = [], self.policy
         best = current.fit.cost
         for score in scores:
             key = _key(current.fit) | {_name(score.candidate.final)}
             fit = self._fits.get(key)
-            needed = current.fit.cost - min(abandon_cost, current.fit.cost)
-            needed = max(needed, (1.0 - _REACH) * (current.fit.cost - best))
-            if fit is None and UNDERSTATED * score.gain < needed:
-                continue
             if fit is None:
-                slack = max(_SLACK, _REACH * (current.fit.cost - best))
+                needed = current.fit.cost - min(abandon_cost, current.fit.cost)
+                needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
+                if policy.underestimate * score.gain < needed:
+                    continue
+                slack = max(policy.abandon_slack, policy.close_share * (current.fit.cost - best))
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
-                    starts += [Start(place) for place in score.candidate.tried.T]
+                    starts += [Start(values) for values in score.candidate.tried.T]
                 starts += traded(current.fit, score.candidate)
                 fit = refitted_with(current.fit, score.candidate.final, starts, limits)
                 fit = self._fits[key] = fit.light()
@@ -236,52 +229,49 @@ class Trials:
                 found.append((score, fit))
         return sorted(found, key=lambda trial: trial[1].cost)
 
-    def runners(self) -> list[EvaluatedModel]:
-        """Runner-up models with a single effect: more than 20 % of the best gain."""
-        bare = self._judged[frozenset()].fit.cost
-        alone = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
-        gains = {key: bare - cost for cost, key in alone if next(iter(key))[0] != "unlisted"}
-        most = max(gains.values(), default=0.0)
-        far = [key for key, gain in gains.items() if gain > _PART * most][1:]
-        return [self.evaluate(self._finished(self._fits[key])) for key in far]
+    def runners_up(self) -> list[EvaluatedModel]:
+        """Runner-up models of round 1, best first, at their optima."""
+        nominal = self._evaluated[frozenset()].fit.cost
+        costs = sorted((f.cost, key) for key, f in self._fits.items() if len(key) == 1)
+        gains = {key: nominal - cost for cost, key in costs if next(iter(key))[0] != "unlisted"}
+        least = self.policy.runner_share * max(gains.values(), default=0.0)
+        keys = [key for key, gain in gains.items() if gain > least][1:]
+        return [self.evaluate(self._finished(self._fits[key])) for key in keys]
 
-    def near(
-        self, current: EvaluatedModel, trials: Sequence[tuple[Score, Fit]]
+    def finish_best(
+        self, current: EvaluatedModel, fits: Sequence[tuple[Score, Fit]]
     ) -> list[EvaluatedModel]:
-        """Finish and evaluate the fits with a cost close to the best, in their order."""
-        if not trials:
-            return []
-        reach = trials[0][1].cost + _REACH * (current.fit.cost - trials[0][1].cost)
-        finer: list[EvaluatedModel] = []
-        for score, fit in trials:
-            if fit.cost > reach:
+        """Finish and evaluate the first refits, those with a cost close to the best.
+
+        Args:
+            current: Model to which the candidates were added.
+            fits: Result of `refits`, best first.
+        """
+        policy, longest = self.policy, self.policy.finish_factor * self.longest
+        models: list[EvaluatedModel] = []
+        for score, fit in fits:
+            lowest = fits[0][1].cost
+            if fit.cost > lowest + policy.close_share * (current.fit.cost - lowest):
                 break
             key = _key(current.fit) | {_name(score.candidate.final)}
-            best = min((one.fit.cost for one in finer), default=np.inf)
+            best = min((model.fit.cost for model in models), default=np.inf)
             began = operations()
-            fraction = min((one.fraction for one in finer), default=1.0)
-            limits = self.limits(best + _SLACK / fraction, self.longest_finish, best)
+            fraction = min((model.fraction for model in models), default=1.0)
+            limits = self.limits(best + policy.abandon_slack / fraction, longest, best)
             finished = self._finished(fit, limits)
-            if finished.is_behind(limits) or operations() - began > self.longest_finish:
+            if finished.is_behind(limits) or operations() - began > longest:
                 self._unfinished.add(key)
             # Evaluate the fit while its derivatives are still in memory.
-            finer.append(self.evaluate(finished))
+            models.append(self.evaluate(finished))
             self._fits[key] = finished.light()
-        return finer
-
-    @property
-    def longest_finish(self) -> float:
-        """Operation limit for finishing a model to which further terms may be added."""
-        return _FINISH * self.longest
+        return models
 
     def final(self, current: EvaluatedModel) -> Fit:
         """Fit of the final model, finished now if the search had left it unfinished."""
-        fit = current.fit
-        return (
-            refined(fit, TerminationLimits(_STEPS, budget=Budget()))
-            if _key(fit) in self._unfinished
-            else fit
-        )
+        if _key(current.fit) not in self._unfinished:
+            return current.fit
+        limits = TerminationLimits(self.policy.steps, budget=Budget())
+        return refined(current.fit, limits, self.policy)
 
     def _finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         """Fit at its optimum, with substeps as fine as it needs.
@@ -293,11 +283,11 @@ class Trials:
             limits: Termination limits.
         """
         limits = limits or self.limits()
-        return self._converged(refined(self._converged(fit, limits), limits), limits)
+        return self._converged(refined(self._converged(fit, limits), limits, self.policy), limits)
 
     def _converged(self, fit: Fit, limits: TerminationLimits) -> Fit:
         """Continue a fit until it converges or gains less than 1 in log likelihood."""
-        for _ in range(_LEGS):
+        for _ in range(self.policy.continuations):
             if fit.converged or limits.over or fit.is_behind(limits):
                 break
             before = fit.cost
@@ -307,7 +297,7 @@ class Trials:
         return fit
 
     def worth_a_refit(
-        self, current: EvaluatedModel, understated: float = UNDERSTATED, amplitudes: int = 1
+        self, current: EvaluatedModel, understated: float | None = None, amplitudes: int = 1
     ) -> float:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
@@ -317,13 +307,14 @@ class Trials:
 
         Args:
             current: Model to which the effect is added.
-            understated: Largest ratio of achieved to predicted gain.
+            understated: Largest ratio of achieved to predicted gain; that of effects if None.
             amplitudes: Number of fitted amplitudes.
         """
         counts = current.fit.weighting.counts
         each = 0.5 * np.log(max(counts.sum() * current.fraction, 2.0))
         chance = np.log(max(self.tried, 1)) + amplitudes * each
-        size = LEAST_SIZE * float(counts.max()) * current.fraction
+        size = self.policy.least_fall * float(counts.max()) * current.fraction
+        understated = understated or self.policy.underestimate
         return float(max(chance / 2, size / understated)) / current.fraction
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.diagnosis import smoothing
 from identification.diagnosis.deviation import Deviation, Piece, Structure
 from identification.diagnosis.filtering import likelihood
-from identification.diagnosis.smoothing import surprises, traces
+from identification.diagnosis.smoothing import auxiliary_residuals, smoothed_disturbances
 from identification.model.excitation import records_of
 from tests.motors import motor_named, noiseless
 
@@ -118,7 +118,7 @@ def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
     deviation = system(2)
     known = likelihood(deviation, deviation.pieces, HYPER[:, None])
 
-    found = traces(deviation, HYPER[:, None], known)
+    found = smoothed_disturbances(deviation, HYPER[:, None], known)
 
     _, best, covariance = dense_fit(deviation, HYPER)
     for trace, piece in zip(found, deviation.pieces, strict=True):
@@ -140,7 +140,7 @@ def test_surprises_are_leave_one_out_residuals() -> None:
     deviation = replace(deviation, pieces=tuple(pieces))
     known = likelihood(deviation, pieces, HYPER[:, None])
 
-    found = surprises(deviation, pieces, HYPER[:, None], known)
+    found = auxiliary_residuals(deviation, pieces, HYPER[:, None], known)
 
     targets = pieces[0].targets.reshape(-1, 3)
     inverse = np.linalg.inv(dense(pieces[0], HYPER)[0])

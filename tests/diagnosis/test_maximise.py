@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 WIDE = (np.full(3, -50.0), np.full(3, 50.0))
 
 
-def hill(places: Array) -> Array:
+def hill(points: Array) -> Array:
     """Curved function with maximum 7 at (1, 2, 3); its curvatures differ by four decades."""
-    x, y, z = places
+    x, y, z = points
     return np.asarray(
         7.0 - 500.0 * (x - 1) ** 2 - 5.0 * (y - 2 - (x - 1)) ** 2 - 0.05 * (z - 3) ** 2
     )
@@ -26,7 +26,7 @@ def test_the_maximum_is_found() -> None:
     found = maximise(hill, np.array([-4.0, 9.0, 0.0]), WIDE)
 
     assert found.value == pytest.approx(7.0, abs=0.02)
-    np.testing.assert_allclose(found.place[:2], [1.0, 2.0], atol=0.1)
+    np.testing.assert_allclose(found.point[:2], [1.0, 2.0], atol=0.1)
 
 
 def test_an_active_bound_leaves_the_other_coordinates_free() -> None:
@@ -35,30 +35,30 @@ def test_an_active_bound_leaves_the_other_coordinates_free() -> None:
 
     found = maximise(hill, np.array([5.0, -1.0, 3.0]), bounds)
 
-    assert found.place[0] == 3.0
-    assert found.place[1] == pytest.approx(4.0, abs=0.1)
-    assert found.place[2] == 3.0
+    assert found.point[0] == 3.0
+    assert found.point[1] == pytest.approx(4.0, abs=0.1)
+    assert found.point[2] == 3.0
 
 
 def test_a_point_without_a_value_is_avoided() -> None:
     """The logarithm of a negative number is undefined; x - log x has its minimum at 1."""
 
-    def valued(places: Array) -> Array:
+    def valued(points: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(-20.0 * (places[0] - np.log(places[0])))
+            return np.asarray(-20.0 * (points[0] - np.log(points[0])))
 
     found = maximise(valued, np.array([4.0]), (np.array([-9.0]), np.array([9.0])))
 
-    assert found.place[0] == pytest.approx(1.0, abs=0.05)
+    assert found.point[0] == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_search_that_cannot_reach_its_rival_stops_early() -> None:
     """The maximum is 7, so a search against a rival value of 1e6 may stop before convergence."""
     calls = []
 
-    def counted(places: Array) -> Array:
-        calls.append(places.shape[1])
-        return hill(places)
+    def counted(points: Array) -> Array:
+        calls.append(points.shape[1])
+        return hill(points)
 
     maximise(counted, np.array([-40.0, 49.0, -40.0]), WIDE, rival=1e6)
     abandon_cost = len(calls)

@@ -22,6 +22,7 @@ from identification.selection.evidence import (
     probabilities,
     scores_of,
 )
+from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import refitted_as, refitted_with, refitted_without
 from identification.selection.start import Start
 from identification.selection.trials import Trials
@@ -38,6 +39,14 @@ REAL = AcceptanceCriteria(
 def test_an_effect_that_all_runs_support_passes() -> None:
     """Far above chance, larger than two per cent, and foretold."""
     assert REAL.passed
+
+
+def test_the_limits_of_the_criteria_are_those_of_the_policy() -> None:
+    """A fall of 1.5 % is too small by default, and not for a policy that asks for one per cent."""
+    small = replace(REAL, training=0.015, validation=0.015)
+
+    assert "limit -2.0 %" in small.refusal
+    assert replace(small, policy=SelectionPolicy(least_fall=0.01)).passed
 
 
 @pytest.mark.parametrize("log_odds", [-5.0, 0.0, 2.9])
@@ -105,11 +114,11 @@ def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
     declared = work.evaluate(fit_declared(runs.training, "zoh"))
     score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
     current = work.evaluate(work.refits(declared, [score])[0][1])
-    del work._judged[frozenset()]
-    work._judged[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
+    del work._evaluated[frozenset()]
+    work._evaluated[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
     begun: list[Fit] = []
 
-    def lost_once(fit: Fit, name: str, limits: TerminationLimits | None = None) -> Fit:
+    def lost_once(fit: Fit, name: str, limits: TerminationLimits) -> Fit:
         begun.append(fit)
         found = refitted_without(fit, name, limits)
         return replace(found, cost=np.inf) if len(begun) == 1 else found
@@ -154,10 +163,10 @@ def test_a_model_that_predicts_worse_is_told() -> None:
     one = EvaluatedModel(fit, 1.0, ValidationErrors(square, count, np.zeros(2)))
     other = EvaluatedModel(fit, 1.0, ValidationErrors(1.21 * square, count, np.zeros(2)))
 
-    assert other.predicts_worse(one)
-    assert not one.predicts_worse(other)
-    assert not one.predicts_worse(one)
-    assert not EvaluatedModel(fit, 1.0).predicts_worse(one)
+    assert other.predicts_worse(one, DEFAULT)
+    assert not one.predicts_worse(other, DEFAULT)
+    assert not one.predicts_worse(one, DEFAULT)
+    assert not EvaluatedModel(fit, 1.0).predicts_worse(one, DEFAULT)
 
 
 def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:

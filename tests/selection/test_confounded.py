@@ -18,8 +18,9 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
 from identification.result.omitted import confounded_warnings
-from identification.selection.confounded import LIMIT, confounded_terms
+from identification.selection.confounded import confounded_terms
 from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
+from identification.selection.policy import DEFAULT
 from identification.selection.refit import refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.start import Start
@@ -114,7 +115,7 @@ def test_warning_is_given_beside_parameters_that_were_not_considered() -> None:
     A change of -1 in the logarithm of 2 mH leaves 2 / e.
     """
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
-    term = OmittedTerm("current_filter", 10.0, LIMIT, {"L": -1.0}, "L", 4e-3)
+    term = OmittedTerm("current_filter", 10.0, DEFAULT.exclusion_loss, {"L": -1.0}, "L", 4e-3)
 
     (message,) = map(str, confounded_warnings(fit, effective_fraction(fit), [term]))
 
@@ -176,4 +177,4 @@ def test_constant_torque_of_one_direction_is_friction_or_load(
 
 def test_limit_is_the_quantile_of_one_in_a_thousand() -> None:
     """Half of chi-squared with one degree of freedom: 3.29 standard deviations, 3.29^2 / 2."""
-    assert pytest.approx(3.2905**2 / 2, rel=1e-3) == LIMIT
+    assert pytest.approx(3.2905**2 / 2, rel=1e-3) == DEFAULT.exclusion_loss

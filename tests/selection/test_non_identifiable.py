@@ -16,7 +16,11 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
-from identification.selection.non_identifiable import lines_of, with_linear_parts, with_lines_drawn
+from identification.selection.non_identifiable import (
+    linear_parts_of,
+    with_linear_parts,
+    with_linear_parts_drawn,
+)
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.start import Start
@@ -76,7 +80,7 @@ def test_a_line_moves_parameters_and_not_the_motor(
     opened = Simulator(model, closed.simulator.records, closed.simulator.plan)
     fit = replace(closed, simulator=opened)
 
-    after = with_lines_drawn(before, lines_of(fit), seed=1)
+    after = with_linear_parts_drawn(before, linear_parts_of(fit), seed=1)
 
     values = np.array([after[p.name] for p in model.parameters])
     assert np.ptp(values[:7], axis=1).max() > 0.0
@@ -139,7 +143,7 @@ def test_parameters_beside_a_curve_are_right_or_called_open(
         {"Ra25": ["Ra25", "alpha_Ra"], "b": ["b"], "": []}[open_]
     )
     draws = Posterior(closed, effective_fraction(closed)).normal_draws(seed=3)
-    draws = with_lines_drawn(draws, lines_of(final), seed=3)
+    draws = with_linear_parts_drawn(draws, linear_parts_of(final), seed=3)
     for name, value in measured.truth["parameters"].items():
         off = abs(draws[name].mean() - value)
         assert off < max(4.0 * draws[name].std(), 0.01 * abs(value)), name

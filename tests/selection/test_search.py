@@ -8,6 +8,7 @@ from bench import EffectRequest, Noise, make_campaign
 from identification.effects.cogging import CoggingTorque
 from identification.fit.declared import fit_declared
 from identification.selection.outcome import Outcome
+from identification.selection.policy import SelectionPolicy
 from identification.selection.search import search
 from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
@@ -54,20 +55,18 @@ def test_a_withheld_kind_is_no_candidate() -> None:
     assert "stribeck_friction" in tried
 
 
-def test_a_search_that_stops_before_a_round_is_not_complete(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_search_that_stops_before_a_round_is_not_complete() -> None:
     """The share of the rounds is spent before the first; of the whole budget little is.
 
     Where no kind promises anything there is no round to come, and the search is complete.
     """
-    monkeypatch.setattr("identification.selection.search._LISTED_SHARE", 1e-12)
+    policy = SelectionPolicy(catalogue_budget=1e-12)
     hidden = [EffectRequest("brush_drop")]
     complete = []
     for requests in (hidden, []):
         measured = make_campaign("servo_150w", requests, 11, rows=500, training=3, validation=1)
         campaign = records_of_bench(measured)
-        outcome = search(fit_declared(campaign.training, "zoh"), campaign, work=1e13)
+        outcome = search(fit_declared(campaign.training, "zoh"), campaign, work=1e13, policy=policy)
         assert not outcome.searched
         complete.append(outcome.complete)
 

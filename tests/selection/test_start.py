@@ -19,7 +19,7 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import TerminationLimits, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
-from identification.selection import screen
+from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.screen import screened
@@ -76,7 +76,7 @@ def test_nothing_promises_more_than_all_that_is_left() -> None:
     assert max(score.gain for score in scores) < left
 
 
-def test_every_fourth_sample_promises_no_more_than_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_fourth_sample_promises_no_more_than_all() -> None:
     """An offset beside a fitted brush drop hides in its parameters; there is none on this motor."""
     declared = fit_declared(campaign("brush_drop", 0.03, seed=35).training, "zoh")
     best = screened(declared, BrushDrop.candidates(scales_of(declared)))[0]
@@ -84,8 +84,8 @@ def test_every_fourth_sample_promises_no_more_than_all(monkeypatch: pytest.Monke
     candidates = VoltageOffset.candidates(scales_of(fit))
     whole = max(score.gain for score in screened(fit, candidates))
 
-    monkeypatch.setattr(screen, "_ENOUGH", 900)
-    few = max(score.gain for score in screened(fit, candidates))
+    policy = SelectionPolicy(screening_samples=900)
+    few = max(score.gain for score in screened(fit, candidates, policy))
 
     assert few < 4 * (whole + 5)
 

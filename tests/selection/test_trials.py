@@ -12,7 +12,7 @@ from identification.fit.declared import fit_declared
 from identification.selection import search
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel
-from identification.selection.rounds import State
+from identification.selection.steps import State
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
@@ -31,7 +31,7 @@ def first_round(longest: float) -> tuple[Trials, EvaluatedModel, float]:
     refits = [(score, replace(fit, converged=False)) for score, fit in refits]
     trials.longest = longest
     began = operations()
-    (model, *_) = trials.near(declared, refits)
+    (model, *_) = trials.finish_best(declared, refits)
     return trials, model, operations() - began
 
 
@@ -95,13 +95,13 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
     judged = {}
     for name in ("coulomb_friction", "quadratic_drag"):
         scores = [s for s in trials.scores(declared) if s.candidate.term.name == name]
-        (judged[name], *_) = trials.near(
+        (judged[name], *_) = trials.finish_best(
             declared, trials.refits(declared, with_predicted_gain(scores, 1))
         )
-    state = State(trials, judged["quadratic_drag"])
+    state = State(trials, declared, judged["quadratic_drag"])
     trials.budget = Budget(0.0)
 
-    (found,) = search._settled(state)
+    (found,) = search._effects_of(state)
 
     assert trials.over
     assert found.name == "coulomb_friction"

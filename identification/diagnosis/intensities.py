@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -34,7 +35,7 @@ from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import HYPER, likelihood
 from identification.diagnosis.maximise import maximise
 
-__all__ = ["Strengths", "longest_memory", "p_value_of", "strongest"]
+__all__ = ["Hyperparameters", "longest_correlation_time", "p_value_of", "maximum_likelihood"]
 
 Array = NDArray[np.float64]
 
@@ -52,50 +53,50 @@ _NONE: Final = -14.0
 
 
 @dataclass(frozen=True)
-class Strengths:
+class Hyperparameters:
     """Hyperparameters of one candidate, as logarithms.
 
     Intensities (stationary standard deviations) are in the units of `Deviation`, correlation times
     in samples.
 
     Args:
-        place: (11,) four intensities, four correlation times, white noise of current, speed and
+        point: (11,) four intensities, four correlation times, white noise of current, speed and
             voltage.
         value: Log likelihood.
     """
 
-    place: Array
+    point: Array
     value: float
 
     @property
-    def sizes(self) -> Array:
+    def intensities(self) -> Array:
         """(4,) intensities of missing voltage, missing torque and both slow noises."""
-        return np.asarray(np.exp(self.place[:_SLOW]))
+        return np.asarray(np.exp(self.point[:_SLOW]))
 
     @property
-    def memories(self) -> Array:
+    def correlation_times(self) -> Array:
         """(4,) their correlation times [samples]."""
-        return np.asarray(np.exp(self.place[_SLOW : 2 * _SLOW]))
+        return np.asarray(np.exp(self.point[_SLOW : 2 * _SLOW]))
 
     @property
     def white(self) -> Array:
         """(2,) standard deviation of the white noise of both channels."""
-        return np.asarray(np.exp(self.place[8:10]))
+        return np.asarray(np.exp(self.point[8:10]))
 
     @property
     def hyper(self) -> Array:
         """(n_hyper, 1) input of the filter, see `HYPER`."""
-        return hyper_of(self.place[:, None])
+        return hyper_of(self.point[:, None])
 
 
-def hyper_of(places: Array) -> Array:
+def hyper_of(points: Array) -> Array:
     """(n_hyper, n_lane) input of the filter from points (11, n_lane)."""
-    hyper = np.empty((len(HYPER), places.shape[1]))
-    keep = np.exp(-np.exp(-places[_SLOW : 2 * _SLOW]))
-    variance = np.exp(2 * places[:_SLOW]) * (places[:_SLOW] > _NONE)
+    hyper = np.empty((len(HYPER), points.shape[1]))
+    keep = np.exp(-np.exp(-points[_SLOW : 2 * _SLOW]))
+    variance = np.exp(2 * points[:_SLOW]) * (points[:_SLOW] > _NONE)
     hyper[0:8:2] = keep
     hyper[1:8:2] = (1 - keep**2) * variance
-    hyper[8:11] = np.exp(2 * places[8:11])
+    hyper[8:11] = np.exp(2 * points[8:11])
     return hyper
 
 
@@ -113,18 +114,18 @@ def p_value_of(gain: float, longest: float) -> float:
     return float(min(1.0, special.ndtr(-reach) + span / (4 * np.pi) * np.exp(-gain)))
 
 
-def longest_memory(pieces: Sequence[Piece]) -> float:
+def longest_correlation_time(pieces: Sequence[Piece]) -> float:
     """Longest correlation time that the records resolve: half the longest record [samples]."""
     return max(max(piece.rows for piece in pieces) / 2.0, 2.0 * _SHORTEST)
 
 
-def strongest(
+def maximum_likelihood(
     deviation: Deviation,
     pieces: Sequence[Piece],
     allowed: tuple[bool, bool],
     start: Array | None = None,
     rival: float | None = None,
-) -> Strengths:
+) -> Hyperparameters:
     """Maximum likelihood hyperparameters.
 
     Args:
@@ -136,21 +137,21 @@ def strongest(
     """
     lower, upper = _bounds(deviation, pieces, allowed)
 
-    def valued(places: Array) -> Array:
-        return likelihood(deviation, pieces, hyper_of(places)).value
+    def valued(points: Array) -> Array:
+        return likelihood(deviation, pieces, hyper_of(points)).value
 
     if start is None:
         grid = np.clip(_grid(pieces), lower[:, None], upper[:, None])
         start = grid[:, int(np.argmax(valued(grid)))]
     found = maximise(valued, start, (lower, upper), rival=rival)
-    return Strengths(found.place, found.value)
+    return Hyperparameters(found.point, found.value)
 
 
 def _bounds(
     deviation: Deviation, pieces: Sequence[Piece], allowed: tuple[bool, bool]
 ) -> tuple[Array, Array]:
     supply = np.log(max(_voltage_noise(pieces) / float(deviation.scale[0]), 1e-4))
-    longest = np.log(longest_memory(pieces))
+    longest = np.log(longest_correlation_time(pieces))
     lower = np.array(
         [-7.0] * 4
         + [np.log(_SHORTEST)] * 2
@@ -160,8 +161,8 @@ def _bounds(
     upper = np.array([_LARGEST] * 4 + [longest] * 4 + [5.0, 5.0, supply])
     for k, is_allowed in enumerate(allowed):
         if not is_allowed:
-            for place in (k, _SLOW + k):
-                lower[place] = upper[place] = _NONE if place == k else np.log(_SHORTEST)
+            lower[k] = upper[k] = _NONE
+            lower[_SLOW + k] = upper[_SLOW + k] = np.log(_SHORTEST)
     return lower, upper
 
 
@@ -186,17 +187,12 @@ def _grid(pieces: Sequence[Piece]) -> Array:
     """(11, n_lane) starting points over the ranges of intensities and correlation times."""
     residual = np.concatenate([piece.targets[:, :, 0] for piece in pieces])
     size = float(np.log(max(np.sqrt(np.mean(residual**2)), 1.0)))
-    longest = np.log(longest_memory(pieces))
-    places = []
-    for strength in (-2.0, 0.0, size):
-        for share in (0.2, 0.5, 0.8):
-            memory = np.log(_SHORTEST) + share * (longest - np.log(_SHORTEST))
-            for other in (-2.0, strength):
-                for colour in (-2.0, 0.0):
-                    sizes = [other, strength, colour, colour]
-                    memories = [memory, memory, 2.0, 2.0]
-                    places.append([*sizes, *memories, -0.1, -0.1, -4.0])
-                    if other != strength:
-                        sizes = [strength, other, colour, colour]
-                        places.append([*sizes, *memories, -0.1, -0.1, -4.0])
-    return np.array(places).T
+    longest = np.log(longest_correlation_time(pieces))
+    points = []
+    sizes, shares = (-2.0, 0.0, size), (0.2, 0.5, 0.8)
+    for intensity, share, is_equal, slow in product(sizes, shares, (False, True), (-2.0, 0.0)):
+        time = np.log(_SHORTEST) + share * (longest - np.log(_SHORTEST))
+        other = intensity if is_equal else -2.0
+        for pair in dict.fromkeys([(other, intensity), (intensity, other)]):
+            points.append([*pair, slow, slow, time, time, 2.0, 2.0, -0.1, -0.1, -4.0])
+    return np.array(points).T

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.odd_runs import noise_of_most, odd_runs, root_mean_square
+from identification.diagnosis.outliers import (
+    noise_without_outlying_runs,
+    outlying_run_warnings,
+    root_mean_square,
+)
 from identification.fit.evaluate import Simulated
 from identification.model.excitation import records_of
 from tests.motors import campaign, motor_named
@@ -26,14 +30,14 @@ def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
 
 def test_runs_that_differ_by_chance_are_not_outlying() -> None:
     """The noise levels of the runs differ by 30 %; a single run is never outlying."""
-    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
-    assert odd_runs(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
-    assert odd_runs(simulated([(9.0, 9.0)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(1.0, 1.2), (1.3, 0.9), (1.1, 1.0)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(1.0, 1.2), (1.3, 0.9)]), NOISE) == []
+    assert outlying_run_warnings(simulated([(9.0, 9.0)]), NOISE) == []
 
 
 def test_an_outlying_run_is_reported_once() -> None:
     """A run that deviates in both channels gives one warning that names both."""
-    found = odd_runs(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
+    found = outlying_run_warnings(simulated([(1.0, 1.0), (5.0, 4.0), (1.0, 1.0)]), NOISE)
 
     (warning,) = found
     assert warning.code == "outlying_run"
@@ -46,6 +50,6 @@ def test_noise_is_that_of_the_runs_that_fit() -> None:
     """One run of four deviates in current; the speed noise is estimated from all runs."""
     runs = simulated([(1.0, 1.0), (1.0, 1.0), (20.0, 1.0), (1.0, 1.0)])
 
-    noise = noise_of_most(runs, root_mean_square(runs))
+    noise = noise_without_outlying_runs(runs, root_mean_square(runs))
 
     np.testing.assert_allclose(noise, NOISE, rtol=0.05)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.strengths import p_value_of
+from identification.diagnosis.intensities import p_value_of
 
 
 def test_no_gain_is_no_evidence() -> None:
@@ -17,9 +17,9 @@ def test_no_gain_is_no_evidence() -> None:
 def test_the_bound_holds_and_is_at_most_tenfold(level: float) -> None:
     """Reference: largest likelihood ratio over intensity and correlation time in 1,500 records.
 
-    Whittle's likelihood of the spectrum v (1 + q s(f)) is maximised on a grid of q and of
-    correlation times, where s is the spectrum of a Gauss-Markov process with mean 1 and v has its
-    best value. The bound may be conservative by a factor of ten at most.
+    Whittle's likelihood of the spectrum v (1 + q s(f)), s that of a Gauss-Markov process of mean 1
+    and v at its best value, on a grid of q and of correlation times.  A bound may be wide, but not
+    tenfold.
     """
     rng = np.random.default_rng(5)
     size, longest = 512, 50.0
@@ -27,11 +27,11 @@ def test_the_bound_holds_and_is_at_most_tenfold(level: float) -> None:
     power = rng.exponential(size=(1500, frequency.size))
     nothing = -frequency.size * np.log(power.mean(axis=1))
     gains = np.zeros(1500)
-    for memory in np.geomspace(0.5, longest, 16):
-        keep = np.exp(-1.0 / memory)
+    for time in np.geomspace(0.5, longest, 16):
+        keep = np.exp(-1.0 / time)
         shape = (1 - keep**2) / (1.0 + keep**2 - 2.0 * keep * np.cos(2 * np.pi * frequency))
-        for strength in np.geomspace(3e-3, 3.0, 14):
-            model = 1.0 + strength * shape
+        for intensity in np.geomspace(3e-3, 3.0, 14):
+            model = 1.0 + intensity * shape
             level_best = power @ (1.0 / model) / frequency.size
             value = -frequency.size * np.log(level_best) - np.log(model).sum()
             gains = np.maximum(gains, value - nothing)

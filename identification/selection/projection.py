@@ -1,0 +1,159 @@
+"""Projection of deviations and residual on the complement of the fitted parameters.
+
+Let d be the deviation of a prototype from the current model, r the residual and W the weights.
+Everything that the fitted parameters and initial states can reproduce is removed from d:
+
+    gain = (d_perp' W r)^2 / (2 d_perp' W d_perp)               [log likelihood]
+
+The plain correlation of d with r would mislead, because the parameters fitted without the effect
+have absorbed part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.derivatives import gradient_of
+from identification.fit.solve import Fit
+from identification.linear import least_squares, solution
+from identification.selection.start import Along
+from identification.work import TOUCH, charge
+
+__all__ = ["Projection", "Residual", "gain_of"]
+
+Array = NDArray[np.float64]
+
+_PASSES: Final = 6.0
+"""Memory passes of a product over each deviation, for the operation count."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Projected products of deviations with the residual and with each other.
+
+    Args:
+        onto_residual: (n_lane,) d_perp' W r; NaN for a deviation that is not finite.
+        products: (n_lane, n_lane) d_perp' W d_perp.
+        along: First-order change of the fit that accompanies each deviation.
+    """
+
+    onto_residual: Array
+    products: Array
+    along: Along
+
+    def of(self, lanes: slice) -> Projection:
+        """Selected lanes."""
+        own = self.products[lanes, lanes]
+        return Projection(self.onto_residual[lanes], own, self.along.of(lanes))
+
+    def gain(self) -> tuple[float, Array]:
+        """Gain of all lanes together and their optimal amplitudes; see `gain_of`."""
+        return gain_of(self.products, self.onto_residual)
+
+    def covariance(self) -> Array:
+        """(n_lane, n_lane) covariance of the amplitudes."""
+        return np.asarray(np.linalg.pinv(self.products, rcond=1e-8, hermitian=True))
+
+
+def gain_of(square: Array, right: Array) -> tuple[float, Array]:
+    """Gain of the log likelihood at the optimal amplitudes, and these amplitudes; NaN if undefined.
+
+    Args:
+        square: (n, n) normal matrix of the amplitudes.
+        right: (n,) right-hand side.
+    """
+    if not (np.isfinite(square).all() and np.isfinite(right).all()):
+        return np.nan, right
+    size = np.sqrt(np.maximum(np.diag(square), 0.0))
+    if not (size > 0).all():
+        return np.nan, right
+    scaled = square / np.outer(size, size)
+    weights = least_squares(scaled, right / size, 1e-8) / size
+    return 0.5 * float(weights @ right), weights
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residual of a fit, with which deviations are compared.
+
+    Args:
+        fit: The fit; its simulator may use fewer substeps than the fit did.
+        series: For each record (n_sample, 2) measured minus fitted [A, rad/s].
+        stride: Samples per compared sample; 1 if the noise is whitened.
+    """
+
+    fit: Fit
+    series: tuple[Array, ...]
+    stride: int
+
+    @classmethod
+    def of(cls, fit: Fit, samples: int) -> Residual:
+        """Residual of a fit, compared at `samples` samples at least."""
+        records = fit.simulator.records
+        is_whitened = any(len(taps) > 1 for taps in fit.weighting.whitening)
+        stride = 1 if is_whitened else max(sum(r.rows for r in records) // samples, 1)
+        pairs = zip(records, fit.equations.logged, strict=True)
+        return cls(fit, tuple(record.measured - logged for record, logged in pairs), stride)
+
+    def project(self, deviations: Iterable[Array], lanes: int) -> Projection:
+        """Project deviations, (n_compared, 2, n_lane) for each record.
+
+        At a bound, or short of the optimum, d' W r contains gain that the parameters can still
+        achieve by themselves.  This gain is subtracted.  The same holds if the compared samples
+        have another optimum than all samples.
+        """
+        equations, weighting, stride = self.fit.equations, self.fit.weighting, self.stride
+        n = self.fit.position.size
+        gradient = equations.gradient.copy()
+        right = np.zeros(lanes)
+        square = np.zeros((lanes, lanes))
+        crossed = np.zeros((n, lanes))
+        moved = []
+        blocks = zip(deviations, self.series, equations.derivatives.blocks(0), strict=True)
+        for deviation, residual, block in blocks:
+            k = block.record
+            charge(_PASSES * TOUCH * deviation.size)
+            bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
+            safe = np.where(bad[None, None, :], 0.0, deviation)
+            both = np.zeros((n + self.fit.simulator.n_state, lanes))
+            asked = np.zeros(n + self.fit.simulator.n_state)
+            for channel in range(2):
+                weight = stride * weighting.sample_weights(k)[::stride, channel, None]
+                white = weighting.whitened(safe[:, channel, :], channel)
+                scaled = white * (weight / weighting.deviation[channel] ** 2)
+                square += white.T @ scaled
+                white_residual = weighting.whitened(residual[::stride, channel], channel)
+                right += scaled.T @ white_residual
+                tangent = weighting.whitened(block.tangent[::stride, channel, :], channel)
+                both += tangent.T @ scaled
+                asked += tangent.T @ (
+                    white_residual * weight[:, 0] / weighting.deviation[channel] ** 2
+                )
+            asked -= gradient_of(residual, block.tangent, weighting, k)
+            solved = solution(equations.state_matrices[k], both[n:])
+            square -= both[n:].T @ solved
+            right -= solved.T @ (equations.state_gradients[k] + asked[n:])
+            own = solution(equations.state_matrices[k], asked[n:])
+            gradient += asked[:n] - equations.couplings[k].T @ own
+            moved.append(solved)
+            crossed += both[:n] - equations.couplings[k].T @ solved
+            right[bad] = np.nan
+        size = np.sqrt(np.diag(equations.matrix))
+        scaled_matrix = equations.matrix / np.outer(size, size)
+        solved = least_squares(scaled_matrix, crossed / size[:, None], 1e-12)
+        moves = -solved / size[:, None]
+        right += moves.T @ gradient
+        states = self._state_moves(moves, moved)
+        products = square - (crossed / size[:, None]).T @ solved
+        return Projection(right, products, Along(moves, states))
+
+    def _state_moves(self, moves: Array, moved: Sequence[Array]) -> tuple[Array, ...]:
+        """For each record (n_state, n_lane) first-order change of the initial state."""
+        equations = self.fit.equations
+        both = zip(moved, equations.state_matrices, equations.couplings, strict=True)
+        return tuple(-own - solution(matrix, coupling @ moves) for own, matrix, coupling in both)

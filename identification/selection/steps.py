@@ -1,0 +1,194 @@
+"""Steps of the selection: forward, enrich, backward, exchange; `search` calls them in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identification.effects.effect import effects_of
+from identification.selection.candidates import with_predicted_gain
+from identification.selection.evidence import UNCOMPUTED, AcceptanceCriteria, EvaluatedModel
+from identification.selection.outcome import Searched
+from identification.selection.ranking import ranked
+from identification.selection.score import Score
+from identification.selection.trials import Trials
+
+__all__ = [
+    "State",
+    "accept",
+    "backward",
+    "enrich",
+    "exchange",
+    "forward",
+    "has_predicted_gain",
+    "lacks_more",
+    "rivals_of",
+]
+
+
+@dataclass
+class State:
+    """State of the selection.
+
+    Args:
+        trials: Cache of all fits and scores, with budget and policy.
+        nominal: The model without effects.
+        current: Model to which the next effect is added.
+        searched: Examined candidates, in order.
+        predicted_gain: Predicted gain of the effect that was added last; zero before the first.
+        curve: The nominal model with the best curve; None as long as none is fitted or accepted.
+    """
+
+    trials: Trials
+    nominal: EvaluatedModel
+    current: EvaluatedModel
+    searched: list[Searched] = field(default_factory=list)
+    predicted_gain: float = 0.0
+    curve: EvaluatedModel | None = None
+
+    @property
+    def round(self) -> int:
+        """Number of the last round, from 1; zero before the first."""
+        return max((one.round for one in self.searched), default=0)
+
+    def note(
+        self, score: Score, round_: int, criteria: AcceptanceCriteria | None, *, chosen: bool
+    ) -> None:
+        """Add a candidate to those that were examined."""
+        term = score.candidate.final
+        self.searched.append(
+            Searched(term.name, round_, score.gain, criteria, chosen, term.variant)
+        )
+
+
+def forward(state: State) -> bool:
+    """Add the best candidate that meets the acceptance criteria; return False if there is none."""
+    trials, current, round_ = state.trials, state.current, state.round + 1
+    scores = trials.scores(current)
+    wanted = with_predicted_gain(scores, trials.policy.candidates, _least_gain(trials, current))
+    accepted = accept(state, wanted)
+    refitted = {score.structure for score in wanted}
+    for score in with_predicted_gain(scores, len(scores)):
+        if score.structure not in refitted:
+            state.note(score, round_, None, chosen=False)
+    for name in trials.uncomputed(current):
+        state.searched.append(Searched(name, round_, np.nan, None, False, flaw=UNCOMPUTED))
+    if accepted is None:
+        return False
+    state.current = accepted
+    state.predicted_gain = next(s.predicted_gain for s in reversed(state.searched) if s.chosen)
+    return True
+
+
+def accept(
+    state: State, wanted: Sequence[Score], abandon_cost: float = np.inf
+) -> EvaluatedModel | None:
+    """Refit candidates and return the best model that meets the acceptance criteria.
+
+    Args:
+        state: Current model; the candidates are added to `searched`.
+        wanted: Candidates, the largest predicted gain first.
+        abandon_cost: Cost above which a fit is dropped.
+
+    Returns:
+        The accepted model; None if no candidate meets the criteria.
+    """
+    trials, current, round_ = state.trials, state.current, state.round + 1
+    fits = trials.refits(current, wanted, abandon_cost)
+    models = trials.finish_best(current, fits)
+    finished = len(models)
+    order = ranked(models, trials.policy)
+    passing = [k for k in order if trials.criteria(models[k], current).passed]
+    # Rank the passing models again, because ties are counted from the best model of the set.
+    chosen = passing[ranked([models[k] for k in passing], trials.policy)[0]] if passing else None
+    if chosen is None:
+        # Skipped candidates and fits behind the best count only if the best have failed.
+        fits += trials.refits(current, _without_fit(wanted, fits), abandon_cost)
+        models += [trials.evaluate(fit, current.fraction) for _, fit in fits[finished:]]
+        others = range(finished, len(fits))
+        chosen = next((k for k in others if trials.criteria(models[k], current).passed), None)
+    else:
+        models += [EvaluatedModel(fit, current.fraction) for _, fit in fits[finished:]]
+    for k in [*order, *range(finished, len(fits))]:
+        criteria = trials.criteria(models[k], current)
+        state.note(fits[k][0], round_, criteria, chosen=k == chosen)
+    for score in _without_fit(wanted, fits):
+        state.note(score, round_, None, chosen=False)
+    return None if chosen is None else models[chosen]
+
+
+def _without_fit(wanted: Sequence[Score], fits: Sequence[tuple[Score, object]]) -> list[Score]:
+    return [score for score in wanted if all(score is not fitted for fitted, _ in fits)]
+
+
+def _least_gain(trials: Trials, model: EvaluatedModel, without: str = "") -> float:
+    """Predicted gain below which no candidate is refitted, the type `without` left aside."""
+    gains = [s.gain for s in trials.scores(model) if s.candidate.term.name != without]
+    most = max(gains, default=0.0)
+    return max(trials.worth_a_refit(model), trials.policy.predicted_share * most)
+
+
+def has_predicted_gain(state: State) -> bool:
+    """Whether the predicted gain of any candidate justifies a refit."""
+    scores = state.trials.scores(state.current)
+    return bool(with_predicted_gain(scores, 1, _least_gain(state.trials, state.current)))
+
+
+def lacks_more(state: State) -> bool:
+    """Whether a candidate has a larger predicted gain than the effect that was added last had.
+
+    Backward elimination and exchange are then postponed.
+    """
+    scores = state.trials.scores(state.current)
+    return any(score.gain > state.predicted_gain for score in scores)
+
+
+def enrich(state: State) -> None:
+    """Replace effects by extended variants of their laws, as long as the variants are accepted."""
+    for found in effects_of(state.current.fit.simulator.model.terms):
+        left = list(found.richer)
+        while left and not state.trials.over:
+            term = left.pop(0)
+            richer = state.trials.enriched(state.current, term)
+            criteria = state.trials.criteria(richer, state.current)
+            is_accepted = criteria.refines
+            state.searched.append(
+                Searched(term.name, state.round, criteria.gain, criteria, is_accepted, term.variant)
+            )
+            if is_accepted:
+                state.current, left = richer, list(term.richer)
+
+
+def backward(state: State) -> None:
+    """Remove effects that no longer meet the criteria; the last remaining effect is kept."""
+    for term in state.current.fit.simulator.model.terms:
+        if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
+            return
+        simpler = state.trials.without(state.current, term)
+        if not state.trials.criteria(state.current, simpler).passed:
+            state.current = simpler
+
+
+def exchange(state: State) -> None:
+    """Replace effects by other types that meet the criteria and rank better."""
+    trials = state.trials
+    for term in state.current.fit.simulator.model.terms:
+        if trials.over:
+            return
+        simpler = trials.without(state.current, term)
+        rivals = rivals_of(state, simpler, term.name)
+        models = [state.current, *(r for r in rivals if trials.criteria(r, simpler).passed)]
+        state.current = models[ranked(models, trials.policy)[0]]
+
+
+def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
+    """Models with another effect type in place of `name` and a cost close to the current one."""
+    trials, policy = state.trials, state.trials.policy
+    scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
+    limit = trials.abandon_cost(state.current, simpler)
+    least = (simpler.fit.cost - limit) / policy.underestimate
+    least = max(_least_gain(trials, simpler, without=name), least)
+    wanted = with_predicted_gain(scores, policy.rivals, least)
+    return trials.finish_best(simpler, trials.refits(simpler, wanted, limit))
