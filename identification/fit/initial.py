@@ -20,7 +20,6 @@ from identification.fit.derivatives import products
 from identification.fit.normal_equations import state_precision
 from identification.linear import solution
 from identification.model.composite import MotorModel
-from identification.model.excitation import Record
 from identification.model.simulate import Simulator, initial_states
 from identification.model.tangent import tangent_blocks
 from identification.model.term import AbstractTemperature
@@ -70,7 +69,10 @@ def _fitted_to_heads(
     simulator: Simulator, values: Array, deviation: Array, share: float, states: tuple[Array, ...]
 ) -> tuple[Array, ...]:
     """Initial states fitted to the first part of every record, starting from `states`."""
-    heads = tuple(_head(record, share) for record in simulator.records)
+    heads = tuple(
+        record.segment(0, max(_LEAST_HEAD, int(share * record.rows)))
+        for record in simulator.records
+    )
     short = Simulator(simulator.model, heads, simulator.plan)
     weighting = replace(Weighting.white(heads), deviation=deviation)
     centres = [initial_states(simulator.model, record) for record in heads]
@@ -102,17 +104,3 @@ def _fitted_to_heads(
             best.append(trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))])
         states = tuple(best)
     return states
-
-
-def _head(record: Record, share: float) -> Record:
-    rows = min(record.rows, max(_LEAST_HEAD, int(share * record.rows)))
-    inputs = record.inputs[:rows].copy()
-    inputs[-1, 0] = 0.0
-    return replace(
-        record,
-        time=record.time[:rows],
-        inputs=inputs,
-        measured=record.measured[:rows],
-        weight=record.weight[:rows],
-        whole=None,
-    )

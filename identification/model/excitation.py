@@ -92,6 +92,24 @@ class Record:
         """One input (n_sample,) by name."""
         return self.inputs[:, INPUTS.index(name)]
 
+    def segment(self, start: int, rows: int) -> Record:
+        """At most `rows` samples from `start` or at the end; the last interval has zero length."""
+        if rows >= self.rows:
+            return self
+        start = min(start, self.rows - rows)
+        span = slice(start, start + rows)
+        inputs = self.inputs[span].copy()
+        inputs[-1, 0] = 0.0
+        return replace(
+            self,
+            start=self.start + start,
+            time=self.time[span],
+            inputs=inputs,
+            measured=self.measured[span],
+            weight=self.weight[span],
+            whole=None if self.whole is None else self.whole[span],
+        )
+
     def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
         """Remove the weight of the edge samples and scale up the other weights to the same sum.
 
@@ -185,7 +203,9 @@ def _record(
         "peak_temperature": highest[span],
         "substep": np.zeros(time.size),
         "substeps": np.ones(time.size),
-        "temperature_rate": _rate(run, time, temperature[span]),
+        "temperature_rate": np.zeros(time.size)
+        if run.temperature is None
+        else np.gradient(temperature[span], time),
     }
     clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]
     weight = np.column_stack(
@@ -201,13 +221,6 @@ def _record(
         weight=weight,
         angle_logged=run.position is not None,
     )
-
-
-def _rate(run: Run, time: Array, temperature: Array) -> Array:
-    """Time derivative of the smoothed temperature (n_sample,), zero if none was logged [K/s]."""
-    if run.temperature is None:
-        return np.zeros(time.size)
-    return np.asarray(np.gradient(temperature, time), dtype=np.float64)
 
 
 def smooth_temperature(run: Run) -> Array:

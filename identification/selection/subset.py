@@ -136,7 +136,7 @@ def _segments(
             chosen[k] = int(np.argmax(worth))
             taken[k] = windows[chosen[k]]
     return [
-        _slice(record, first * max(length // _PLACES, 1), length)
+        record.segment(first * max(length // _PLACES, 1), length)
         for record, first, length in zip(records, chosen, lengths, strict=True)
     ]
 
@@ -168,22 +168,3 @@ def _windows(moments: Array, width: int) -> Array:
     """Sums over `width` consecutive blocks, for each possible first block."""
     sums = np.concatenate([np.zeros((1, *moments.shape[1:])), np.cumsum(moments, axis=0)])
     return np.asarray(sums[width:] - sums[:-width])
-
-
-def _slice(record: Record, start: int, rows: int) -> Record:
-    """One segment of a record; its last interval has zero length."""
-    start = min(start, record.rows - rows)
-    if rows == record.rows:
-        return record
-    span = slice(start, start + rows)
-    inputs = record.inputs[span].copy()
-    inputs[-1, 0] = 0.0
-    return replace(
-        record,
-        start=record.start + start,
-        time=record.time[span],
-        inputs=inputs,
-        measured=record.measured[span],
-        weight=record.weight[span],
-        whole=None if record.whole is None else record.whole[span],
-    )
