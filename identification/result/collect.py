@@ -16,8 +16,7 @@ from identification.result.account import account_of
 from identification.result.attempts import Attempts
 from identification.result.diagnosis import signals_at
 from identification.result.findings import Findings
-from identification.result.missing_terms import missing_terms, unexplained_terms
-from identification.result.missing_traces import missing_traces
+from identification.result.missing_terms import missing_terms, missing_traces, unexplained_terms
 from identification.result.partial_residuals import final_path
 from identification.result.report_data import (
     CoefficientCurve,

@@ -1,4 +1,4 @@
-"""Plot data of the missing voltage or torque against its driver, with the fitted effect.
+"""Plot data of the missing voltage or torque, with the fitted effect: by driver and over time.
 
 A voltage or torque is plotted as it is.  If one of its two drivers only gives its sign (the
 direction of motion or of current), it is plotted against the other driver, positive where it
@@ -8,8 +8,8 @@ A change of a coefficient is plotted as that change, estimated in each bin of th
 regression slope: of the missing voltage on the current (resistance) or the speed (torque constant),
 or of the missing torque on the speed (friction).
 
-An effect with states of its own or a dependence on time is not a function of a driver;
-`missing_traces` plots it over time.
+An effect with states of its own or a dependence on time is not a function of a driver.  Over time,
+each equation is plotted with the sum of its effects, in the run where they are strongest.
 """
 
 from __future__ import annotations
@@ -29,25 +29,18 @@ from identification.model.term import (
     AbstractTorque,
     AbstractVoltage,
 )
-from identification.result.partial_residuals import PathSamples
-from identification.result.report_data import MissingTerm
+from identification.result.partial_residuals import FinalPath, PathSamples
+from identification.result.report_data import MissingTerm, MissingTrace
 
-__all__ = [
-    "UNITS",
-    "WORDS",
-    "column_of",
-    "acts_in_motor",
-    "missing_terms",
-    "undrawn_sentence",
-    "unexplained_terms",
-]
+__all__ = ["missing_terms", "missing_traces", "undrawn_sentence", "unexplained_terms"]
 
 Array = NDArray[np.float64]
 
-UNITS: Final = ("V", "N m")
+_EQUATIONS: Final = ("electrical", "mechanical")
+_UNITS: Final = ("V", "N m")
 """Units of the missing terms: column 0 is the electrical equation, column 1 the mechanical one."""
 
-WORDS: Final = ("missing voltage", "missing torque")
+_WORDS: Final = ("missing voltage", "missing torque")
 _AGAINST: Final = ("current", "motion")
 """Direction that a positive missing voltage or torque opposes, for the axis label."""
 
@@ -67,6 +60,10 @@ _DRIVERS: Final = {
     "time": ("time in the run", "s"),
     "peak_temperature": ("highest temperature so far", "degC"),
 }
+_Q95: Final = 1.6449
+_TIMES: Final = 1200
+_SWINGS: Final = 24.0
+_LEAST_DRAWN: Final = 100
 _BINS: Final = 80
 _LEAST_IN_BIN: Final = 4
 _LEAST_WEIGHT: Final = 1e-3
@@ -102,37 +99,56 @@ def unexplained_terms(
         signals: Each driver at the sample times of all missing terms.
     """
     plots = []
-    for column, equation in enumerate(("electrical", "mechanical")):
+    for column, equation in enumerate(_EQUATIONS):
         if not missing or not trace.get(equation, {}).get("significant"):
             continue
         shares = {k: v["share"] or 0.0 for k, v in trace[equation]["drivers"].items()}
         driver = max(shares, key=lambda name: shares[name])
         series = [m.voltage if column == 0 else m.torque for m in missing]
-        name, unit = _DRIVERS[driver]
         plots.append(
             MissingTerm(
-                equation, WORDS[column], UNITS[column], name, unit,
+                equation, _WORDS[column], _UNITS[column], *_DRIVERS[driver],
                 signals[driver], np.concatenate(series),
             )
         )  # fmt: skip
     return plots
 
 
+def missing_traces(path: FinalPath, found: PathSamples, names: Sequence[str]) -> list[MissingTrace]:
+    """Plot data for each equation with an effect: a section of the run where it is strongest.
+
+    Args:
+        path: Simulation of the final model over the records.
+        found: The same at samples spread over all records.
+        names: File name of each record.
+    """
+    plots = []
+    for column in range(2):
+        acting = [
+            term
+            for term in path.final.simulator.model.terms
+            if _acts_in_motor(term) and column == _column_of(term, found)
+        ]
+        if acting:
+            plots.append(_over_time(acting, column, path, found, names))
+    return plots
+
+
 def _added(term: AbstractTerm, driver: str, found: PathSamples) -> MissingTerm:
     """Voltage or torque against a driver: bin means."""
-    column = column_of(term, found)
+    column = _column_of(term, found)
     values = _wrapped(driver, found)
     carrier = _carrier_of(term)
     turned = -np.sign(found.drivers[carrier]) if carrier else np.ones(values.size)
-    words = f"{WORDS[column]} opposing the {_AGAINST[column]}" if carrier else WORDS[column]
+    words = f"{_WORDS[column]} opposing the {_AGAINST[column]}" if carrier else _WORDS[column]
     effects = found.effects[term.name][:, :, column] * turned
     bins = _Bins(values)
     curve = _spread([bins.means(effect) for effect in effects])
     missing = found.missing_for(term.name)[:, column] * turned
     known = np.isfinite(missing)
-    return _term(
-        term, driver, (column, words, UNITS[column]),
-        (values[known], missing[known]), (bins.means(values), *curve),
+    return MissingTerm(
+        _EQUATIONS[column], words, _UNITS[column], *_DRIVERS[driver],
+        values[known], missing[known], bins.means(values), *curve, term.name,
     )  # fmt: skip
 
 
@@ -147,36 +163,11 @@ def _changed(term: AbstractCoefficient, driver: str, found: PathSamples) -> Miss
     estimate = -bins.slopes(found.missing_for(term.name)[:, column], against)
     known = np.isfinite(estimate)
     drawn = np.isfinite(curve[0])
-    return _term(
-        term, driver, (column, words, unit),
-        (places[known], estimate[known]), (places[drawn], *(line[drawn] for line in curve)),
-    )  # fmt: skip
-
-
-def _term(
-    term: AbstractTerm,
-    driver: str,
-    quantity: tuple[int, str, str],
-    dots: tuple[Array, Array],
-    curve: tuple[Array, ...],
-) -> MissingTerm:
-    column, words, unit = quantity
-    name, driver_unit = _DRIVERS[driver]
-    grid, median, q05, q95 = curve
+    median, q05, q95 = (line[drawn] for line in curve)
     return MissingTerm(
-        equation=("electrical", "mechanical")[column],
-        quantity=words,
-        unit=unit,
-        driver=name,
-        driver_unit=driver_unit,
-        driver_values=dots[0],
-        estimate=dots[1],
-        grid=grid,
-        median=median,
-        q05=q05,
-        q95=q95,
-        effect=term.name,
-    )
+        _EQUATIONS[column], words, unit, *_DRIVERS[driver],
+        places[known], estimate[known], places[drawn], median, q05, q95, term.name,
+    )  # fmt: skip
 
 
 def _wrapped(driver: str, found: PathSamples) -> Array:
@@ -188,6 +179,56 @@ def _spread(curves: Sequence[Array]) -> tuple[Array, Array, Array]:
     """Median, 5 % and 95 % quantiles over the draws; NaN in bins without a slope."""
     q05, median, q95 = np.quantile(np.array(curves), (0.05, 0.5, 0.95), axis=0)
     return median, q05, q95
+
+
+def _over_time(
+    terms: Sequence[AbstractTerm],
+    column: int,
+    path: FinalPath,
+    found: PathSamples,
+    names: Sequence[str],
+) -> MissingTrace:
+    """Estimated and fitted sum of these effects over time, in the record where it is strongest."""
+    everywhere = _together(terms, column, found)[0]
+    records = np.unique(found.record)
+    power = [float(np.mean(everywhere[found.record == k] ** 2)) for k in records]
+    chosen = int(records[int(np.argmax(power))])
+    size = path.final.simulator.records[chosen].rows - 1
+    whole = path.within(chosen, np.unique(np.linspace(0, size - 1, _TIMES).astype(int)))
+    here = path.within(chosen, _telling(_together(terms, column, whole)[0], size))
+    effects = _together(terms, column, here)
+    missing = here.missing[:, column]
+    sd = _Q95 * here.missing_sd[:, column]
+    return MissingTrace(
+        run=names[chosen],
+        quantity=_WORDS[column],
+        unit=_UNITS[column],
+        time=here.time,
+        median=missing,
+        q05=missing - sd,
+        q95=missing + sd,
+        fitted=np.median(effects, axis=0),
+        effect=" and ".join(term.name for term in terms),
+    )
+
+
+def _together(terms: Sequence[AbstractTerm], column: int, found: PathSamples) -> Array:
+    """(n_draw, n_sample) sum of effects."""
+    return np.asarray(np.sum([found.effects[term.name][:, :, column] for term in terms], axis=0))
+
+
+def _telling(effect: Array, size: int) -> NDArray[np.int_]:
+    """Sample indices to plot: the whole record, or a section that resolves single oscillations.
+
+    Args:
+        effect: (n_point,) the effect at points spread over the record.
+        size: Number of samples of the record.
+    """
+    swings = float(np.abs(np.diff(effect)).sum()) / (float(np.ptp(effect)) or 1.0)
+    length = int(size * min(1.0, _SWINGS / max(swings, 1e-9)))
+    length = max(length, min(size, _LEAST_DRAWN))
+    begin = (size - length) // 3
+    return np.unique(np.linspace(begin, begin + length - 1, min(length, _TIMES)).astype(int))
 
 
 class _Bins:
@@ -220,7 +261,7 @@ class _Bins:
 
 def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     """Report sentence on the effects that cannot be plotted; empty if all can."""
-    names = [term.name.replace("_", " ") for term in terms if not acts_in_motor(term)]
+    names = [term.name.replace("_", " ") for term in terms if not _acts_in_motor(term)]
     if not names:
         return ""
     return (
@@ -233,7 +274,7 @@ def _verb(names: Sequence[str]) -> str:
     return "acts" if len(names) == 1 else "act"
 
 
-def acts_in_motor(term: AbstractTerm) -> bool:
+def _acts_in_motor(term: AbstractTerm) -> bool:
     """Whether the effect acts in the motor and not in a sensor."""
     return term.equation != "sensor"
 
@@ -242,7 +283,7 @@ def _is_static(term: AbstractEffect) -> bool:
     """Whether the effect is a static function of its drivers and does not depend on time."""
     changes = isinstance(term, AbstractCoefficient) and term.coefficient in _CHANGES
     plain = isinstance(term, AbstractTorque | AbstractVoltage) or changes
-    return acts_in_motor(term) and plain and not term.states and "time" not in _drivers_of(term)
+    return _acts_in_motor(term) and plain and not term.states and "time" not in _drivers_of(term)
 
 
 def _drivers_of(term: AbstractEffect) -> tuple[str, ...]:
@@ -258,7 +299,7 @@ def _carrier_of(term: AbstractTerm) -> str:
     return carrier if plain and len(term.drivers) == 2 and carrier in term.drivers else ""
 
 
-def column_of(term: AbstractTerm, found: PathSamples) -> int:
+def _column_of(term: AbstractTerm, found: PathSamples) -> int:
     """Column of the equation in which an effect is plotted: 0 electrical, 1 mechanical."""
     if isinstance(term, AbstractTorque):
         return 1

@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.localise import Localisation, Missing
+from identification.diagnosis.localise import Localisation
 from identification.fit.solve import Fit
 from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
@@ -130,9 +130,53 @@ class FinalPath:
         return self._own(self._traced(number, rows))
 
     def _traced(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
+        """Samples of one record with the missing terms as smoothed."""
+        values, model = self.values, self.final.simulator.model
         record = self.final.simulator.records[number]
-        missing = _missing_of(self.localisation, record, number)
-        return _piece(self.final, self.values, (number, self.states[number]), missing, rows)
+        states, inputs = self.states[number][rows], record.inputs[rows]
+        names = [parameter.name for parameter in model.parameters]
+        inertias = np.column_stack([values[names.index(name)] for name in _STEPS_KEPT])
+        full = _rates(model, states, inputs, values, model)
+        # The rates of a diverging draw are not finite, nor are its effects.
+        with np.errstate(over="ignore", invalid="ignore"):
+            effects = {
+                term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
+                * inertias[:, None, :]
+                for term in model.terms
+            }
+        column = {name: inputs[:, INPUTS.index(name)] for name in INPUTS}
+        missing, missing_sd = self._smoothed(record, number, rows)
+        return PathSamples(
+            record=np.full(rows.size, number),
+            time=record.time[rows],
+            drivers={
+                "current": states[:, 0, 0],
+                "speed": states[:, 1, 0],
+                "voltage": column["voltage"],
+                "temperature": column["temperature"],
+                "position": column["angle"],
+                "time": record.time[rows],
+                "peak_temperature": column["peak_temperature"],
+            },
+            rates=full[0],
+            effects=effects,
+            missing=missing,
+            missing_sd=missing_sd,
+        )
+
+    def _smoothed(self, record: Record, number: int, rows: NDArray[np.int_]) -> tuple[Array, Array]:
+        """(n_sample, 2) smoothed missing voltage and torque, and their standard deviations."""
+        # The localisation lists one entry for each record, in their order.
+        found = self.localisation.missing[number:][:1] if self.localisation else ()
+        if not any((one.run, one.start) == (record.run, record.start) for one in found):
+            nothing = np.full((rows.size, 2), np.nan)
+            return nothing, nothing
+        one, time = found[0], record.time[rows]
+        pairs = ((one.voltage, one.torque), (one.voltage_sd, one.torque_sd))
+        missing, sd = (
+            np.column_stack([np.interp(time, one.time, each) for each in pair]) for pair in pairs
+        )
+        return missing, sd
 
     def _own(self, found: PathSamples) -> PathSamples:
         """Replace the collinear component of the smoothed trace by that of the final model."""
@@ -190,72 +234,6 @@ def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
     # The linear part of a curve is plotted as part of the parameter it is collinear with.
     columns[["unlisted.linear_" in name for name in final.coordinates.names]] = 0.0
     return np.column_stack([final.values, columns])
-
-
-def _missing_of(localisation: Localisation | None, record: Record, k: int) -> Missing | None:
-    """Missing terms of one record; the localisation lists one per record, in their order."""
-    if localisation is None or k >= len(localisation.missing):
-        return None
-    found = localisation.missing[k]
-    return found if found.run == record.run and found.start == record.start else None
-
-
-def _piece(
-    final: Fit,
-    values: Array,
-    simulated: tuple[int, Array],
-    missing: Missing | None,
-    rows: NDArray[np.int_],
-) -> PathSamples:
-    number, path = simulated
-    model, record = final.simulator.model, final.simulator.records[number]
-    states, inputs = path[rows], record.inputs[rows]
-    full = _rates(model, states, inputs, values, model)
-    inertias = _sizes(model, values)
-    found, spread = _interpolated(missing, record.time[rows])
-    # The rates of a diverging draw are not finite, nor are its effects.
-    with np.errstate(over="ignore", invalid="ignore"):
-        effects = {
-            term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
-            * inertias[:, None, :]
-            for term in model.terms
-        }
-    column = {name: inputs[:, INPUTS.index(name)] for name in INPUTS}
-    return PathSamples(
-        record=np.full(rows.size, number),
-        time=record.time[rows],
-        drivers={
-            "current": states[:, 0, 0],
-            "speed": states[:, 1, 0],
-            "voltage": column["voltage"],
-            "temperature": column["temperature"],
-            "position": column["angle"],
-            "time": record.time[rows],
-            "peak_temperature": column["peak_temperature"],
-        },
-        rates=full[0],
-        effects=effects,
-        missing=found,
-        missing_sd=spread,
-    )
-
-
-def _sizes(model: MotorModel, values: Array) -> Array:
-    """(n_draw, 2) inductance and inertia [H, kg m^2]."""
-    names = [parameter.name for parameter in model.parameters]
-    return np.column_stack([values[names.index(name)] for name in _STEPS_KEPT])
-
-
-def _interpolated(missing: Missing | None, time: Array) -> tuple[Array, Array]:
-    """(n_sample, 2) missing voltage and torque at given times, and their standard deviations."""
-    if missing is None:
-        nothing = np.full((time.size, 2), np.nan)
-        return nothing, nothing
-    series = ((missing.voltage, missing.torque), (missing.voltage_sd, missing.torque_sd))
-    found, spread = (
-        np.column_stack([np.interp(time, missing.time, each) for each in pair]) for pair in series
-    )
-    return found, spread
 
 
 def _rates(

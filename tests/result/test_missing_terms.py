@@ -20,8 +20,7 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
-from identification.result.missing_terms import missing_terms, undrawn_sentence
-from identification.result.missing_traces import missing_traces
+from identification.result.missing_terms import missing_terms, missing_traces, undrawn_sentence
 from identification.result.partial_residuals import FinalPath, final_path
 from tests.motors import campaign, motor_named
 
