@@ -45,7 +45,6 @@ class Trace:
         share: Gain over that of the best curve [-].
         grid: (n_point,) values of the signal, in its unit.
         curve: (n_point,) missing torque [N m] or voltage [V].
-        curve_sd: (n_point,) its standard deviation.
     """
 
     equation: str
@@ -54,7 +53,6 @@ class Trace:
     share: float
     grid: Array
     curve: Array
-    curve_sd: Array
 
 
 def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
@@ -85,14 +83,8 @@ def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
 
 def _trace(score: Score, term: AbstractCurve, most: float) -> Trace:
     grid = term.grid(_POINTS)
-    basis = term.shapes(grid)
-    curve = -basis @ score.start
-    spread = np.zeros_like(curve)
-    if score.covariance is not None:
-        prototype = basis * np.diag(score.candidate.starts)
-        variance = np.sum((prototype @ score.covariance) * prototype, axis=1)
-        spread = np.sqrt(np.maximum(variance, 0.0))
-    return Trace(term.equation, term.drivers[0], score.gain, score.gain / most, grid, curve, spread)
+    curve = -term.shapes(grid) @ score.start
+    return Trace(term.equation, term.drivers[0], score.gain, score.gain / most, grid, curve)
 
 
 def _peaks(fit: Fit) -> tuple[float, ...]:
