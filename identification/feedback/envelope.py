@@ -32,7 +32,7 @@ _ROUNDING: Final = 1e-6
 
 
 def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
-    """Smaller of the two bounds of |x| at given times.
+    """Smaller of the two bounds of |x| from given times on.
 
     Args:
         modes: Stable sums of modes.
@@ -44,7 +44,9 @@ def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
     )
     slowest = modes.poles.real[loop].max(axis=1)
     newton = _polynomial(np.abs(modes.weights[loop]), time) * np.exp(slowest * time)
-    return np.asarray(np.minimum(modal, newton))
+    # Newton's bound may rise up to this time; it bounds no later value before.
+    falls = time * -slowest >= modes.poles.shape[1] - 1
+    return np.asarray(np.where(falls, np.minimum(modal, newton), modal))
 
 
 def time_below(modes: Modes, level: float) -> Array:

@@ -33,6 +33,7 @@ from identification.feedback.spread import checked_temperatures
 from identification.feedback.step_response import StepResponse, step_metrics
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
+from identification.model.term import AbstractTerm
 
 __all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops"]
 
@@ -132,7 +133,11 @@ class _Bench:
     """Data that all loops of one motor share."""
 
     def __init__(
-        self, fit: Fit, terms: tuple[Any, ...], draws: dict[str, Array], temperatures: list[float]
+        self,
+        fit: Fit,
+        terms: tuple[AbstractTerm, ...],
+        draws: dict[str, Array],
+        temperatures: list[float],
     ) -> None:
         self.fit, self.temperatures = fit, temperatures
         self.model = MotorModel(terms)

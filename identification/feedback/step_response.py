@@ -33,7 +33,7 @@ Index = NDArray[np.intp]
 
 # A smaller relative excess over the final value is rounding, not overshoot.
 _LEAST_OVERSHOOT: Final = 1e-9
-_MOST_WINDOWS: Final = 200
+_MOST_WINDOWS: Final = 210
 """Largest number of windows that are searched: 100 oscillations."""
 
 

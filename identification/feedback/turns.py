@@ -30,6 +30,9 @@ __all__ = ["Turns", "root"]
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+# Length of a window over pi / omega.  Below 1, u of `_wronskian` is positive at both ends too, so
+# that a zero at an end, as w(0) = 0, counts in Rolle's theorem.
+_SHARE: Final = 0.95
 # A pair that has decayed by exp(-80) moves no zero of the other modes.
 _DECAYED: Final = 80.0
 
@@ -60,13 +63,13 @@ class Turns:
 
     def window_end(self, left: Array, rows: Index) -> Array:
         """End of the longest window from `left`; infinite if no pair oscillates any more."""
-        half_period = np.pi / self.pairs[rows].imag
+        half_period = _SHARE * np.pi / self.pairs[rows].imag
         lengths = np.where(left[:, None] < self.last[rows], half_period, np.inf)
         return np.asarray(left + lengths.min(axis=1, initial=np.inf))
 
     def window_begin(self, right: Array, rows: Index) -> Array:
         """Begin of the longest window up to `right`, at least 0."""
-        last, half_period = self.last[rows], np.pi / self.pairs[rows].imag
+        last, half_period = self.last[rows], _SHARE * np.pi / self.pairs[rows].imag
         begins = np.where(right[:, None] <= last, right[:, None] - half_period, last)
         return np.asarray(begins.max(axis=1, initial=0.0))
 
@@ -97,12 +100,12 @@ def _value(modes: Modes) -> _Sum:
 def _wronskian(modes: Modes, without: Modes, frequency: Array) -> _Sum:
     """Wronskian h' u - h u' over exp(2 sigma t); between its zeros h / u is monotone.
 
-    u = exp(sigma t) sin(omega (t - begin)) is positive within the window, h is `modes`, and
+    u = exp(sigma t) sin(omega (t - begin) + phase) is positive in the window, h is `modes`, and
     `without` is (D - sigma - j omega) h.
     """
 
     def value(time: Array, loop: Index, begin: Array) -> Array:
-        angle = frequency[loop] * (time - begin)
+        angle = frequency[loop] * (time - begin) + 0.5 * (1 - _SHARE) * np.pi
         rate = without.complex_at(time, loop).real
         return np.asarray(
             rate * np.sin(angle) - modes.at(time, loop) * frequency[loop] * np.cos(angle)

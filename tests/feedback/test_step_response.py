@@ -346,6 +346,26 @@ def test_negative_final_value_is_approached_like_a_positive_one() -> None:
     assert mirrored.peak[0] == pytest.approx(-step.peak[0])
 
 
+def test_peak_of_two_ringing_pairs_is_that_of_a_fine_grid() -> None:
+    """The first maximum lies in the first window, where the slope begins at 0, but for rounding.
+
+    A time scale from 1 to 2 rounds it to either sign in some of 64 loops.
+    """
+    poles = [-0.4443 + 2.666j, -0.4443 - 2.666j, -9.445 + 28.33j, -9.445 - 28.33j]
+    powers = np.linspace(1, 2, 64)[:, None] ** np.arange(5)
+    closed, numerator = (
+        np.real(np.poly(poles)) * powers,
+        np.array([0, 1771.7, 110.5, 9030.8]) * powers[:, 1:],
+    )
+    denominator = closed - np.pad(numerator, ((0, 0), (1, 0)))
+    response = StepResponse(Loop(numerator, denominator))
+
+    step = step_metrics(response)
+
+    highest = response.at(np.linspace(0, 0.2, 10_001)).max(axis=1)
+    assert step.peak == pytest.approx(highest, rel=1e-6)
+
+
 def test_cancelled_pole_makes_no_overshoot_out_of_rounding() -> None:
     """A zero cancels a pole, which leaves 1 / (s + 1)^2 with a monotonic step response."""
     step = metrics([0, 1, 0.3], np.poly([-0.3, -1, -1]))
