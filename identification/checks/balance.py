@@ -32,6 +32,7 @@ __all__ = [
     "has_signal",
     "mean_square",
     "regress",
+    "reverses",
     "signals_of",
 ]
 
@@ -200,7 +201,7 @@ class Balance:
     def electrical(self) -> Regression | None:
         """Coefficients R, K, L, and the brush drop if the current has both signs."""
         regressors = [self.current, self.speed, self.current_rate]
-        if _reverses(self.current):
+        if reverses(self.current):
             regressors.append(_soft_sign(self.current))
         return regress(self.voltage, regressors)
 
@@ -208,7 +209,7 @@ class Balance:
     def mechanical(self) -> Regression | None:
         """Coefficients J / K, b / K, and the dry friction if the motor reverses."""
         regressors = [self.speed_rate, self.speed]
-        if _reverses(self.speed):
+        if reverses(self.speed):
             regressors.append(_soft_sign(self.speed))
         return regress(self.current, regressors)
 
@@ -236,7 +237,8 @@ def balances_of(signals: Signals) -> list[Balance]:
     return found
 
 
-def _reverses(signal: Array) -> bool:
+def reverses(signal: Array) -> bool:
+    """Whether a signal has both signs, the weaker one by more than a tenth of the stronger."""
     high, low = float(np.max(signal)), float(np.min(signal))
     return min(high, -low) > 0.1 * max(high, -low)
 

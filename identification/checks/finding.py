@@ -52,8 +52,8 @@ class Finding:
             lead: Words before the location.
             severity: Consequence for the result.
         """
-        place = ", column ".join(word for word in (self.file, self.column) if word)
-        text = f"{place}: {self.message}" if place else self.message
+        location = ", column ".join(word for word in (self.file, self.column) if word)
+        text = f"{location}: {self.message}" if location else self.message
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"
         maps = " ".join(f"--map '{word}'" for word in self.corrections)
         return ResultWarning(self.code, severity, lead + text, maps and f"correct it with {maps}")

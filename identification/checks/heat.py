@@ -96,8 +96,8 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
     if abs(off) < limit or e.ohmic < _OHMIC or e.run.temperature is None:
         return None
     logged = float(np.mean(e.run.temperature))
-    felt = _REFERENCE + (e.raw_resistance / math.exp(middle) - 1.0) / _COPPER
-    at = _Deviation(off, limit, logged, felt)
+    effective = _REFERENCE + (e.raw_resistance / math.exp(middle) - 1.0) / _COPPER
+    at = _Deviation(off, limit, logged, effective)
     fahrenheit = (logged - 32.0) / 1.8
     mended = math.log(e.raw_resistance / (1.0 + _COPPER * (fahrenheit - _REFERENCE))) - middle
     if abs(mended) < min(max(0.03, spread), 0.4 * abs(off)):
@@ -123,7 +123,7 @@ class _Deviation:
     off: float
     limit: float
     logged: float
-    felt: float
+    effective: float
 
 
 def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str) -> Finding:
@@ -133,7 +133,7 @@ def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str)
         e.run.name,
         "temperature_degC",
         f"the logged mean is {at.logged:.4g} degC, but the resistance of this run corresponds to "
-        f"{at.felt:.3g} degC according to the other runs; {kind}",
+        f"{at.effective:.3g} degC according to the other runs; {kind}",
         "logarithm of Ra25 relative to the other runs",
         at.off,
         math.copysign(at.limit, at.off),

@@ -14,14 +14,12 @@ from typing import Final
 
 import numpy as np
 
-from identification.checks.balance import Array, Balance, Signals, balances_of
+from identification.checks.balance import Array, Balance, Signals, balances_of, reverses
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 
 __all__ = ["magnitude_findings"]
 
-_REVERSAL: Final = 0.1
-"""Fraction of its peak up to which a channel counts as never negative."""
 _MISSED: Final = 0.03
 _BETTER: Final = 0.35
 """Largest ratio of the unexplained fractions with and without the restored sign."""
@@ -36,12 +34,12 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
         run: The run.
         signals: Its signals.
     """
-    if not _reverses(signals.voltage):
+    if not reverses(signals.voltage):
         return []
     unsigned = [
         name
         for name, signal in (("current_A", signals.current), ("speed_rad_s", signals.speed))
-        if not _reverses(signal) and np.ptp(signal) > 0.0
+        if not reverses(signal) and np.ptp(signal) > 0.0
     ]
     if not unsigned:
         return []
@@ -105,8 +103,3 @@ def _by_region(speed: Array, drive: Array) -> Array:
     total = np.add.reduceat(drive, starts)
     sign = np.where(total < 0.0, -1.0, 1.0)
     return np.asarray(speed * np.repeat(sign, np.diff(np.append(starts, speed.size))))
-
-
-def _reverses(signal: Array) -> bool:
-    high, low = float(np.max(signal)), float(np.min(signal))
-    return min(high, -low) > _REVERSAL * max(high, -low)

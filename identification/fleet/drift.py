@@ -86,18 +86,18 @@ def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
         }
         for refit in refits
     ]
-    places = [
+    cells = [
         (row, name, drift.probability)
         for row, changes in enumerate(found)
         for name, drift in changes.items()
         if drift.probability is not None
     ]
-    if places:
+    if cells:
         # Lazy import: loading scipy.stats takes longer than building the table.
         from scipy.stats import false_discovery_control
 
-        corrected = false_discovery_control([p for _, _, p in places], method="by")
-        for (row, name, _), probability in zip(places, corrected.tolist(), strict=True):
+        corrected = false_discovery_control([p for _, _, p in cells], method="by")
+        for (row, name, _), probability in zip(cells, corrected.tolist(), strict=True):
             found[row][name] = replace(
                 found[row][name],
                 probability=probability,

@@ -73,11 +73,11 @@ def marks_of(
         changes: Changes of each motor by parameter name.
     """
     marks = []
-    for place, refit in enumerate(refits):
+    for index, refit in enumerate(refits):
         estimate = refit.estimates.get(name)
         if estimate is None or estimate.usable is None or estimate.median is None:
             continue
-        drift = changes[place].get(name)
+        drift = changes[index].get(name)
         sds = drift.sds if drift else None
         marks.append(
             Mark(
@@ -85,8 +85,8 @@ def marks_of(
                 median=estimate.median,
                 q05=estimate.median if estimate.q05 is None else estimate.q05,
                 q95=estimate.median if estimate.q95 is None else estimate.q95,
-                score=spread.scores[place],
-                is_outlier=spread.is_outlier(place),
+                score=spread.scores[index],
+                is_outlier=spread.is_outlier(index),
                 drift=drift,
                 change_sd=abs(drift.absolute / sds) if drift and sds else 0.0,
             )
@@ -203,10 +203,10 @@ def _bars(across: Array, low: Array, middle: Array, high: Array, loud: Sequence[
     body = ""
     for is_loud in (False, True):
         stems, dots = [], []
-        for place, x in enumerate(across):
-            if loud[place] is is_loud and math.isfinite(middle[place]):
-                stems.append(f"M{x:.1f} {low[place]:.1f}V{high[place]:.1f}")
-                dots.append(f"M{x:.1f} {middle[place]:.1f}h0")
+        for index, x in enumerate(across):
+            if loud[index] is is_loud and math.isfinite(middle[index]):
+                stems.append(f"M{x:.1f} {low[index]:.1f}V{high[index]:.1f}")
+                dots.append(f"M{x:.1f} {middle[index]:.1f}h0")
         kind = " loud" if is_loud else ""
         if stems:
             body += f'<path class="stem{kind}" d="{"".join(stems)}"/>'
@@ -216,19 +216,19 @@ def _bars(across: Array, low: Array, middle: Array, high: Array, loud: Sequence[
 
 def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, float]:
     """Motor names below the frame, and their height; in a large fleet, highlighted motors only."""
-    loud = [place for place, mark in enumerate(marks) if mark.is_outlier or mark.is_significant]
+    loud = [index for index, mark in enumerate(marks) if mark.is_outlier or mark.is_significant]
     wanted = loud + (list(range(len(marks))) if len(marks) <= _MOST_NAMED else [])
     placed: list[float] = []
     parts = []
     longest = 0
-    for place in wanted:
-        x = float(across[place])
+    for index in wanted:
+        x = float(across[index])
         if all(abs(x - other) >= _APART for other in placed):
             placed.append(x)
-            name = marks[place].motor
+            name = marks[index].motor
             short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
             longest = max(longest, len(short))
-            kind = "tick small end strong" if place in loud else "tick small end"
+            kind = "tick small end strong" if index in loud else "tick small end"
             parts.append(text(x + 3.5, bottom + 6, short, kind, turned=True))
     return "".join(parts), _LETTER * longest
 

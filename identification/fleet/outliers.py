@@ -56,9 +56,9 @@ class Spread:
     relative_scale: float | None
     scores: tuple[float | None, ...]
 
-    def is_outlier(self, place: int) -> bool:
-        """Whether the motor at index `place` of the fleet is an outlier."""
-        score = self.scores[place]
+    def is_outlier(self, index: int) -> bool:
+        """Whether the motor at index `index` of the fleet is an outlier."""
+        score = self.scores[index]
         return self.count >= LEAST_MOTORS and score is not None and abs(score) > THRESHOLD
 
 

@@ -131,8 +131,8 @@ def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Rema
     """Outlying motors, largest score first."""
     found = []
     for name, spread in spreads.items():
-        for place, refit in enumerate(refits):
-            if spread.is_outlier(place):
+        for index, refit in enumerate(refits):
+            if spread.is_outlier(index):
                 value = refit.estimates[name].median
                 median = spread.median
                 share = value / median - 1.0 if value is not None and median else None
@@ -143,7 +143,7 @@ def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Rema
                         _with_unit(value, name),
                         _with_unit(median, name),
                         signed_percent_text(share),
-                        spread.scores[place] or 0.0,
+                        spread.scores[index] or 0.0,
                     )
                 )
     return sorted(found, key=lambda one: -abs(one.size))
