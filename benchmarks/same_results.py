@@ -5,8 +5,8 @@
 
 The campaigns in data/ are identified with the posterior, and simulated campaigns of
 `benchmarks.attribution` without it.  The first command writes one file per campaign: `result.json`
-without the versions.  The second compares these files byte by byte with those that the other
-version wrote, prints the first difference of each, and exits with status 1 if there is one.
+without the versions.  The second compares these files with those that the other version wrote,
+prints the largest difference of each, and exits with status 1 if one exceeds the tolerance.
 Campaigns whose file exists are not computed again.
 """
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
 import sys
@@ -33,8 +34,11 @@ _DATA = Path("data")
 _ROWS = 1500
 
 
-def differences(this: object, other: object, path: str = "") -> Iterator[str]:
-    """Paths at which two results differ, with both values.
+def differences(this: object, other: object, path: str = "") -> Iterator[tuple[float, str]]:
+    """Relative difference and path of each value in which two results differ.
+
+    A difference of other things than numbers is infinite.  Members that only this result has are
+    ignored, since a new version may add some.
 
     Args:
         this: Part of a result.
@@ -42,13 +46,16 @@ def differences(this: object, other: object, path: str = "") -> Iterator[str]:
         path: Where both stand.
     """
     if isinstance(this, dict) and isinstance(other, dict):
-        for name in sorted({*this, *other}):
-            yield from differences(this.get(name), other.get(name), f"{path}/{name}")
+        for name in sorted(other):
+            yield from differences(this.get(name), other[name], f"{path}/{name}")
     elif isinstance(this, list) and isinstance(other, list) and len(this) == len(other):
         for k, pair in enumerate(zip(this, other, strict=True)):
             yield from differences(*pair, f"{path}/{k}")
     elif this != other:
-        yield f"{path}: {json.dumps(this)[:80]} instead of {json.dumps(other)[:80]}"
+        size = math.inf
+        if isinstance(this, float) and isinstance(other, float):
+            size = abs(this - other) / max(abs(this), abs(other))
+        yield size, f"{path}: {json.dumps(this)[:80]} instead of {json.dumps(other)[:80]}"
 
 
 def _stored(name: str) -> tuple[list[Run], list[Run]]:
@@ -95,6 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--out", type=Path, required=True, help="directory of the results")
     parser.add_argument("--against", type=Path, help="directory that the other version wrote")
+    parser.add_argument("--tolerance", type=float, default=1e-9, help="relative difference")
     parser.add_argument("--campaigns", type=int, default=40)
     parser.add_argument("--seed", type=int, default=12)
     given = parser.parse_args(arguments)
@@ -107,17 +115,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         (given.out / f"{item['number']:03d}.json", item)
         for item in plan(given.campaigns, given.seed)
     ]
-    changed = 0
+    changed, largest = 0, 0.0
     with multiprocessing.get_context("spawn").Pool(os.cpu_count(), use_threads, (1,)) as pool:
         for file in pool.imap(_identified, tasks):
-            found = ""
+            words = "written"
             if given.against:
                 old = json.loads((given.against / file.name).read_text())
-                found = next(differences(json.loads(file.read_text()), old), "")
-                changed += bool(found)
-            print(f"{file.stem}: {found or ('same' if given.against else 'written')}", flush=True)
+                size, words = max(
+                    differences(json.loads(file.read_text()), old), default=(0.0, "same")
+                )
+                changed += size > given.tolerance
+                largest = max(largest, size)
+            print(f"{file.stem}: {words}", flush=True)
     if given.against:
-        print(f"{len(tasks) - changed} of {len(tasks)} results are the same")
+        print(
+            f"{len(tasks) - changed} of {len(tasks)} results are the same within "
+            f"{given.tolerance:g}; the largest relative difference is {largest:.2g}"
+        )
     return 1 if changed else 0
 
 
