@@ -26,7 +26,6 @@ class MagneticDrag(AbstractTorque):
     name = "magnetic_drag"
     equation = "mechanical"
     drivers = ("speed",)
-    source = "a test"
     parameters = (Parameter("c", "N m s^2/rad^2", "size of the drag"),)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -41,7 +40,6 @@ class Lag(AbstractTerm):
     name = "lag"
     equation = "sensor"
     drivers = ("speed",)
-    source = "a test"
     parameters = (Parameter("tau", "s", "time constant"),)
     states = (State("follower", "rad/s", "speed"),)
 

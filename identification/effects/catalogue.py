@@ -18,31 +18,12 @@ from identification.effects.effect import REGISTERED, AbstractEffect
 __all__ = ["CATALOGUE", "confusions", "confusions_of"]
 
 _COMMON_FIRST: Final = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "quadratic_drag",
-    "viscous_temperature",
-    "load_torque",
-    "load_step",
-    "cogging_torque",
-    "inertia_change",
-    "shaft_compliance",
-    "brush_drop",
-    "flux_saturation",
-    "inductance_saturation",
-    "self_heating",
-    "winding_lag",
-    "magnet_lag",
-    "resistance_curvature",
-    "demagnetization",
-    "current_offset",
-    "voltage_offset",
-    "speed_offset",
-    "channel_delay",
-    "speed_filter",
-    "current_filter",
-    "input_hold",
-)
+    "coulomb_friction", "stribeck_friction", "quadratic_drag", "viscous_temperature", "load_torque",
+    "load_step", "cogging_torque", "inertia_change", "shaft_compliance", "brush_drop",
+    "flux_saturation", "inductance_saturation", "self_heating", "winding_lag", "magnet_lag",
+    "resistance_curvature", "demagnetization", "current_offset", "voltage_offset", "speed_offset",
+    "channel_delay", "speed_filter", "current_filter", "input_hold",
+)  # fmt: skip
 """Effects in the order in which they decide ties; all others are less common."""
 
 

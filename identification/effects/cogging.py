@@ -8,15 +8,9 @@ from typing import Final, Literal
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.orders import HIGHEST_ORDER
-from identification.effects.parameters import amplitude, shape
+from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractTerm,

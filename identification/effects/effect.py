@@ -11,7 +11,7 @@ standstill does not have the effect's shape.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal, Self, TypeVar
 
@@ -21,12 +21,7 @@ from numpy.typing import NDArray
 from identification.effects.confusion import Confusion
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
-from identification.model.term import (
-    AbstractDelay,
-    AbstractHold,
-    AbstractMean,
-    AbstractTerm,
-)
+from identification.model.term import AbstractDelay, AbstractHold, AbstractMean, AbstractTerm
 
 __all__ = [
     "REGISTERED",
@@ -36,7 +31,6 @@ __all__ = [
     "CampaignScales",
     "Candidate",
     "Scope",
-    "columns",
     "effects_of",
     "register",
 ]
@@ -315,11 +309,6 @@ class Candidate:
     def by_record(self) -> bool:
         """Whether the amplitudes are free in each record."""
         return bool(self.final.states) and self.final is not self.term
-
-
-def columns(*starts: Sequence[float]) -> Array:
-    """(n_parameter, n_start) matrix of starting vectors."""
-    return np.array(starts, dtype=np.float64).T
 
 
 REGISTERED: dict[str, type[AbstractEffect]] = {}

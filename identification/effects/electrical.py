@@ -8,14 +8,8 @@ from typing import ClassVar, Final
 import casadi as ca
 
 from identification.effects.confusion import BRUSHES, INDUCTANCE, TORQUE_CONSTANT
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import amplitude, asymmetry, shape
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import amplitude, asymmetry, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -74,25 +68,17 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
                 "voltage", "V", "voltage drop of both brushes at high current", self.voltage_size
             ),
             shape(
-                "knee",
-                "A",
-                "current of the knee",
-                3e-3 * self.current_size,
+                "knee", "A", "current of the knee", 3e-3 * self.current_size,
                 1.5 * self.current_size,
             ),
             shape("sharpness", "-", "sharpness of the knee, p in the formula", 0.6, 8.0),
             # Searched as it is, not inverse or logarithm: its posterior is then nearly normal.
             Parameter(
-                "openness",
-                "-",
-                "slowness of the saturation beyond the knee, o in the formula",
-                lower=0.04,
-                upper=2.5,
-                prior_mean=1.0,
-                prior_sd=1.5,
+                "openness", "-", "slowness of the saturation beyond the knee, o in the formula",
+                lower=0.04, upper=2.5, prior_mean=1.0, prior_sd=1.5,
             ),
             asymmetry(),
-        )
+        )  # fmt: skip
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Voltage of the drop, opposite to the current [V]."""
@@ -149,17 +135,12 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
             Parameter(
-                "fall",
-                "-",
-                meaning,
-                scale=self.scale,
-                lower=0.0,
-                upper=self.most,
+                "fall", "-", meaning, scale=self.scale, lower=0.0, upper=self.most,
                 prior_sd=self.width,
             ),
             shape("exponent", "-", "exponent of the current", 0.8, 6.0),
             self.lasting,
-        )
+        )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on the coefficient [-]."""
@@ -189,15 +170,9 @@ class FluxSaturation(_Saturation):
     most = 3.0
     width = 5.0
     lasting = Parameter(
-        "lasting",
-        "-",
-        "fraction of Kt that does not saturate",
-        scale=0.3,
-        lower=0.0,
-        upper=0.98,
-        prior_mean=0.3,
-        prior_sd=2.0,
-    )
+        "lasting", "-", "fraction of Kt that does not saturate", scale=0.3, lower=0.0, upper=0.98,
+        prior_mean=0.3, prior_sd=2.0,
+    )  # fmt: skip
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -224,15 +199,9 @@ class InductanceSaturation(_Saturation):
     most = 100.0
     width = 20.0
     lasting = Parameter(
-        "leakage",
-        "-",
-        "fraction of L that does not saturate (leakage flux)",
-        scale=0.1,
-        lower=0.0,
-        upper=0.9,
-        prior_mean=0.1,
-        prior_sd=2.0,
-    )
+        "leakage", "-", "fraction of L that does not saturate (leakage flux)", scale=0.1, lower=0.0,
+        upper=0.9, prior_mean=0.1, prior_sd=2.0,
+    )  # fmt: skip
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

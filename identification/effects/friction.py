@@ -7,14 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from identification.effects.confusion import FRICTION
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import amplitude, asymmetry, shape
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import amplitude, asymmetry, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -125,14 +119,11 @@ class StribeckFriction(AbstractEffect, AbstractTorque):
                 "torque", "N m", "additional friction torque at standstill", self.torque_size
             ),
             shape(
-                "speed",
-                "rad/s",
-                "speed at which the additional friction has fallen to 1/e",
-                5.0 * self.width,
-                1.0 * self.speed_size,
+                "speed", "rad/s", "speed at which the additional friction has fallen to 1/e",
+                5.0 * self.width, 1.0 * self.speed_size,
             ),
             shape("exponent", "-", "exponent of the speed", 0.5, 3.0),
-        )
+        )  # fmt: skip
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque against the motion [N m]."""
@@ -222,25 +213,15 @@ class ViscousTemperature(AbstractEffect, AbstractCoefficient):
     coefficient = "b"
     parameters = (
         Parameter(
-            "rate",
-            "1/K",
-            "relative decrease of b per kelvin at 25 degC",
-            scale=5e-3,
-            lower=-0.05,
-            upper=0.1,
-            prior_sd=3.0,
+            "rate", "1/K", "relative decrease of b per kelvin at 25 degC", scale=5e-3, lower=-0.05,
+            upper=0.1, prior_sd=3.0,
         ),
         Parameter(
-            "form",
-            "-",
+            "form", "-",
             "form of the law: 1 linear, 0 exponential, negative flatter at high temperature",
-            scale=1.0,
-            lower=-2.0,
-            upper=1.0,
-            prior_mean=0.0,
-            prior_sd=0.7,
+            scale=1.0, lower=-2.0, upper=1.0, prior_mean=0.0, prior_sd=0.7,
         ),
-    )
+    )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on b [-]."""

@@ -9,22 +9,10 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import shape
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import columns, shape
 from identification.model.parameter import Parameter
-from identification.model.term import (
-    AbstractTemperature,
-    Expression,
-    Signals,
-    State,
-    Values,
-)
+from identification.model.term import AbstractTemperature, Expression, Signals, State, Values
 from identification.model.unlogged import WARMING
 
 __all__ = ["MagnetLag", "WindingLag"]

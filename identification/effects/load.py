@@ -15,10 +15,9 @@ from identification.effects.effect import (
     AbstractRunEffect,
     CampaignScales,
     Candidate,
-    columns,
     register,
 )
-from identification.effects.parameters import amplitude, shape
+from identification.effects.parameters import amplitude, columns, shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,
     resonances,
@@ -232,15 +231,10 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
         """The relative change."""
         return (
             Parameter(
-                "change",
-                "-",
-                f"relative change of the inertia in {_named(self.runs)}",
-                scale=0.1,
-                lower=-0.9,
-                upper=20.0,
-                prior_sd=10.0,
+                "change", "-", f"relative change of the inertia in {_named(self.runs)}", scale=0.1,
+                lower=-0.9, upper=20.0, prior_sd=10.0,
             ),
-        )
+        )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on J [-]."""
@@ -288,23 +282,16 @@ class ShaftCompliance(AbstractSecondInertia):
         return (
             share_of_inertia("fraction of the inertia J behind the elastic shaft"),
             shape(
-                "resonance",
-                "rad/s",
-                "natural frequency of the second inertia, rotor held",
-                self.slowest,
-                self.fastest,
+                "resonance", "rad/s", "natural frequency of the second inertia, rotor held",
+                self.slowest, self.fastest,
             ),
             shape("damping", "-", "damping ratio of the second inertia, rotor held", 0.002, 2.0),
             Parameter(
-                "hardening",
-                "-",
-                f"relative increase of the stiffness at {self.torque_size:.4g} N m",
-                scale=0.1,
-                lower=-0.2,
-                upper=50.0,
-                prior_sd=10.0,
+                "hardening", "-",
+                f"relative increase of the stiffness at {self.torque_size:.4g} N m", scale=0.1,
+                lower=-0.2, upper=50.0, prior_sd=10.0,
             ),
-        )
+        )  # fmt: skip
 
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
         """Acceleration of the second inertia by the shaft [rad/s^2]."""

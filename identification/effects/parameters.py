@@ -1,12 +1,17 @@
-"""Parameters that many effects have, with their usual priors."""
+"""Parameters that many effects have, with their usual priors, and matrices of starting values."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.model.parameter import Parameter
 
-__all__ = ["amplitude", "asymmetry", "shape"]
+__all__ = ["amplitude", "asymmetry", "columns", "shape"]
+
+Array = NDArray[np.float64]
 
 
 def amplitude(
@@ -51,3 +56,8 @@ def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Par
         name, unit, meaning, search="log", lower=lower, upper=upper,
         prior_mean=middle, prior_sd=2.0 * width,
     )  # fmt: skip
+
+
+def columns(*starts: Sequence[float]) -> Array:
+    """(n_parameter, n_start) matrix of starting vectors."""
+    return np.array(starts, dtype=np.float64).T

@@ -37,10 +37,7 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
 
     equation = "mechanical"
     coefficient = "J"
-    states = (
-        State("twist", "rad", fades=True),
-        State("speed", "rad/s", "speed", fades=True),
-    )
+    states = (State("twist", "rad", fades=True), State("speed", "rad/s", "speed", fades=True))
 
     @abstractmethod
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:

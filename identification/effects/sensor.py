@@ -9,14 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.confusion import INDUCTANCE
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import shape
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
@@ -29,12 +23,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = [
-    "ChannelDelay",
-    "CurrentFilter",
-    "InputHold",
-    "SpeedFilter",
-]
+__all__ = ["ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
@@ -236,15 +225,10 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
         """The delay."""
         return (
             Parameter(
-                "delay",
-                "s",
-                f"delay of the {self.channel} channel",
-                scale=self.interval,
-                lower=0.0,
-                upper=(self.depth - 0.01) * self.interval,
-                prior_sd=10.0,
+                "delay", "s", f"delay of the {self.channel} channel", scale=self.interval,
+                lower=0.0, upper=(self.depth - 0.01) * self.interval, prior_sd=10.0,
             ),
-        )
+        )  # fmt: skip
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -10,14 +10,8 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import shape
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -28,11 +22,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = [
-    "Demagnetization",
-    "ResistanceCurvature",
-    "SelfHeating",
-]
+__all__ = ["Demagnetization", "ResistanceCurvature", "SelfHeating"]
 
 
 _LEAST_RISE: Final = 5.0
@@ -125,13 +115,10 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
             )
             found.append(
                 shape(
-                    "quickness",
-                    "-",
-                    "ratio of the fast to the slow thermal time constant",
-                    5e-3,
+                    "quickness", "-", "ratio of the fast to the slow thermal time constant", 5e-3,
                     0.5,
                 )
-            )
+            )  # fmt: skip
         return tuple(found)
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -195,15 +182,10 @@ class ResistanceCurvature(AbstractEffect, AbstractCoefficient):
     coefficient = "Ra"
     parameters = (
         Parameter(
-            "curvature",
-            "1/K^2",
-            "second-order coefficient of the resistance",
-            scale=5e-6,
-            lower=-1e-4,
-            upper=1e-4,
-            prior_sd=5.0,
+            "curvature", "1/K^2", "second-order coefficient of the resistance", scale=5e-6,
+            lower=-1e-4, upper=1e-4, prior_sd=5.0,
         ),
-    )
+    )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on Ra [-]."""
@@ -252,17 +234,12 @@ class Demagnetization(AbstractEffect, AbstractCoefficient):
                 "loss", "-", "lost fraction of Kt", scale=0.05, lower=-0.5, upper=0.9, prior_sd=5.0
             ),
             Parameter(
-                "temperature",
-                "degC",
-                "threshold temperature of the loss",
-                scale=span / 20,
-                lower=self.coldest,
-                upper=self.hottest,
-                prior_mean=0.5 * (self.coldest + self.hottest),
-                prior_sd=20.0,
+                "temperature", "degC", "threshold temperature of the loss", scale=span / 20,
+                lower=self.coldest, upper=self.hottest,
+                prior_mean=0.5 * (self.coldest + self.hottest), prior_sd=20.0,
             ),
             shape("width", "K", "temperature range over which the loss grows", 0.3, 1.5 * span),
-        )
+        )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on Kt [-]."""

@@ -5,18 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identification.effects.confusion import CONSTANT_TORQUE, CONSTANT_VOLTAGE
-from identification.effects.effect import (
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    columns,
-    register,
-)
-from identification.effects.parameters import amplitude
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.parameters import amplitude, columns
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractSensor,
@@ -29,36 +20,15 @@ from identification.model.term import (
 
 __all__ = ["CurrentOffset", "SpeedOffset", "VoltageOffset"]
 
-Array = NDArray[np.float64]
-
-_SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 _DRIFTING: Final = "drift from run to run"
 _EACH_RUN: Final = "separate value for each run"
 _FEWEST_RUNS: Final = 3
-
-
-def _forms(scales: CampaignScales) -> tuple[bool, ...]:
-    """Values of `drifts` to try: a drift needs three runs."""
-    return (False, True) if len(scales.runs) >= _FEWEST_RUNS else (False,)
-
-
-def _zero_error(unit: str, size: float, drifts: bool) -> tuple[Parameter, ...]:
-    offset = amplitude("offset", unit, "zero error", size, signed=True)
-    drift = amplitude("drift", unit, "change of the zero error per run", 0.1 * size, signed=True)
-    return (offset, drift) if drifts else (offset,)
-
-
-def _error_in_run(signals: Signals, values: Values, drifts: bool) -> Expression:
-    return values.offset + values.drift * signals.run if drifts else values.offset
-
-
-def _zero_starts(size: float, drifts: bool) -> Array:
-    return columns((size, 0.0), (0.0, 0.1 * size)) if drifts else columns((size,))
+"""Least number of runs that reveal a drift from run to run."""
 
 
 @dataclass(frozen=True)
-class _ZeroError(AbstractEffect, AbstractSensor):
-    """Zero error of a sensor: logged = true + offset + drift k in the k-th run, counted from 0.
+class _ZeroError(AbstractEffect):
+    """Zero error of a sensor: offset + drift k in the k-th run, counted from 0.
 
     Args:
         size: Scale of the channel, in its unit.
@@ -70,7 +40,9 @@ class _ZeroError(AbstractEffect, AbstractSensor):
 
     equation = "sensor"
     drivers = ()
-    source = _SOURCE
+    source = (
+        "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
+    )
     unit: ClassVar[str]
     tried: ClassVar[float]  # zero error of the prototype over the scale of the channel
 
@@ -82,27 +54,37 @@ class _ZeroError(AbstractEffect, AbstractSensor):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Zero error and, with a drift, its change per run."""
-        return _zero_error(self.unit, self.size, self.drifts)
+        unit, step = self.unit, 0.1 * self.size
+        offset = amplitude("offset", unit, "zero error", self.size, signed=True)
+        drift = amplitude("drift", unit, "change of the zero error per run", step, signed=True)
+        return (offset, drift) if self.drifts else (offset,)
+
+    def _error(self, signals: Signals, values: Values) -> Expression:
+        return values.offset + values.drift * signals.run if self.drifts else values.offset
+
+    @classmethod
+    def _forms(cls, scales: CampaignScales, size: float) -> list[Candidate]:
+        """A constant error and, with three runs or more, a drifting one."""
+        tried = cls.tried * size
+        constant = Candidate(cls(size), columns((tried,)))
+        drifting = Candidate(cls(size, True), columns((tried, 0.0), (0.0, 0.1 * tried)), joint=2)
+        return [constant, drifting] if len(scales.runs) >= _FEWEST_RUNS else [constant]
+
+
+@dataclass(frozen=True)
+class _SensorZero(_ZeroError, AbstractSensor):
+    """Zero error of a logged channel, added to its reading."""
 
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Logged value, in the unit of the channel."""
-        return before + _error_in_run(signals, values, self.drifts)
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """A constant error and, with three runs or more, a drifting one."""
-        size = float(getattr(scales, cls.channel))
-        return [
-            Candidate(cls(size, drifts), _zero_starts(cls.tried * size, drifts), joint=1 + drifts)
-            for drifts in _forms(scales)
-        ]
+        return before + self._error(signals, values)
 
 
 @register
 @dataclass(frozen=True)
-class CurrentOffset(_ZeroError):
+class CurrentOffset(_SensorZero):
     """Zero error of the current sensor: logged current = i + offset [A].
 
     The zero of a Hall sensor drifts with its temperature and its magnetic history.  If the error
@@ -156,14 +138,14 @@ class CurrentOffset(_ZeroError):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with several runs, one free in each record: it covers any drift."""
-        constant, *_ = super().candidates(scales)
+        constant, *_ = cls._forms(scales, scales.current)
         own = replace(constant, fitted=cls(scales.current, own=True))
         return [constant, own] if len(scales.runs) > 1 else [constant]
 
 
 @register
 @dataclass(frozen=True)
-class SpeedOffset(_ZeroError):
+class SpeedOffset(_SensorZero):
     """Zero error of the speed sensor: logged speed = w + offset [rad/s]."""
 
     name = "speed_offset"
@@ -172,47 +154,30 @@ class SpeedOffset(_ZeroError):
     unit = "rad/s"
     tried = 0.02
 
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """A constant error and, with three runs or more, a drifting one."""
+        return cls._forms(scales, scales.speed)
+
 
 @register
 @dataclass(frozen=True)
-class VoltageOffset(AbstractEffect, AbstractSupply):
+class VoltageOffset(_ZeroError, AbstractSupply):
     """Zero error of the voltage sensor.
 
-        terminal voltage = logged voltage - offset - drift k   in run k = 0, 1, ...         [V]
-
-    Args:
-        size: Voltage scale [V].
-        drifts: Whether the error changes linearly with the run number.
+    terminal voltage = logged voltage - offset - drift k   in run k = 0, 1, ...         [V]
     """
-
-    size: float
-    drifts: bool = False
 
     name = "voltage_offset"
     confusions = (CONSTANT_VOLTAGE,)
-    equation = "sensor"
-    drivers = ()
-    source = _SOURCE
-
-    @property
-    def variant(self) -> str:
-        """Label of a drifting error; empty for a constant one."""
-        return _DRIFTING if self.drifts else ""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Zero error and, with a drift, its change per run."""
-        return _zero_error("V", self.size, self.drifts)
+    unit = "V"
+    tried = 0.03
 
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
         """Terminal voltage [V]."""
-        return before - _error_in_run(signals, values, self.drifts)
+        return before - self._error(signals, values)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with three runs or more, a drifting one."""
-        size = scales.voltage
-        return [
-            Candidate(cls(size, drifts), _zero_starts(0.03 * size, drifts), joint=1 + drifts)
-            for drifts in _forms(scales)
-        ]
+        return cls._forms(scales, scales.voltage)

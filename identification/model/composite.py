@@ -143,6 +143,11 @@ class MotorModel:
         own = [f"{term.name}.{state.name}" for term in self.terms for state in term.states]
         return ("current", "speed", *own)
 
+    def symbols(self, history: int = 0) -> tuple[Expression, Expression, Expression]:
+        """Symbols of the state followed by `history` further values, the inputs, the parameters."""
+        state = ca.SX.sym("x", len(self.state_names) + history)
+        return state, ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(self.parameters))
+
     def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
         """Right-hand side dx/dt of the state equations.
 

@@ -75,7 +75,7 @@ class Record:
     @property
     def interval(self) -> float:
         """Longest sample interval [s]."""
-        return float(self.inputs[:, 0].max())
+        return float(self.column("interval").max())
 
     @cached_property
     def head(self) -> Array:
@@ -212,15 +212,11 @@ def _record(
         [np.ones(time.size) if mask is None else 1.0 - mask[span] for mask in clipped]
     )
     return Record(
-        run=number,
-        name=run.name,
-        start=start,
-        time=time,
+        run=number, name=run.name, start=start, time=time,
         inputs=np.column_stack([columns[name] for name in INPUTS]),
-        measured=np.column_stack([run.current[span], speed]),
-        weight=weight,
+        measured=np.column_stack([run.current[span], speed]), weight=weight,
         angle_logged=run.position is not None,
-    )
+    )  # fmt: skip
 
 
 def smooth_temperature(run: Run) -> Array:

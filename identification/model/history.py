@@ -27,7 +27,7 @@ average and its slope."""
 
 def history_size(model: MotorModel) -> int:
     """Number of history values in the carry, after the state."""
-    delays = sum((2 + 4 * int(term.depth)) * len(_delayed(term)) for term in model.delays)
+    delays = sum((2 + 4 * term.depth) * len(_delayed(term)) for term in model.delays)
     return _MEAN * len(model.averaged) + delays
 
 
@@ -46,7 +46,7 @@ def initial_history(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[n
         np.concatenate(
             [
                 [logged[channel], 0.0],
-                np.tile([logged[channel], logged[channel], 0.0, 0.0], int(term.depth)),
+                np.tile([logged[channel], logged[channel], 0.0, 0.0], term.depth),
             ]
         )
         for term in model.delays
@@ -103,7 +103,7 @@ def updated_history(
         slopes[0][channel], slopes[1][channel] = slope * interval, after[1] * interval
     for term in model.delays:
         lag = model.lag(term, parameter)
-        depth = int(term.depth)
+        depth = term.depth
         for channel in _delayed(term):
             waiting = history[start : start + 2]
             past = history[start + 2 : start + 2 + 4 * depth]

@@ -123,11 +123,7 @@ def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
         ],
         first.lines["shared"],
         first.lines["lane"],
-        [
-            "  br label %outer",
-            "outer:",
-            "  %k = phi i64 [ 0, %begin ], [ %kn, %latch ]",
-        ],
+        ["  br label %outer", "outer:", "  %k = phi i64 [ 0, %begin ], [ %kn, %latch ]"],
         [line.replace("%entry", "%begin") for line in (*blocks, *outer)],
         [
             "  %left = sub i64 %n, %k",

@@ -51,9 +51,7 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
         Left-hand side, such as ``di/dt`` or ``logged current``, to right-hand side.
     """
     state_names = [_SYMBOLS.get(name, name) for name in model.state_names]
-    state = ca.SX.sym("x", len(state_names))
-    inputs = ca.SX.sym("u", len(INPUTS))
-    parameter = ca.SX.sym("p", len(model.parameters))
+    state, inputs, parameter = model.symbols()
     names = (
         state_names,
         [_SYMBOLS.get(name, name) for name in INPUTS],

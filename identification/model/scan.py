@@ -109,10 +109,7 @@ class Scan:
             )
 
     def __call__(
-        self,
-        inputs: Sequence[Array],
-        parameters: Sequence[Array] | Array,
-        carries: Sequence[Array],
+        self, inputs: Sequence[Array], parameters: Sequence[Array] | Array, carries: Sequence[Array]
     ) -> tuple[list[Array], list[Array]]:
         """Run the loop over every record, in parallel over records and blocks of lanes.
 

@@ -27,7 +27,7 @@ from identification.model.excitation import Record
 from identification.model.history import initial_history
 from identification.model.misfit import MisfitLoop, compared
 from identification.model.scan import Effort, Scan, scan_of
-from identification.model.step import advance, step_function, symbols
+from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
 from identification.model.substeps import (
     Counts,
@@ -125,10 +125,7 @@ class Simulator:
         """Carry before the first sample of each record, (n_state + n_history, n_lane)."""
         return [
             np.concatenate(
-                [
-                    _lanes(state, lanes),
-                    _lanes(initial_history(self.model, record.head), lanes),
-                ]
+                [_lanes(state, lanes), _lanes(initial_history(self.model, record.head), lanes)]
             )
             for state, record in zip(states, self.records, strict=True)
         ]
@@ -317,7 +314,7 @@ def _logged_scan(model: MotorModel, plan: StepPlan, effort: Effort) -> Scan:
 
 @lru_cache(_STRUCTURES)
 def _states_scan(model: MotorModel, plan: StepPlan) -> Scan:
-    x, u, p = symbols(model)
+    x, u, p = model.symbols()
     return scan_of(
         ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]), effort="once"
     )

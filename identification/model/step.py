@@ -38,18 +38,9 @@ from identification.model.history import history_size, updated_history
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
-__all__ = ["advance", "step_function", "symbols", "transition_functions"]
+__all__ = ["advance", "step_function", "transition_functions"]
 
 _STRUCTURES: Final = 128
-
-
-def symbols(model: MotorModel) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """State (n_state,), inputs (n_input,) and parameters (n_parameter,) of a model."""
-    return (
-        ca.SX.sym("x", len(model.state_names)),
-        ca.SX.sym("u", len(INPUTS)),
-        ca.SX.sym("p", len(model.parameters)),
-    )
 
 
 @lru_cache(_STRUCTURES)
@@ -58,12 +49,9 @@ def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
 
     The carry is the state, followed by the history of delayed and averaged channels (`history.py`).
     """
-    n = len(model.state_names)
-    carry = ca.SX.sym("x", n + history_size(model))
-    inputs = ca.SX.sym("u", len(INPUTS))
-    parameter = ca.SX.sym("p", len(model.parameters))
+    n, averaged = len(model.state_names), model.averaged
+    carry, inputs, parameter = model.symbols(history_size(model))
     state = carry[:n]
-    averaged = model.averaged
     whole = advance(model, plan, state, inputs, parameter, averaged)
     advanced = whole[:n]
     logged = model.logged(state, inputs, parameter)
@@ -100,10 +88,7 @@ def advance(
     """
     n = state.numel()
     state = ca.vertcat(state, *[0] * len(integrated))
-    x, u, p = (
-        ca.SX.sym(name, symbol.numel())
-        for name, symbol in (("x", state), ("u", inputs), ("p", parameter))
-    )
+    x, u, p = model.symbols(len(integrated))
     rates = model.rates(x[:n], u, p)
     if integrated:
         logged = model.logged(x[:n], u, p)
@@ -123,9 +108,8 @@ def advance(
     moved = moves(f, drift)
     if not _is_curved(rates, x, u):
         return state + moved
-    at_end = ca.Function("rates", [x, u, p], [rates])(
-        state + moved, now + interval * slopes, parameter
-    )
+    ends = state + moved, now + interval * slopes, parameter
+    at_end = ca.Function("rates", [x, u, p], [rates])(*ends)
     return state + moved + corrects(at_end - f - ca.mtimes(matrix, moved) - drift)
 
 
@@ -222,10 +206,7 @@ def _pairs(
 
     def product(x: _Pair, y: _Pair) -> _Pair:
         both = x[1] * y[1]
-        return (
-            x[0] * y[0] - both * determinant,
-            x[0] * y[1] + x[1] * y[0] + both * trace,
-        )
+        return (x[0] * y[0] - both * determinant, x[0] * y[1] + x[1] * y[0] + both * trace)
 
     def through(constant: float, x: _Pair) -> _Pair:
         """The scalars of constant + Z x."""
@@ -255,13 +236,12 @@ def transition_functions(model: MotorModel, plan: StepPlan) -> tuple[ca.Function
     matrices, which vary slowly with the temperature.  The second function (state, inputs,
     transition) -> (state at the next sample, readings at this one) applies them at each sample.
     """
-    x, u, p = symbols(model)
+    x, u, p = model.symbols()
     now, _ = _inputs_within(model, u)
     rates = model.rates(x, u, p)
     column = INPUTS.index("voltage")
-    linear = ca.Function(
-        "linear", [x, u, p], [ca.jacobian(rates, x), ca.jacobian(rates, u)[:, column]]
-    )
+    derivatives = [ca.jacobian(rates, x), ca.jacobian(rates, u)[:, column]]
+    linear = ca.Function("linear", [x, u, p], derivatives)
     jacobian, gain = linear(ca.DM.zeros(2), now, p)
     z, phi0, phi1, phi2, _ = _pairs(jacobian, u[0], plan)
     one, pushed = ca.SX.eye(2), ca.mtimes(z, gain)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.scan import Scan, scan_of
-from identification.model.step import advance, symbols
+from identification.model.step import advance
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
@@ -92,7 +92,7 @@ def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
 @lru_cache(_STRUCTURES)
 def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
-    x, u, p = symbols(model)
+    x, u, p = model.symbols()
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
     first, second = _halves(u, model.held)
     end = step(step(x, first, p), second, p)

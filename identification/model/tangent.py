@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import MotorModel
 from identification.model.history import history_size
 from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
@@ -151,8 +151,7 @@ def stretch(
 
 @lru_cache(_STRUCTURES)
 def _tangent_scan(model: MotorModel, plan: StepPlan) -> Scan:
-    u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
-    x = ca.SX.sym("x", len(model.state_names) + history_size(model))
+    x, u, p = model.symbols(history_size(model))
     dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
     both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
     following, logged = step_function(model, plan)(x, u, p)

@@ -97,23 +97,15 @@ class Unlogged:
 
     def _warming(self, run: int) -> Parameter:
         return Parameter(
-            f"warming_of_run_{run + 1}",
-            "K",
-            f"what run {run + 1} warmed by, which was not logged",
-            lower=-100.0,
-            upper=200.0,
-            scale=WARMING,
-            prior_sd=1.0,
-        )
+            f"warming_of_run_{run + 1}", "K", f"what run {run + 1} warmed by, which was not logged",
+            lower=-100.0, upper=200.0, scale=WARMING, prior_sd=1.0,
+        )  # fmt: skip
 
     def _middle(self, run: int) -> Parameter:
         return Parameter(
-            f"temperature_of_run_{run + 1}",
-            "degC",
+            f"temperature_of_run_{run + 1}", "degC",
             f"temperature of run {run + 1}, which was not logged",
             lower=min(COLDEST, self.expected - _SPREAD),
-            upper=max(HOTTEST, self.expected + _SPREAD),
-            scale=_SPREAD,
-            prior_mean=self.expected,
+            upper=max(HOTTEST, self.expected + _SPREAD), scale=_SPREAD, prior_mean=self.expected,
             prior_sd=1.0,
-        )
+        )  # fmt: skip

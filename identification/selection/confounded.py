@@ -39,8 +39,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import Candidate, columns
+from identification.effects.effect import Candidate
 from identification.effects.friction import CoulombFriction
+from identification.effects.parameters import columns
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import MotorModel
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan
@@ -114,8 +114,7 @@ def _response(output: Array, n: int, force: Array, counts: Counts | None, stride
 @lru_cache(32)
 def _transitions(model: MotorModel, plan: StepPlan) -> Scan:
     """Compiled loop that outputs the Jacobians of each step along the trajectory."""
-    x = ca.SX.sym("x", len(model.state_names))
-    u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
+    x, u, p = model.symbols()
     n = x.numel() - 2
     following = advance(model, plan, x, u, p)
     logged = model.logged(x, u, p)

@@ -125,15 +125,12 @@ class AbstractCurve(AbstractForced):
             *heights,
             *(
                 Parameter(
-                    f"linear_{name}",
-                    self.unit,
-                    f"coefficient of the part linear in {name}",
-                    scale=width,
-                    prior_sd=1.0,
+                    f"linear_{name}", self.unit, f"coefficient of the part linear in {name}",
+                    scale=width, prior_sd=1.0,
                 )
                 for name, width in self._free()
             ),
-        )
+        )  # fmt: skip
 
     def _free(self) -> list[tuple[str, float]]:
         """Signals of the free linear parts, with their prior standard deviations."""
@@ -289,10 +286,11 @@ def _evaluated(function: ca.Function, points: Array) -> Array:
 
     Uses buffers, since the conversion of an array to a CasADi matrix would dominate the run time.
     """
-    given: Any = np.ascontiguousarray(points.T)
-    found: Any = np.empty((points.shape[1], function.size1_out(0)))
+    given = np.ascontiguousarray(points.T)
+    found = np.empty((points.shape[1], function.size1_out(0)))
     buffer, evaluate = function.map(points.shape[1]).buffer()
-    buffer.set_arg(0, memoryview(given))  # type: ignore[call-arg]
-    buffer.set_res(0, memoryview(found))  # type: ignore[call-arg]
+    # A memoryview has a size of its own; the stubs lack this overload.
+    buffer.set_arg(0, given.data)  # type: ignore[call-arg]
+    buffer.set_res(0, found.data)  # type: ignore[call-arg]
     evaluate()
     return np.asarray(found.T)

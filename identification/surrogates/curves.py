@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
-from identification.model.term import (
-    AbstractTorque,
-    AbstractVoltage,
-    Expression,
-    Signals,
-    Values,
-)
+from identification.model.term import AbstractTorque, AbstractVoltage, Expression, Signals, Values
 from identification.surrogates.collinear import imitated
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
 
@@ -98,10 +92,7 @@ class MissingVoltage(AbstractCurve, AbstractVoltage):
 
 
 def _curves(
-    kind: type[AbstractCurve],
-    scales: CampaignScales,
-    size: float,
-    pairs: Sequence[tuple[str, str]],
+    kind: type[AbstractCurve], scales: CampaignScales, size: float, pairs: Sequence[tuple[str, str]]
 ) -> list[Candidate]:
     """Curves of one kind, the spline coefficients of each scored together."""
     terms = (_curve(kind, scales, along, carrier, size) for along, carrier in pairs)
@@ -192,10 +183,6 @@ def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Arra
 def _every(record: Record, step: int) -> Record:
     """Every `step`-th sample of a record; its intervals are not valid for simulation."""
     return replace(
-        record,
-        time=record.time[::step],
-        inputs=record.inputs[::step],
-        measured=record.measured[::step],
-        weight=record.weight[::step],
-        whole=None,
-    )
+        record, time=record.time[::step], inputs=record.inputs[::step],
+        measured=record.measured[::step], weight=record.weight[::step], whole=None,
+    )  # fmt: skip

@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractForced, CampaignScales, Candidate, columns
-from identification.effects.parameters import amplitude
+from identification.effects.effect import AbstractForced, CampaignScales, Candidate
+from identification.effects.parameters import amplitude, columns
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -73,25 +73,17 @@ class _Ripple(AbstractForced):
         """Frequency f and drift d, and the amplitudes unless they are per-record states."""
         shared = (
             Parameter(
-                "frequency",
-                "Hz",
-                "frequency at the start of a run",
-                scale=0.1 / self.duration,
-                lower=self.lowest,
-                upper=self.highest,
+                "frequency", "Hz", "frequency at the start of a run", scale=0.1 / self.duration,
+                lower=self.lowest, upper=self.highest,
                 prior_mean=0.5 * (self.lowest + self.highest),
                 prior_sd=10.0 * self.highest * self.duration,
             ),
             Parameter(
-                "drift",
-                "Hz",
-                "change of the frequency over the duration of the longest run",
-                scale=0.1 / self.duration,
-                lower=-self.highest,
-                upper=self.highest,
+                "drift", "Hz", "change of the frequency over the duration of the longest run",
+                scale=0.1 / self.duration, lower=-self.highest, upper=self.highest,
                 prior_sd=10.0 * self.highest * self.duration,
             ),
-        )
+        )  # fmt: skip
         if self.free:
             return shared
         return shared + tuple(

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from identification.effects.effect import AbstractEffect
-from identification.surrogates.backlash import Backlash
 from identification.surrogates.curves import MissingTorque, MissingVoltage
-from identification.surrogates.friction import AngularFriction, DahlFriction
+from identification.surrogates.laws import AngularFriction, Backlash, DahlFriction, SupplySag
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple
-from identification.surrogates.supply import SupplySag
 
 __all__ = ["LAWS", "SURROGATES"]
 

@@ -13,7 +13,7 @@ from identification.effects.second_inertia import AbstractSecondInertia
 from identification.fit.declared import fit_declared
 from identification.model.term import Signals, Values
 from identification.selection.search import search
-from identification.surrogates.backlash import Backlash
+from identification.surrogates.laws import Backlash
 from tests.effects.hidden import records_of_bench
 
 SHAFT = ShaftCompliance(1.0, 10.0, 1e4)

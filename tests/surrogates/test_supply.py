@@ -14,7 +14,7 @@ from identification.ingest.run import Run
 from identification.selection.outcome import Outcome
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
-from identification.surrogates.supply import SupplySag
+from identification.surrogates.laws import SupplySag
 
 ROWS = 1500
 TEMPERATURES = (30.0, 65.0, 100.0, 50.0)

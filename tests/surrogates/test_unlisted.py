@@ -25,7 +25,7 @@ from identification.selection.search import search
 from identification.selection.tracing import missing_curves, traced
 from identification.surrogates.curves import MissingTorque
 from identification.surrogates.entry import term_of
-from identification.surrogates.friction import AngularFriction
+from identification.surrogates.laws import AngularFriction
 from identification.surrogates.unlisted import LAWS, SURROGATES
 from tests.effects.hidden import records_of_bench
 from tests.motors import Motor, campaign, motor_named

@@ -1,0 +1,302 @@
+"""Physical laws outside the catalogue, which no curve in a signal can represent.
+
+Contacts bend before they slide, so friction reverses over a distance instead of at once (Dahl).  A
+bent shaft rubs in one part of the revolution.  The angle may be counted from wherever a run began,
+or be integrated from the speed; the phase of this friction is then unknown, so its amplitudes are
+free in each record.  A gear or coupling with play disengages when the torque reverses: the rotor
+turns alone until it has crossed the play.  A supply sags with the current that a chopper draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.effect import (
+    AbstractEffect,
+    AbstractForced,
+    CampaignScales,
+    Candidate,
+)
+from identification.effects.parameters import amplitude, columns, shape
+from identification.effects.second_inertia import (
+    AbstractSecondInertia,
+    resonances,
+    share_of_inertia,
+)
+from identification.model.excitation import Record
+from identification.model.parameter import Parameter
+from identification.model.term import (
+    AbstractTorque,
+    AbstractVoltage,
+    Expression,
+    Signals,
+    State,
+    Values,
+)
+
+__all__ = ["AngularFriction", "Backlash", "DahlFriction", "SupplySag"]
+
+Array = NDArray[np.float64]
+
+_HARMONICS: Final = 4
+_LEAST_TURNS: Final = 1.0
+_STEEP: Final = 3e-3
+"""Width of the smoothed sign of the speed, over the speed scale."""
+_ROUNDED: Final = 1e-3
+"""Width of the smoothed magnitude of the speed, over the speed scale."""
+_CORNER: Final = 0.05
+"""Width of the rounded corners of the dead zone, over the play."""
+_PLAYS: Final = 12
+_CONTACTS: Final = 7
+
+
+@dataclass(frozen=True)
+class AngularFriction(AbstractForced, AbstractTorque):
+    """Dry friction whose level is periodic in the shaft angle phi.
+
+        tau = -sign(w) (a_0 + sum_k a_k sin(k phi) + b_k cos(k phi))         [N m]
+
+    Args:
+        torque_size: Torque scale [N m].
+        turning: Speed scale [rad/s].
+        free: Whether the amplitudes are per-record states; if not, they are parameters, as the
+            score test requires.
+    """
+
+    torque_size: float
+    turning: float
+    free: bool = True
+
+    name = "unlisted"
+    variant = "Coulomb friction periodic in the shaft angle"
+    equation = "mechanical"
+    drivers = ("position", "speed")
+    source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The amplitudes, unless they are per-record states."""
+        if self.free:
+            return ()
+        return tuple(
+            amplitude(name, "N m", name, self.torque_size, signed=True) for name in _names()
+        )
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The amplitudes, if they are free in each record."""
+        names = _names() if self.free else []
+        return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
+
+    def expecting(self, size: float) -> AngularFriction:
+        """The term with this prior standard deviation of the per-record amplitudes [N m]."""
+        return replace(self, torque_size=size)
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """The torque [N m]."""
+        own = states if self.free else values
+        level = own.level
+        for k in range(1, _HARMONICS + 1):
+            level = level + getattr(own, f"sine_{k}") * ca.sin(k * signals.angle)
+            level = level + getattr(own, f"cosine_{k}") * ca.cos(k * signals.angle)
+        return -level * signals.speed / ca.sqrt(signals.speed**2 + (_STEEP * self.turning) ** 2)
+
+    def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
+        """Torque of each start along a trajectory, (n_sample, n_start) [N m]."""
+        angle = record.column("angle")
+        waves = [np.ones(record.rows)]
+        for k in range(1, _HARMONICS + 1):
+            waves += [np.sin(k * angle), np.cos(k * angle)]
+        direction = speed / np.sqrt(speed**2 + (_STEEP * self.turning) ** 2)
+        return np.asarray(-(np.column_stack(waves) * direction[:, None]) @ starts)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate, its amplitudes scored together, if the shaft makes a full revolution."""
+        turned = max(float(np.ptp(r.column("angle"))) for r in scales.records) / (2 * np.pi)
+        if turned < _LEAST_TURNS:
+            return []
+        shared = (scales.torque, scales.speed)
+        starts = 0.05 * scales.torque * np.eye(len(_names()))
+        return [Candidate(cls(*shared, False), starts, joint=len(_names()), fitted=cls(*shared))]
+
+
+@dataclass(frozen=True)
+class DahlFriction(AbstractEffect, AbstractTorque):
+    """Dahl friction: a torque that follows the direction of the motion over a distance d.
+
+        tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
+
+    Args:
+        torque_size: Torque scale [N m].
+        speed_size: Speed scale [rad/s].
+        nearest: Shortest distance that the sampling resolves [rad].
+        farthest: Longest distance that a record resolves [rad].
+    """
+
+    torque_size: float
+    speed_size: float
+    nearest: float
+    farthest: float
+
+    name = "unlisted"
+    variant = "Dahl friction"
+    equation = "mechanical"
+    drivers = ("speed",)
+    source = "Dahl, AIAA Journal 14 (1976), 1675-1682"
+    states = (State("deflection", "-", scale=1.0, fades=True),)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Torque and distance."""
+        return (
+            amplitude("torque", "N m", "friction torque in sliding", self.torque_size),
+            shape(
+                "distance", "rad", "presliding distance d in the formula", self.nearest,
+                self.farthest,
+            ),
+        )  # fmt: skip
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque opposite to the relative deflection z [N m]."""
+        return -values.torque * states.deflection
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        """Rate of the relative deflection z [1/s]."""
+        speed = signals.speed
+        size = ca.sqrt(speed * speed + (_ROUNDED * self.speed_size) ** 2)
+        return [(speed - size * states.deflection) / values.distance]
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate, its distance scanned."""
+        nearest = 0.3 * scales.speed * scales.interval
+        farthest = 0.3 * scales.speed * scales.duration
+        if farthest < 10 * nearest:
+            return []
+        scanned = np.geomspace(2 * nearest, farthest / 3, 5)
+        starts = [(0.05 * scales.torque, float(d)) for d in scanned]
+        return [Candidate(cls(scales.torque, scales.speed, nearest, farthest), columns(*starts))]
+
+
+def _names() -> list[str]:
+    waves = [f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")]
+    return ["level", *waves]
+
+
+@dataclass(frozen=True)
+class Backlash(AbstractSecondInertia):
+    """Second inertia behind backlash.
+
+        a = w_0^2 d(theta) + 2 z w_0 d'(theta) (w - w_2)
+
+    d is the dead zone: the twist theta beyond the play, with rounded corners.  Its slope d'
+    restricts the damping to contact.
+
+    Args:
+        slowest: Lowest natural frequency in contact [rad/s].
+        fastest: Highest resonance that the sampling resolves [rad/s].
+        narrowest: Smallest play that is distinguishable from none [rad].
+        widest: Largest play that is crossed within a record [rad].
+    """
+
+    slowest: float
+    fastest: float
+    narrowest: float
+    widest: float
+
+    name = "unlisted"
+    variant = "backlash"
+    drivers = ("speed", "position")
+    source = "Nordin and Gutman, Automatica 38 (2002), 1633-1649"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Share of the inertia, play, and resonance and damping in contact."""
+        return (
+            share_of_inertia("fraction of the inertia J behind the backlash"),
+            shape("play", "rad", "width of the backlash", self.narrowest, self.widest),
+            shape("resonance", "rad/s", "natural frequency in contact", self.slowest, self.fastest),
+            shape("damping", "-", "damping ratio in contact", 0.02, 3.0),
+        )
+
+    def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
+        """Acceleration of the second inertia by the contact [rad/s^2]."""
+        half, corner = values.play / 2, _CORNER * values.play
+        above, below = twist - half, twist + half
+        far, near = ca.sqrt(above**2 + corner**2), ca.sqrt(below**2 + corner**2)
+        beyond = twist + (far - near) / 2
+        slope = 1 + (above / far - below / near) / 2
+        return values.resonance * (values.resonance * beyond + 2 * values.damping * slope * slip)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate, its play scanned with a contact nearly as stiff as the sampling resolves.
+
+        The motion after an impact is sensitive to all parameters, so a fit converges only from
+        nearby: the refit tries a grid of starting points.
+        """
+        reach = resonances(scales)
+        narrowest = 0.1 * scales.speed * scales.interval
+        widest = scales.speed * scales.duration
+        if reach is None or widest < 100 * narrowest:
+            return []
+        slowest, fastest = reach
+        scanned = np.geomspace(5 * narrowest, widest / 10, 8)
+        starts = [(s, play, 0.4 * fastest, 0.5) for s in (0.2, 0.5) for play in scanned]
+        plays = np.geomspace(3 * narrowest, widest / 20, _PLAYS)
+        contacts = np.geomspace(2 * slowest, 0.5 * fastest, _CONTACTS)
+        tried = columns(*product((0.2, 0.4, 0.6), plays, contacts, (0.1, 0.4, 1.2)))
+        term = cls(slowest, fastest, narrowest, widest)
+        return [Candidate(term, columns(*starts), tried=tried)]
+
+
+@dataclass(frozen=True)
+class SupplySag(AbstractEffect, AbstractVoltage):
+    """Voltage sag by the supply resistance of a chopper, if the commanded voltage v is logged.
+
+        voltage = -R_s (v / v_0)^2 i                                        [V]
+
+    A chopper with duty d = v / V draws the current d i from a supply of voltage V and resistance R.
+    The supply voltage falls by R d i, and the motor's voltage by R d^2 i.  At full duty this is a
+    resistance in series with the armature; at low duty it vanishes.  Runs at several voltages
+    therefore separate R_s from Ra.  V is not logged: R_s is the equivalent resistance at v_0.
+
+    Args:
+        voltage_size: Voltage scale v_0 [V].
+        resistance_size: Resistance scale, that of the armature [ohm].
+    """
+
+    voltage_size: float
+    resistance_size: float
+
+    name = "unlisted"
+    variant = "voltage sag of the supply of a chopper"
+    equation = "electrical"
+    drivers = ("voltage", "current")
+    source = (
+        "Erickson and Maksimovic, Fundamentals of Power Electronics (2001), chapter 3 (dc "
+        "transformer model of a converter)"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The resistance R_s at v_0."""
+        meaning = f"equivalent resistance of the supply at {self.voltage_size:.3g} V"
+        return (amplitude("resistance", "ohm", meaning, self.resistance_size),)
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Voltage of the sag, opposite to the current [V]."""
+        return -values.resistance * (signals.voltage / self.voltage_size) ** 2 * signals.current
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate."""
+        size = scales.nominal("Ra25")
+        return [Candidate(cls(scales.voltage, size), columns((0.05 * size,)))]
