@@ -54,8 +54,6 @@ class CampaignScales:
         torque: Kt25 times `current` [N m].
         interval: Median sample interval [s].
         duration: Duration of the longest record [s].
-        speed_noise: Standard deviation of the speed residual [rad/s].
-        current_noise: Standard deviation of the current residual [A].
         values: (7,) physical values of the nominal parameters in the fit.
         angle_logged: Whether the shaft angle is logged; if not, it is integrated from the speed.
         orders: Prominent orders of the residual, in periods per revolution [-].
@@ -70,8 +68,6 @@ class CampaignScales:
     torque: float
     interval: float
     duration: float
-    current_noise: float
-    speed_noise: float
     values: Array
     angle_logged: bool
     orders: tuple[float, ...] = ()
@@ -92,10 +88,16 @@ class CampaignScales:
         return all(record.expected is None for record in self.records)
 
     @property
+    def temperatures(self) -> tuple[float, float]:
+        """Lowest and highest temperature logged in the training runs [degC]."""
+        columns = [record.column("temperature") for record in self.records]
+        return min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
+
+    @property
     def heated(self) -> float:
         """Range of the logged temperature over all training runs [K]."""
-        columns = [record.column("temperature") for record in self.records]
-        return float(max(c.max() for c in columns) - min(c.min() for c in columns))
+        coldest, hottest = self.temperatures
+        return hottest - coldest
 
 
 @dataclass(frozen=True)

@@ -95,16 +95,9 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its knee scanned."""
-        term = cls(scales.voltage, scales.current)
-        knees = (0.02, 0.1, 0.4)
-        return [
-            Candidate(
-                term,
-                columns(
-                    *[(0.03 * scales.voltage, k * scales.current, 2.0, 1.0, 0.0) for k in knees]
-                ),
-            )
-        ]
+        drop, knees = 0.03 * scales.voltage, (0.02, 0.1, 0.4)
+        starts = [(drop, knee * scales.current, 2.0, 1.0, 0.0) for knee in knees]
+        return [Candidate(cls(scales.voltage, scales.current), columns(*starts))]
 
 
 @dataclass(frozen=True)

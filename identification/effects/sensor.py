@@ -99,20 +99,15 @@ class _Filter(AbstractEffect, AbstractSensor):
         """One candidate of each order, its time constant scanned."""
         scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * scales.interval, 300 * scales.interval
-        return [
-            Candidate(
-                cls(*ends), columns(*[(time,) for time in scanned]), traded=cls._traded(scales, ())
-            ),
-            Candidate(
-                cls(*ends, 2),
-                columns(*[(time, 0.4) for time in scanned]),
-                traded=cls._traded(scales, (0.4,)),
-            ),
-        ]
+        found = []
+        for order, second in ((1, ()), (2, (0.4,))):
+            starts = columns(*[(time, *second) for time in scanned])
+            found.append(Candidate(cls(*ends, order), starts, traded=cls._traded(scales, second)))
+        return found
 
     @classmethod
     def _traded(
-        cls, scales: CampaignScales, shape: tuple[float, ...]
+        cls, scales: CampaignScales, second: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
         """Starting points at which nominal parameters give back the lag that they had absorbed."""
         return ()
@@ -192,7 +187,7 @@ class CurrentFilter(_Filter):
 
     @classmethod
     def _traded(
-        cls, scales: CampaignScales, shape: tuple[float, ...]
+        cls, scales: CampaignScales, second: tuple[float, ...]
     ) -> tuple[tuple[Array, dict[str, float]], ...]:
         """Splits of the fitted lag L / Ra25 between winding and filter, their sum unchanged.
 
@@ -200,7 +195,7 @@ class CurrentFilter(_Filter):
         """
         lag = scales.nominal("L") / scales.nominal("Ra25")
         return tuple(
-            (np.array([(1.0 - share) * lag, *shape]), {"L": share}) for share in _INDUCTANCES
+            (np.array([(1.0 - share) * lag, *second]), {"L": share}) for share in _INDUCTANCES
         )
 
 

@@ -25,6 +25,8 @@ from identification.model.term import (
 __all__ = ["Demagnetization", "ResistanceCurvature", "SelfHeating"]
 
 
+_STEADY: Final = "thermal resistance: steady temperature rise over the loss"
+_RATIO: Final = "ratio of the fast to the slow thermal time constant"
 _LEAST_RISE: Final = 5.0
 """Smallest rise at the loss scale if no temperature is logged [K].  The surroundings can cause a
 smaller rise."""
@@ -97,28 +99,17 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
             return Parameter(name, "K/W", meaning, scale=scale, lower=lower, prior_sd=20.0)
 
         found = [
-            resistance(
-                "resistance",
-                "thermal resistance: steady temperature rise over the loss",
-                self.least,
-            ),
+            resistance("resistance", _STEADY, self.least),
             shape("time_constant", "s", "thermal time constant", self.fastest, self.slowest),
         ]
         if self.is_iron:
-            meaning = f"iron loss at {self.speed_size:.4g} rad/s"
-            found.append(
-                Parameter("iron", "W", meaning, scale=self.power_size, lower=0.0, prior_sd=5.0)
-            )
+            meaning, size = f"iron loss at {self.speed_size:.4g} rad/s", self.power_size
+            found.append(Parameter("iron", "W", meaning, scale=size, lower=0.0, prior_sd=5.0))
         if self.bodies > 1:
-            found.append(
-                resistance("resistance_2", "thermal resistance between winding and second body")
-            )
-            found.append(
-                shape(
-                    "quickness", "-", "ratio of the fast to the slow thermal time constant", 5e-3,
-                    0.5,
-                )
-            )  # fmt: skip
+            found += [
+                resistance("resistance_2", "thermal resistance between winding and second body"),
+                shape("quickness", "-", _RATIO, 5e-3, 0.5),
+            ]
         return tuple(found)
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -249,10 +240,8 @@ class Demagnetization(AbstractEffect, AbstractCoefficient):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its threshold scanned, if the temperature range is at least 5 K."""
-        columns_ = [record.column("temperature") for record in scales.records]
-        coldest = min(float(c.min()) for c in columns_)
-        hottest = max(float(c.max()) for c in columns_)
-        if hottest - coldest < 5.0:
+        coldest, hottest = scales.temperatures
+        if scales.heated < 5.0:
             return []
         term = cls(coldest, hottest)
         scanned = coldest + (hottest - coldest) * np.linspace(0.1, 0.95, 10)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 __all__ = ["Coordinates", "Parameter"]
 
 Array = NDArray[np.float64]
+Number = TypeVar("Number", np.float64, np.bool_)
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,5 @@ class Coordinates:
         return np.where(inside, density, -np.inf)
 
     @staticmethod
-    def _shaped(vector: NDArray[Any], like: Array) -> NDArray[Any]:
-        shaped: NDArray[Any] = vector.reshape(vector.shape + (1,) * (np.ndim(like) - 1))
-        return shaped
+    def _shaped(vector: NDArray[Number], like: Array) -> NDArray[Number]:
+        return vector.reshape(vector.shape + (1,) * (np.ndim(like) - 1))

@@ -29,6 +29,7 @@ _NAMED: Final = {
     ca.OP_TANH: "tanh",
     ca.OP_SIGN: "sgn",
 }
+_FUNCTIONS: Final = {ca.OP_IF_ELSE_ZERO: "where", ca.OP_FMIN: "min", ca.OP_FMAX: "max"}
 _SYMBOLS: Final = {
     "current": "i",
     "speed": "w",
@@ -71,13 +72,8 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
     for k in model.averaged:
         equations[f"{CHANNELS[k]} channel"] = "mean over the sample interval that ends"
     for term in model.delays:
-        equations[f"{term.channel} channel"] = f"logged {model_delay(term.name)} later"
+        equations[f"{term.channel} channel"] = f"logged {term.name}.delay later"
     return equations
-
-
-def model_delay(name: str) -> str:
-    """Name of the delay parameter of a term."""
-    return f"{name}.delay"
 
 
 def _texts(
@@ -121,12 +117,7 @@ def _written(operation: int, operands: list[tuple[str, int]]) -> tuple[str, int]
         return f"{_bracketed(first, 4)}^{_bracketed(operands[1], 4)}", 3
     if operation in _NAMED:
         return f"{_NAMED[operation]}({first[0]})", 4
-    return f"{function_name(operation)}({', '.join(o[0] for o in operands)})", 4
-
-
-def function_name(operation: int) -> str:
-    """Text name of an operation that has neither an infix symbol nor a standard name."""
-    return {ca.OP_IF_ELSE_ZERO: "where", ca.OP_FMIN: "min", ca.OP_FMAX: "max"}.get(operation, "f")
+    return f"{_FUNCTIONS.get(operation, 'f')}({', '.join(o[0] for o in operands)})", 4
 
 
 def _bracketed(operand: tuple[str, int], rank: int) -> str:

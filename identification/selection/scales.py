@@ -30,8 +30,6 @@ def scales_of(fit: Fit) -> CampaignScales:
         torque=float(values[at["Kt25"]] * size[0]),
         interval=float(np.median(intervals)),
         duration=float(max(record.time[-1] - record.time[0] for record in records)),
-        current_noise=float(fit.weighting.deviation[0]),
-        speed_noise=float(fit.weighting.deviation[1]),
         values=values,
         angle_logged=all(record.angle_logged for record in records),
         orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),

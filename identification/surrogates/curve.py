@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -246,7 +246,7 @@ class AbstractCurve(AbstractForced):
                 found[k] = found[k] + slope
         return found
 
-    def _ends(self, along: Any) -> list[tuple[int, Any]]:
+    def _ends(self, along: Expression) -> list[tuple[int, Expression]]:
         """Linear extrapolation beyond both ends: index and increment of each basis function."""
         twice = 2 * (self.upper - self.lower) / (HEIGHTS - 3)
         is_array = isinstance(along, np.ndarray)

@@ -67,8 +67,6 @@ def _scales() -> CampaignScales:
         torque=0.28,
         interval=1e-3,
         duration=0.4,
-        current_noise=0.02,
-        speed_noise=0.5,
         values=VALUES,
         angle_logged=False,
     )
