@@ -1,4 +1,4 @@
-"""Values that no motor has: each part of a report shows them or says that it cannot."""
+"""Reports of implausible values: each part shows them or states why it cannot."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ TIME = np.arange(12.0)
 
 @given(NUMBERS, NUMBERS, NUMBERS)
 def test_any_number_is_written_in_few_characters(one: float, two: float, three: float) -> None:
-    """A dash, or digits and a power; 24 characters hold a sign, 9 decimals and a power."""
+    """Any number becomes a dash or at most 24 characters: sign, digits and power of ten."""
     texts = [number_text(one), percent_text(one), probability_text(one), signed_percent_text(one)]
     written = interval_text(one, two, three)
     texts += [written.median, written.low, written.high, scaled_unit("N m", unit_power(one))]
@@ -110,7 +110,7 @@ def _chain(a: Array, b: Array) -> PosteriorChain:
 def test_each_figure_is_a_drawing_or_a_line_of_text(
     name: str, one: Array, two: Array, three: Array
 ) -> None:
-    """No coordinate is NaN or infinite, and 12 samples take no more than some kilobytes."""
+    """No coordinate is NaN or infinite, and 12 samples take a few kilobytes at most."""
     drawn = str(figure(name, FIGURES[name], one, two, three))
 
     assert drawn.startswith(("<svg", '<p class="muted">'))
@@ -121,7 +121,7 @@ def test_each_figure_is_a_drawing_or_a_line_of_text(
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize("value", [0.0, 5e-324, 1.0, 1e300, np.nan])
 def test_each_figure_of_one_value_is_a_drawing_or_a_line_of_text(name: str, value: float) -> None:
-    """A motor that does not turn, and one whose every draw is the same."""
+    """Constant channels, as of a motor at rest, and constant draws give a figure or a text."""
     same = np.full(12, value)
 
     drawn = str(figure(name, FIGURES[name], same, same, same))
@@ -131,14 +131,14 @@ def test_each_figure_of_one_value_is_a_drawing_or_a_line_of_text(name: str, valu
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_each_figure_of_nothing_is_a_drawing_or_a_line_of_text(name: str) -> None:
-    """Empty curves, as of an effect without a sample in its range."""
+    """Empty curves, as of an effect without samples in its range, give a figure or a text."""
     empty = np.zeros(0)
 
     assert str(figure(name, FIGURES[name], empty, empty, empty))
 
 
 def _spoilt(value: Any, number: Any) -> Any:
-    """The same structure with another number in the place of each."""
+    """Copy of a JSON structure with each floating-point number replaced."""
     if isinstance(value, dict):
         return {k: v if k in ("rows", "same_as") else _spoilt(v, number) for k, v in value.items()}
     if isinstance(value, list):
@@ -151,7 +151,7 @@ def _spoilt(value: Any, number: Any) -> Any:
 def test_a_page_is_complete_with_any_number_in_the_result(
     number: float | None, with_effect: bool
 ) -> None:
-    """Each floating-point number of result.json replaced; the page ends and the JSON is strict."""
+    """With every float of result.json replaced, the page is complete and its JSON is valid."""
     data = make_report(with_effect=with_effect)
     result = _spoilt(dict(data.result), number)
 
@@ -164,14 +164,14 @@ def test_a_page_is_complete_with_any_number_in_the_result(
 @settings(deadline=None, max_examples=10)
 @given(one=SERIES, two=SERIES, three=SERIES)
 def test_a_page_is_complete_with_any_run(one: Array, two: Array, three: Array) -> None:
-    """Measured and simulated channels of a run that diverges or does not turn."""
+    """The page is complete for a run that diverges and for a motor at rest."""
     page = render_report(replace(make_report(), runs=(_run(one, two, three),)))
 
     assert page.rstrip().endswith("</html>")
 
 
-def test_a_figure_that_fails_says_so_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The reason is escaped: it may hold the name of a file."""
+def test_a_figure_that_fails_is_replaced_by_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reason is escaped, because it may contain a file name."""
 
     def fails() -> str:
         raise ValueError("cannot convert <NaN>")
@@ -183,7 +183,7 @@ def test_a_figure_that_fails_says_so_in_its_place(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_part_that_fails_leaves_its_remark_on_the_page() -> None:
-    """A result without `errors` has no table of them; the figures are there."""
+    """Without `errors` in the result, a remark replaces their table and the figures are shown."""
     data = make_report()
     broken = {name: value for name, value in data.result.items() if name != "errors"}
 
@@ -193,10 +193,10 @@ def test_a_part_that_fails_leaves_its_remark_on_the_page() -> None:
     assert "Step responses with" in page
 
 
-def test_the_result_is_on_the_disk_before_anything_is_drawn(
+def test_a_failed_page_keeps_the_result_and_removes_the_old_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A page that fails altogether costs the page and not the numbers; an old page is removed."""
+    """result.json is written first, so a page that fails loses no numbers."""
 
     def fails(*_: Any) -> None:
         raise MemoryError

@@ -1,4 +1,4 @@
-"""The report in a real browser, where there is one: its script runs under its own policy."""
+"""The report in a real browser, if one is installed: its script runs under its own policy."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SWITCHES = (
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-def test_the_script_draws_every_panel_of_a_run_and_complains_of_nothing(tmp_path: Path) -> None:
-    """Speed, current, their residuals, voltage and temperature: six plots, no console message."""
+def test_the_script_draws_every_panel_of_a_run_without_a_console_message(tmp_path: Path) -> None:
+    """Speed, current, both residuals, voltage and temperature give six plots."""
     page = tmp_path / "report.html"
     page.write_text(render_report(make_report(with_effect=True)), encoding="utf-8")
     profile = f"--user-data-dir={tmp_path / 'profile'}"

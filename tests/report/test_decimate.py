@@ -1,4 +1,4 @@
-"""Long records made short without losing what matters."""
+"""Decimation of long records for plots: extremes, corners and gaps are kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from identification.result.residuals import gaps
 
 
 def test_a_single_spike_in_a_long_record_is_kept() -> None:
-    """One sample of 100,000 is larger than all others: it is the extreme of its bucket."""
+    """One large sample among 100,000 is the extreme of its bucket."""
     channel = np.sin(np.arange(100_000) / 5000.0)
     channel[43_210] = 9.0
 
@@ -30,7 +30,7 @@ def test_a_single_spike_in_a_long_record_is_kept() -> None:
     st.integers(1, 40),
 )
 def test_the_range_of_a_record_survives(channel: np.ndarray, buckets: int) -> None:
-    """The largest of the bucket maxima is the maximum, and so below; both ends are always there."""
+    """Decimation keeps the maximum, the minimum and both ends of any record."""
     kept = extremes([channel], buckets)
 
     assert channel[kept].max() == channel.max()
@@ -40,7 +40,7 @@ def test_the_range_of_a_record_survives(channel: np.ndarray, buckets: int) -> No
 
 
 def test_a_record_with_missing_samples_keeps_the_extremes_of_the_others() -> None:
-    """NaN is neither the largest nor the smallest."""
+    """NaN counts neither as maximum nor as minimum."""
     channel = np.arange(10_000.0)
     channel[::3] = np.nan
     channel[5_000] = -50.0
@@ -51,7 +51,7 @@ def test_a_record_with_missing_samples_keeps_the_extremes_of_the_others() -> Non
 
 
 def test_a_step_stays_a_step_when_one_zooms() -> None:
-    """Straight lines between what is kept miss the channel by 0.3 % of its range at most."""
+    """Linear interpolation of the kept samples errs by at most 0.3 % of the range."""
     channel = np.where(np.arange(20_000) % 3000 < 1500, 1.0, -1.0)
     channel[5_000:7_000] += np.linspace(0, 1, 2_000) ** 3
     coarse = extremes([channel], 50)
@@ -66,7 +66,7 @@ def test_a_step_stays_a_step_when_one_zooms() -> None:
 
 
 def test_corners_are_added_up_to_the_limit_and_no_further() -> None:
-    """Noise has corners everywhere; a channel without any sample has none."""
+    """White noise fills the limit of corners; a channel without samples gets none."""
     rng = np.random.default_rng(71)
     coarse = np.array([0, 999])
 
@@ -75,7 +75,7 @@ def test_corners_are_added_up_to_the_limit_and_no_further() -> None:
 
 
 def test_a_pause_in_the_record_is_found_where_it_begins() -> None:
-    """One step of 0.5 s among steps of 0.01 s, after sample 99."""
+    """A step of 0.5 s after sample 99, among steps of 0.01 s, is the only gap."""
     time = np.arange(200.0) / 100.0
     time[100:] += 0.5
 
@@ -85,7 +85,7 @@ def test_a_pause_in_the_record_is_found_where_it_begins() -> None:
 
 @given(arrays(np.float64, st.integers(1, 60), elements=st.floats(-1e6, 1e6) | st.just(np.nan)))
 def test_packed_values_come_back_to_half_a_step(values: np.ndarray) -> None:
-    """A 16-bit step is 1/65534 of the range; what is missing stays missing."""
+    """A 16-bit step is 1/65534 of the range; missing values remain missing."""
     pack = packed(values)
     words = np.frombuffer(base64.b64decode(pack["data"]), dtype="<u2")
 
@@ -94,8 +94,8 @@ def test_packed_values_come_back_to_half_a_step(values: np.ndarray) -> None:
     assert unpacked == pytest.approx(values, abs=0.51 * pack["step"] + 1e-9, nan_ok=True)
 
 
-def test_packed_times_come_back_to_a_microsecond() -> None:
-    """A 32-bit float holds 24 bits: 100 s in steps of 6 microseconds at most."""
+def test_packed_times_come_back_to_six_microseconds() -> None:
+    """A 32-bit float has 24 bits, so 91 s are resolved to 6 microseconds."""
     time = np.asarray(5000.0 + 0.0013 * np.arange(70_000.0), dtype=np.float64)
     pack = packed_time(time)
     words = np.frombuffer(base64.b64decode(pack["data"]), dtype="<f4")

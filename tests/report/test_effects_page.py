@@ -1,4 +1,4 @@
-"""docs/effects.md against the catalogue it is written from."""
+"""docs/effects.md matches the catalogue from which it is generated."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ PAGE = (Path(__file__).parents[2] / "docs/effects.md").read_text("utf-8")
 
 @pytest.fixture(scope="module")
 def scales() -> CampaignScales:
-    """Natural sizes of the example on the page."""
+    """Natural scales of the example on the page."""
     return example_scales()
 
 
-def test_page_is_what_the_catalogue_writes_today(scales: CampaignScales) -> None:
-    """`python -m identification.report.effects_page` writes it anew."""
+def test_page_matches_the_catalogue(scales: CampaignScales) -> None:
+    """`python -m identification.report.effects_page` regenerates the page."""
     assert effects_page(scales) == PAGE
 
 
@@ -30,7 +30,7 @@ def test_page_is_what_the_catalogue_writes_today(scales: CampaignScales) -> None
 def test_every_effect_has_its_section_with_formula_parameters_and_source(
     name: str, scales: CampaignScales
 ) -> None:
-    """What the class says, found under its heading."""
+    """The section of each effect contains the docstring of its class."""
     kind = CATALOGUE[name]
     section = PAGE.split(f"\n## {name}\n")[1].split("\n## ")[0]
     (candidate, *_) = kind.candidates(scales)
@@ -45,14 +45,14 @@ def test_every_effect_has_its_section_with_formula_parameters_and_source(
 
 
 def test_confusions_name_parameters_that_exist() -> None:
-    """A renamed parameter must not leave a warning behind that no one is shown."""
+    """A renamed parameter must not leave a warning that is never shown."""
     parameters = {name for confusion in confusions() for name in confusion.parameters}
 
     assert parameters <= set(DECLARED_PARAMETERS)
 
 
 def test_a_found_effect_brings_its_confusions_and_no_others() -> None:
-    """A brush drop is taken for resistance, and has nothing to do with the zero of the speed."""
+    """A brush drop is confounded with resistance, not with the zero error of the speed."""
     titles = [confusion.title for confusion in confusions_of(["brush_drop"])]
 
     assert titles == ["brush drop and armature resistance"]

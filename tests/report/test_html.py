@@ -1,4 +1,4 @@
-"""The report as a page: complete by itself, safe with any name, and light enough to mail."""
+"""HTML report: self-contained, safe with hostile names, and small enough to mail."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VOID = {"meta", "link", "img", "br", "hr", "input"}
 
 
 class Page(HTMLParser):
-    """Elements, attributes and visible text of a page; complains of what is not closed."""
+    """Parser that collects elements and visible text, and fails on unclosed elements."""
 
     def __init__(self, text: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -37,7 +37,7 @@ class Page(HTMLParser):
         assert self._open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Remember an element."""
+        """Record an element."""
         self.elements.append((tag, dict(attrs)))
         if tag == "script":
             self.scripts.append("")
@@ -45,15 +45,15 @@ class Page(HTMLParser):
             self._open.append(tag)
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Remember an element without content."""
+        """Record an element without content."""
         self.elements.append((tag, dict(attrs)))
 
     def handle_endtag(self, tag: str) -> None:
-        """Close the innermost element, which must be this one."""
+        """Close the innermost element, which must have this name."""
         assert self._open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        """Keep text, apart from scripts and style sheets."""
+        """Record text outside scripts and style sheets."""
         if self._open and self._open[-1] == "script":
             self.scripts[-1] += data
         elif not self._open or self._open[-1] != "style":
@@ -67,24 +67,24 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def clean() -> str:
-    """The report of a motor that lacks nothing."""
+    """Report of a motor without additional effects."""
     return render_report(make_report())
 
 
 @pytest.fixture(scope="module")
 def told() -> str:
-    """The report of a motor with an effect, and how it was found."""
+    """Report of a motor with an effect, including the account of the search."""
     return render_report(make_report(with_effect=True))
 
 
 def test_every_element_is_closed_in_order(clean: str, told: str) -> None:
-    """The parser of the standard library, with a stack."""
+    """Start and end tags match, checked with the parser of the standard library and a stack."""
     assert Page(clean).elements[0][0] == "html"
     assert len(Page(told).elements) > len(Page(clean).elements)
 
 
-def test_nothing_is_fetched_from_anywhere(told: str) -> None:
-    """No element names a source outside the file: only links within the page, and data."""
+def test_the_page_loads_no_external_resource(told: str) -> None:
+    """Links point into the page, and sources are data URLs."""
     for tag, attributes in Page(told).elements:
         for name in ("src", "href", "action", "data", "poster", "srcset"):
             target = attributes.get(name)
@@ -94,8 +94,8 @@ def test_nothing_is_fetched_from_anywhere(told: str) -> None:
     assert "@import" not in styles
 
 
-def test_policy_of_the_page_allows_its_own_scripts_and_styles_alone(told: str) -> None:
-    """SHA-256 of what stands between the tags, as a browser takes it."""
+def test_policy_allows_only_the_scripts_and_styles_of_the_page(told: str) -> None:
+    """The policy lists the SHA-256 of each script and style as a browser computes it."""
     page = Page(told)
     policy = next(a["content"] for t, a in page.elements if a.get("http-equiv")) or ""
     blocks = re.findall(r"<(script|style)>(.*?)</\1>", told, re.DOTALL)
@@ -109,13 +109,13 @@ def test_policy_of_the_page_allows_its_own_scripts_and_styles_alone(told: str) -
 
 
 def test_no_element_carries_a_style_or_a_handler(told: str) -> None:
-    """The policy forbids both; the page would look and act otherwise than tested."""
+    """The policy forbids inline styles and event handlers, so the browser would ignore them."""
     for tag, attributes in Page(told).elements:
         assert not {name for name in attributes if name == "style" or name.startswith("on")}, tag
 
 
 def test_a_hostile_file_name_is_shown_and_not_run() -> None:
-    """Markup in a name reaches warnings, tables, pictures and the data of the script."""
+    """Markup in a file name is escaped in warnings, tables, figures and script data."""
     data = make_report(rows=400, with_effect=True)
     result = copy.deepcopy(dict(data.result))
     result["runs"][0]["file"] = HOSTILE
@@ -140,7 +140,7 @@ def test_a_hostile_file_name_is_shown_and_not_run() -> None:
 
 
 def test_warnings_come_before_everything_else(told: str, clean: str) -> None:
-    """What one must know before one believes a number; a clean run says that there are none."""
+    """Warnings precede the summary; a clean result states that there are none."""
     words = Page(told).text
 
     assert words.index("at the limit of the sensor") < words.index("Summary The model")
@@ -162,7 +162,7 @@ def test_warnings_come_before_everything_else(told: str, clean: str) -> None:
     ],
 )
 def test_the_report_contains_its_parts(clean: str, words: str) -> None:
-    """Each part of the report by words that stand in it alone."""
+    """Each part of the report is identified by text that occurs in it only."""
     assert words in Page(clean).text
 
 
@@ -182,13 +182,13 @@ def test_the_report_contains_its_parts(clean: str, words: str) -> None:
 def test_the_account_of_a_search_is_given_only_where_there_is_one(
     clean: str, told: str, words: str
 ) -> None:
-    """The clean motor has no account; a fabricated one would be the worst failure of a report."""
+    """The report of a motor without an effect contains no account of a search."""
     assert words in Page(told).text
     assert words not in Page(clean).text
 
 
 def test_table_of_candidates_that_were_not_fitted_is_left_out() -> None:
-    """A head without a row tells nothing; the names of what was screened do."""
+    """If no candidate was fitted, their names are listed without a table."""
     data = make_report(rows=300, with_effect=True)
     assert data.account is not None
     screened = tuple(
@@ -204,8 +204,8 @@ def test_table_of_candidates_that_were_not_fitted_is_left_out() -> None:
     assert "Screened but not fitted" in words
 
 
-def test_every_picture_has_a_name_and_a_description(told: str) -> None:
-    """What a screen reader says in place of the picture; identifiers are unique."""
+def test_every_figure_has_a_title_and_a_description(told: str) -> None:
+    """Screen readers read both in place of the figure; identifiers are unique."""
     elements = Page(told).elements
     identifiers = [a["id"] for _, a in elements if a.get("id")]
     pictures = [a for t, a in elements if t == "svg" and a.get("aria-hidden") is None]
@@ -218,7 +218,7 @@ def test_every_picture_has_a_name_and_a_description(told: str) -> None:
 
 
 def test_every_table_has_headings_with_a_scope(told: str) -> None:
-    """A cell without a heading is a number without a meaning, to a screen reader."""
+    """Screen readers need the scope to relate a cell to its heading."""
     headings = [a for t, a in Page(told).elements if t == "th"]
 
     assert len(headings) > 60
@@ -226,7 +226,7 @@ def test_every_table_has_headings_with_a_scope(told: str) -> None:
 
 
 def test_links_of_the_contents_lead_to_their_sections(told: str) -> None:
-    """Every `#name` has an element of that name."""
+    """Each `#name` refers to an element with that id."""
     elements = Page(told).elements
     targets = {a["href"] for t, a in elements if t == "a"}
 
@@ -234,7 +234,7 @@ def test_links_of_the_contents_lead_to_their_sections(told: str) -> None:
 
 
 def test_seven_long_runs_make_a_page_under_three_megabytes_in_two_seconds() -> None:
-    """Seven runs of 24,000 rows, before and after; the clock counts this process alone."""
+    """The runs have 24,000 rows each; the time is the processor time of this process."""
     data = make_report(rows=24_000, with_effect=True)
     started = time.process_time()
 
@@ -246,15 +246,15 @@ def test_seven_long_runs_make_a_page_under_three_megabytes_in_two_seconds() -> N
 
 
 def test_forty_runs_share_the_size_of_the_page() -> None:
-    """The budget of points is divided among the runs."""
+    """The limit on plotted points is divided among the runs."""
     data = make_report(rows=8000)
     runs = tuple(replace(run, name=f"{i}.csv") for i in range(6) for run in data.runs)
 
     assert len(render_report(replace(data, runs=runs)).encode()) < 3_000_000
 
 
-def test_a_campaign_with_next_to_nothing_still_makes_a_page() -> None:
-    """One short training run without temperature, no posterior, no validation, all unknown."""
+def test_a_minimal_campaign_gives_a_page() -> None:
+    """One short training run without temperature, posterior or validation is enough."""
     data = make_report(rows=20)
     result: dict[str, Any] = copy.deepcopy(dict(data.result))
     nothing = dict.fromkeys(("mean", "sd", "q05", "median", "q95"))
@@ -280,7 +280,7 @@ def test_a_campaign_with_next_to_nothing_still_makes_a_page() -> None:
 
 
 def test_gaps_and_missing_samples_reach_the_page_as_breaks() -> None:
-    """A pause of the logger and samples at the limit of the sensor leave no NaN in the text."""
+    """A logger pause and saturated samples interrupt the lines and leave no NaN in the text."""
     data = make_report(rows=3000, with_effect=True)
     late = data.runs[0].time.copy()
     late[1500:] += 20.0
@@ -294,8 +294,8 @@ def test_gaps_and_missing_samples_reach_the_page_as_breaks() -> None:
     assert 'd="Mnan' not in text
 
 
-def test_a_chain_that_never_moved_still_has_a_picture() -> None:
-    """A sampler that is stuck must not stop the report that would show it."""
+def test_a_chain_that_never_moved_has_a_figure() -> None:
+    """The report of a sampler that is stuck must show that it is stuck."""
     chain = PosteriorChain(("Ra25", "J"), ("ohm", "kg m^2"), np.ones((30, 8, 2)))
 
     assert "Trace of J" in render_report(replace(make_report(rows=300), posterior=chain))

@@ -1,4 +1,4 @@
-"""The closed loop before and after, side by side."""
+"""Comparison of the speed loop for the nominal, final and simulated models."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tests.reports import make_report
 
 @pytest.fixture
 def result() -> dict[str, Any]:
-    """The result of a motor with friction, free to be changed."""
+    """Modifiable result of a motor with friction."""
     copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300, with_effect=True).result))
     return copied
 
 
-def test_each_temperature_has_a_column_for_each_way_of_telling(result: dict[str, Any]) -> None:
-    """Declared, final and simulated, at 25 and 125 degC: six cells a metric."""
+def test_each_temperature_has_a_column_for_each_model(result: dict[str, Any]) -> None:
+    """Three models at 25 and 125 degC give six cells per metric."""
     (comparison,) = loop_comparisons(result)
 
     assert comparison.temperatures == ("25 °C", "125 °C")
@@ -29,7 +29,7 @@ def test_each_temperature_has_a_column_for_each_way_of_telling(result: dict[str,
 
 
 def test_the_step_of_the_simulation_is_stated(result: dict[str, Any]) -> None:
-    """28 rad/s, as the made-up result has it."""
+    """The remark names the step of 28 rad/s and the simulated effect."""
     (comparison,) = loop_comparisons(result)
 
     assert "28 rad/s" in comparison.remark
@@ -37,7 +37,7 @@ def test_the_step_of_the_simulation_is_stated(result: dict[str, Any]) -> None:
 
 
 def test_a_clean_motor_has_nothing_to_compare(result: dict[str, Any]) -> None:
-    """One way of telling needs one table, not a comparison."""
+    """A result with one model only has no comparison table."""
     result["feedback_before"] = []
     result["feedback_nonlinear"] = []
 
@@ -45,7 +45,7 @@ def test_a_clean_motor_has_nothing_to_compare(result: dict[str, Any]) -> None:
 
 
 def test_effects_of_the_log_leave_two_columns(result: dict[str, Any]) -> None:
-    """Declared and final model differ, and there is nothing to simulate."""
+    """Sensor effects do not change the motor, so only nominal and final model are compared."""
     result["feedback_nonlinear"] = []
 
     (comparison,) = loop_comparisons(result)
@@ -54,8 +54,8 @@ def test_effects_of_the_log_leave_two_columns(result: dict[str, Any]) -> None:
     assert comparison.remark == ""
 
 
-def test_margin_that_no_gain_uses_up_is_infinite_and_no_dash() -> None:
-    """As the command line says it; a metric that does not exist has no infinite draws."""
+def test_infinite_margin_is_not_shown_as_a_dash() -> None:
+    """A margin that is infinite in all draws reads "infinite"; an unknown metric is a dash."""
     nothing = {"median": None, "q05": None, "q95": None}
 
     assert metric_text(nothing | {"infinite_fraction": 1.0}).median == "infinite"

@@ -1,4 +1,4 @@
-"""The plain words of a report: they must not say more than the numbers."""
+"""Summary sentences of a report, which must not claim more than the numbers support."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tests.reports import make_report
 
 @pytest.fixture
 def result() -> dict[str, Any]:
-    """The result of the clean motor, free to be changed."""
+    """Modifiable result of the motor without additional effects."""
     copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300).result))
     return copied
 
 
 def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -> dict[str, Any]:
-    """The result with another noise ratio of the current."""
+    """Set the noise ratio of the current in a result."""
     result["errors"]["after"][role]["current"]["noise_ratio"] = ratio
     return result
 
@@ -36,15 +36,15 @@ def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -
 def test_the_verdict_follows_the_noise_ratio(
     result: dict[str, Any], ratio: float, verdict: str, tone: str
 ) -> None:
-    """1.02 is what a complete model may reach on runs it has not seen, 1.1 what is still close."""
+    """The verdict depends on whether the ratio exceeds 1.02 and 1.1."""
     changed = with_ratio(result, ratio)
 
     assert verdict in " ".join(summary_sentences(changed))
     assert key_figures(changed)[0].tone == tone
 
 
-def test_a_good_ratio_is_no_praise_when_the_residual_is_not_white(result: dict[str, Any]) -> None:
-    """Noise estimated from the residual makes the ratio 1 for any model; colour gives it away."""
+def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any]) -> None:
+    """Noise estimated from the residual makes the ratio 1 for any model; whiteness decides."""
     told = " ".join(summary_sentences(result, coloured=["speed"]))
 
     assert "does not exceed the sensor noise" not in told
@@ -52,8 +52,8 @@ def test_a_good_ratio_is_no_praise_when_the_residual_is_not_white(result: dict[s
     assert key_figures(result, coloured=["speed"])[1].tone == "fair"
 
 
-def test_runs_that_were_not_fitted_decide(result: dict[str, Any]) -> None:
-    """A training error says little; without other runs it is all there is, and is named."""
+def test_validation_runs_decide_the_verdict(result: dict[str, Any]) -> None:
+    """Training errors are used only if there are no validation runs, and are named as such."""
     with_ratio(result, 7.0, role="training")
     assert "7.00" not in " ".join(summary_sentences(result))
 
@@ -65,21 +65,21 @@ def test_runs_that_were_not_fitted_decide(result: dict[str, Any]) -> None:
 
 
 def test_parameters_that_are_not_identified_are_named(result: dict[str, Any]) -> None:
-    """A number that is no measurement must not pass for one."""
+    """The summary lists alpha_Kt if the runs do not determine it."""
     result["parameters"]["alpha_Kt"]["identified"] = False
 
     assert "do not determine alpha_Kt" in " ".join(summary_sentences(result))
 
 
 def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[str, Any]) -> None:
-    """There is nothing to compare."""
+    """With one temperature there is no comparison."""
     result["feedback"] = result["feedback"][:1]
 
     assert "changes the final value" not in " ".join(summary_sentences(result))
 
 
 def test_a_shift_is_taken_relative_to_the_final_value() -> None:
-    """The declared fit of the made-up motor lies 11 % above the final one, in size."""
+    """A nominal estimate 11 % above the final one gives a shift of +11 %."""
     rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
 
     assert rows["Ra25"].shift == "+11 %"
@@ -89,7 +89,7 @@ def test_a_shift_is_taken_relative_to_the_final_value() -> None:
 
 
 def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:
-    """Whatever order the user gave."""
+    """The order of the temperatures in the result does not matter."""
     result["feedback"].reverse()
 
     (table,) = feedback_tables(result["feedback"])
@@ -99,22 +99,22 @@ def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None
 
 
 def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> None:
-    """Null in the result, nothing in the table."""
+    """A null entry in the result gives no table row."""
     result["errors"]["after"]["validation"] = None
 
     assert {row.role for row in error_rows(result)} == {"training"}
 
 
 def test_a_run_is_rated_by_the_noise_it_was_made_with() -> None:
-    """The simulation is exact, so error over noise is 1 and the residual is white."""
+    """The simulation is exact, so the noise ratio is 1 and the residual is white."""
     for row in run_rows(make_report(rows=4000)):
         assert float(row.current[1]) == pytest.approx(1.0, abs=0.06)
         assert float(row.speed[1]) == pytest.approx(1.0, abs=0.06)
         assert float(row.speed[2].removeprefix("< ")) > 0.001
 
 
-def test_a_run_that_was_fitted_too_is_no_check(result: dict[str, Any]) -> None:
-    """Its errors are those of training, and nothing is said to be unseen."""
+def test_a_copy_of_a_training_run_does_not_count_as_validation(result: dict[str, Any]) -> None:
+    """The summary states that there is no independent validation and reports training errors."""
     training = [run for run in result["runs"] if run["role"] == "training"]
     copies = [dict(run, role="validation", same_as=k) for k, run in enumerate(training)]
 
@@ -125,8 +125,8 @@ def test_a_run_that_was_fitted_too_is_no_check(result: dict[str, Any]) -> None:
     assert "On the training runs" in told
 
 
-def test_one_copy_among_runs_left_out_is_counted(result: dict[str, Any]) -> None:
-    """The other run is still one that the model had not seen."""
+def test_one_copy_among_validation_runs_is_counted(result: dict[str, Any]) -> None:
+    """The other run remains a valid validation run."""
     training = [run for run in result["runs"] if run["role"] == "training"]
     left_out = [run for run in result["runs"] if run["role"] == "validation"][:1]
     copy = dict(training[0], role="validation", same_as=0)
@@ -138,14 +138,14 @@ def test_one_copy_among_runs_left_out_is_counted(result: dict[str, Any]) -> None
 
 
 def spread(result: dict[str, Any], name: str, factor: float) -> None:
-    """Have a figure of the loop lie between its median over and times a factor."""
+    """Set the interval of a loop metric to its median divided and multiplied by a factor."""
     for entry in result["feedback"]:
         median = entry[name]["median"]
         entry[name] |= {"q05": median / factor, "q95": median * factor}
 
 
-def test_a_loop_of_a_motor_that_was_not_measured_is_no_prediction(result: dict[str, Any]) -> None:
-    """A shaft that never turned: torque constant and inertia are guesses over decades."""
+def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> None:
+    """If the shaft never turned, Kt and J are unknown by decades."""
     for name in ("Kt25", "J", "b"):
         result["parameters"][name]["identified"] = False
     spread(result, "rise_time_s", 200.0)
@@ -158,8 +158,8 @@ def test_a_loop_of_a_motor_that_was_not_measured_is_no_prediction(result: dict[s
     assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
 
 
-def test_what_the_runs_tell_of_a_loop_is_told(result: dict[str, Any]) -> None:
-    """Without an inertia the loop settles somewhere after an unknown time."""
+def test_each_determined_loop_metric_is_reported(result: dict[str, Any]) -> None:
+    """Without J the rise time is undetermined, but the final value is reported."""
     result["parameters"]["J"]["identified"] = False
     spread(result, "rise_time_s", 200.0)
 
@@ -170,8 +170,8 @@ def test_what_the_runs_tell_of_a_loop_is_told(result: dict[str, Any]) -> None:
     assert "the rise time from" not in told
 
 
-def test_a_loop_that_does_not_need_what_is_unknown_is_told(result: dict[str, Any]) -> None:
-    """An inductance too small to be seen changes nothing in the loop."""
+def test_an_unknown_without_influence_leaves_the_loop_determined(result: dict[str, Any]) -> None:
+    """An inductance too small to be identified does not affect the loop."""
     result["parameters"]["L"]["identified"] = False
 
     told = " ".join(summary_sentences(result))
@@ -183,7 +183,7 @@ def test_a_loop_that_does_not_need_what_is_unknown_is_told(result: dict[str, Any
 
 @pytest.mark.parametrize("is_used", [True, False])
 def test_values_that_were_used_are_named(result: dict[str, Any], is_used: bool) -> None:
-    """An interval that a given value made narrow is not the work of the runs alone."""
+    """The summary names the parameters whose given values were used."""
     for name in ("Kt25", "J"):
         result["parameters"][name]["prior"] = {
             "value": 0.07, "sd": 7e-4, "origin": "--known", "used": is_used,

@@ -1,4 +1,4 @@
-"""Drawing by hand: axes that one can read, lines that break where data are missing."""
+"""SVG plots: readable axes, and lines that break at missing data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FRAME = Frame((10.0, 20.0, 100.0, 50.0), (0.0, 10.0), (-1.0, 1.0))
 
 
 def test_a_frame_maps_its_corners() -> None:
-    """Left and bottom of the data are left and bottom of the page, whose y grows downwards."""
+    """The lower left corner of the data is that of the page, whose y axis points down."""
     assert FRAME.x([0.0, 10.0]).tolist() == [10.0, 110.0]
     assert FRAME.y([-1.0, 1.0]).tolist() == [70.0, 20.0]
 
@@ -26,7 +26,7 @@ def test_a_frame_maps_its_corners() -> None:
 def test_ticks_are_round_inside_and_neither_few_nor_many(
     low: float, width: float, about: int
 ) -> None:
-    """Steps of 1, 2 or 5 times a ten: at most 2.5 times fewer than asked for, never more by one."""
+    """Steps are 1, 2 or 5 times a power of ten; the number of ticks is close to the request."""
     values = ticks(low, low + width, about)
 
     assert values.size <= about + 1
@@ -44,15 +44,15 @@ def test_ticks_are_round_inside_and_neither_few_nor_many(
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4))
-def test_numbers_of_ticks_tell_them_apart(low: float, width: float) -> None:
-    """Two ticks with the same number would be a wrong axis; one tick would be no scale."""
+def test_tick_labels_differ(low: float, width: float) -> None:
+    """Equal labels on two ticks would make the axis unreadable."""
     words = [word for _, word in tick_words(low, low + width)]
 
     assert len(words) == len(set(words)) >= 2
 
 
 def test_a_line_breaks_where_a_value_is_missing() -> None:
-    """Two pieces begin with two moves of the pen."""
+    """Two segments begin with two move commands."""
     drawn = line(FRAME, np.arange(5.0), np.array([0.0, 0.1, np.nan, 0.2, 0.3]))
 
     assert drawn.count("M") == 2
@@ -60,7 +60,7 @@ def test_a_line_breaks_where_a_value_is_missing() -> None:
 
 
 def test_a_band_is_one_closed_shape() -> None:
-    """Out along the lower curve, back along the upper one."""
+    """The outline runs along the lower curve and back along the upper one."""
     drawn = band(FRAME, [0.0, 5.0, 10.0], [-0.5] * 3, [0.5] * 3)
 
     assert drawn.count("Z") == 1
@@ -68,7 +68,7 @@ def test_a_band_is_one_closed_shape() -> None:
 
 
 def test_words_are_escaped() -> None:
-    """Names of files are written into pictures."""
+    """File names in a figure cannot inject markup."""
     drawn = svg(10, 10, "<b>", 'a & "b"', text(1, 1, "<script>"))
 
     assert "<script>" not in drawn
@@ -78,7 +78,7 @@ def test_words_are_escaped() -> None:
 
 @pytest.mark.parametrize("values", [[], [np.nan], [3.0], [0.0, 0.0], [1.0, 2.0]])
 def test_a_span_is_never_empty(values: list[float]) -> None:
-    """Constant and missing channels need an axis too."""
+    """Constant and missing channels also get an axis of positive length."""
     low, high = span(np.array(values))
 
     assert np.isfinite([low, high]).all()
@@ -86,12 +86,12 @@ def test_a_span_is_never_empty(values: list[float]) -> None:
 
 
 def test_a_span_without_margin_ends_with_the_data() -> None:
-    """A time axis goes from the first sample to the last."""
+    """A time axis extends from the first sample to the last."""
     assert span(np.array([2.0, 7.0]), margin=0.0) == (2.0, 7.0)
 
 
 def test_axes_without_a_label_below_have_no_numbers_there() -> None:
-    """Stacked panels share the numbers of the lowest one."""
+    """Stacked panels share the tick labels of the lowest panel."""
     labelled, bare = axes(FRAME, "time [s]", "y"), axes(FRAME, "", "y")
 
     assert "tick mid" in labelled
@@ -99,7 +99,7 @@ def test_axes_without_a_label_below_have_no_numbers_there() -> None:
 
 
 def test_names_of_many_parameters_do_not_run_into_each_other() -> None:
-    """14 panels of 69 units; a bold letter of 12 px is some 7 wide."""
+    """The labels of 14 panels, with about 7 units per bold letter, fit into their panels."""
     names = ("Ra25", *(f"brush_drop.{n}" for n in ("voltage", "knee", "sharpness")), "noise_speed")
     names += tuple(f"shaft_compliance.{n}" for n in "abcdefgh") + ("noise_current_A",)
     chain = np.random.default_rng(1).standard_normal((30, 8, len(names)))
