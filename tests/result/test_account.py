@@ -1,4 +1,4 @@
-"""Account of the effect search: what it claims has to stand in the outcome and the result."""
+"""Account of the effect search: each claim is supported by the outcome and the result."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ UNLISTED = MissingVoltage("speed", "current", 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
 
 
 def fit_with(*terms: object) -> Fit:
-    """As much of a fit as the account reads: its terms."""
+    """The part of a fit that the account reads: its terms."""
     model = SimpleNamespace(terms=terms)
     return cast(Fit, SimpleNamespace(simulator=SimpleNamespace(model=model)))
 
 
 def result(off: bool = True) -> dict[str, Any]:
-    """A diagnosis with one shift of 11 % and nothing else."""
+    """Diagnosis with one shift of 11 %."""
     relative = {"q05": 0.105, "median": 0.11, "q95": 0.115}
     return {
         "diagnosis": {
@@ -42,14 +42,14 @@ def result(off: bool = True) -> dict[str, Any]:
 
 
 def outcome(name: str, *searched: Searched) -> Outcome:
-    """One effect with an alternative."""
+    """Outcome with one found effect and one alternative."""
     other = Alternative("viscous_temperature", 0.03)
     found = Found(name, 0.97, PASSED, (other,))
     return Outcome(fit_with(), (found,), searched)
 
 
-def test_a_shift_is_told_with_its_interval_and_its_cause() -> None:
-    """11 % from 10.5 to 11.5 %, since the friction was in it."""
+def test_a_shift_is_reported_with_its_interval_and_its_cause() -> None:
+    """The shift of b, 11 % (10.5 to 11.5 %), is attributed to the omitted friction."""
     account = account_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
 
     assert account is not None
@@ -63,8 +63,8 @@ def test_a_shift_is_told_with_its_interval_and_its_cause() -> None:
     )
 
 
-def test_a_shift_that_is_none_is_not_told() -> None:
-    """Where the result does not call a parameter off, the account does not either."""
+def test_an_insignificant_shift_is_not_reported() -> None:
+    """The account names only parameters that the result marks as off."""
     account = account_of(
         outcome("coulomb_friction"), result(off=False), fit_with(CoulombFriction(1.0, 1.0))
     )
@@ -73,8 +73,8 @@ def test_a_shift_that_is_none_is_not_told() -> None:
     assert "too high" not in " ".join(account.sentences)
 
 
-def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
-    """The catalogue knows nothing of it: equation and drivers are those of the term."""
+def test_an_unlisted_effect_is_described_by_its_own_attributes() -> None:
+    """Equation and drivers come from the term, because the catalogue has no entry for it."""
     account = account_of(outcome("unlisted"), result(), fit_with(UNLISTED))
 
     assert account is not None
@@ -85,7 +85,7 @@ def test_an_unlisted_effect_is_told_from_its_own_attributes() -> None:
 
 
 def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
-    """An effect that came in by exchange was never chosen in a round, and is in all the same."""
+    """An effect that entered by exchange was chosen in no round, but is part of the final model."""
     account = account_of(
         outcome(
             "coulomb_friction",
@@ -122,7 +122,7 @@ def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
 def test_every_candidate_has_a_reason(
     criteria: AcceptanceCriteria | None, chosen: bool, words: str
 ) -> None:
-    """Taken, refused by a gate, or not worth a fit."""
+    """A candidate is chosen, fails a criterion, or has a predicted gain too small for a fit."""
     searched = Searched("load_torque", 1, 5.0, criteria, chosen)
 
     (entry,) = searched_entries(outcome("coulomb_friction", searched))
@@ -130,6 +130,6 @@ def test_every_candidate_has_a_reason(
     assert words in entry["reason"]
 
 
-def test_without_a_search_there_is_no_story() -> None:
-    """Nothing was looked for, and nothing is claimed."""
+def test_without_a_search_there_is_no_account() -> None:
+    """No outcome gives no account."""
     assert account_of(None, result(), fit_with()) is None

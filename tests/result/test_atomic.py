@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all."""
+"""Atomic file writing: files appear complete or not at all."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identification.result.atomic import replacing, write_text
 
 
 def test_a_failure_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    """The promise of the module."""
+    """A failed write keeps the old content and leaves no temporary file."""
     target = tmp_path / "result.json"
     target.write_text("old", encoding="utf-8")
 
@@ -22,7 +22,7 @@ def test_a_failure_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path)
 
 
 def test_a_file_is_replaced_in_one_step(tmp_path: Path) -> None:
-    """Until the block ends, readers see the old content."""
+    """Readers see the old content until the block ends."""
     target = tmp_path / "report.html"
     write_text(target, "old")
 
@@ -35,8 +35,8 @@ def test_a_file_is_replaced_in_one_step(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_result_is_a_file_like_any_other(tmp_path: Path) -> None:
-    """The mode of a file that was simply opened, not the private one of a temporary file."""
+def test_a_written_file_has_the_default_permissions(tmp_path: Path) -> None:
+    """The mode is that of an ordinary new file, not the private mode of a temporary file."""
     plain = tmp_path / "plain"
     plain.touch()
 

@@ -1,4 +1,4 @@
-"""Entries of the diagnosis: shares, correlations and shifts with known answers."""
+"""Diagnosis entries: variance shares, correlations and shifts with known answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.motors import motor_named, noiseless
 
 
 def test_a_term_that_follows_a_driver_is_explained_by_it_alone() -> None:
-    """A torque even in the speed: no correlation with it, and nearly all of its variance."""
+    """A torque even in the speed is uncorrelated with it, yet the speed explains 97 % of it."""
     records = records_of(noiseless(motor_named("servo 100 W"), seed=3))
     silent = Deficiency("electrical", "V", 0.0, 0.1, 0.0, 1.0, False)
     loud = Deficiency("mechanical", "N m", 0.1, 0.1, 90.0, 1e-9, True)
@@ -34,14 +34,14 @@ def test_a_term_that_follows_a_driver_is_explained_by_it_alone() -> None:
     assert entry["mechanical"]["significant"] is True
 
 
-def test_what_was_not_looked_for_is_empty() -> None:
-    """Without a search there is neither detection nor trace."""
+def test_without_a_search_the_entries_are_empty() -> None:
+    """Without a search there is neither a detection nor a trace."""
     assert detection_entry(None) == {}
     assert trace_entry(None, None, []) == {}
 
 
 def test_a_detection_keeps_its_reasons() -> None:
-    """Every check with its figures, and the sentence."""
+    """The entry contains each check with its reason, and the sentence."""
     check = ChannelCheck("speed", "training", 4.0, 1.1, 1e-9, 0.2, False, "too large")
 
     entry = detection_entry(Detection(0.01, (check,), True, "Something is missing."))
@@ -52,7 +52,7 @@ def test_a_detection_keeps_its_reasons() -> None:
 
 
 def test_a_shift_has_the_spread_of_two_independent_fits() -> None:
-    """1.11 over 1.00, each with one per cent: 11 % with sqrt(1.11^2 + 1.11^2) / 100."""
+    """1.11 over 1.00 at 1 % each is a shift of 11 % with a standard deviation of 1.57 %."""
     rng = np.random.default_rng(2)
     before, after = 1.11 * (1 + 0.01 * rng.standard_normal(20_000)), 1 + 0.01 * (
         rng.standard_normal(20_000)
@@ -67,10 +67,8 @@ def test_a_shift_has_the_spread_of_two_independent_fits() -> None:
 
 
 @pytest.mark.parametrize(("offset", "known"), [(0.02, True), (0.5, False)])
-def test_a_shift_within_its_spread_or_of_something_unknown_is_no_news(
-    offset: float, known: bool
-) -> None:
-    """Two per cent where both fits have one; half again of what the data do not determine."""
+def test_an_insignificant_or_undetermined_shift_is_not_marked(offset: float, known: bool) -> None:
+    """A shift of 2 % at 1 % each is insignificant; one of 50 % is ignored if undetermined."""
     rng = np.random.default_rng(5)
     before = (1 + offset) * (1 + 0.01 * rng.standard_normal(2000))
     after = 1 + 0.01 * rng.standard_normal(2000)

@@ -1,4 +1,4 @@
-"""Numbers of result.json and the schema that the project publishes for it."""
+"""Entries of result.json, and the schema that the project publishes for it."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ NUMBERS = st.floats() | st.integers() | st.none() | st.text() | st.booleans()
 
 @pytest.fixture
 def result() -> dict[str, Any]:
-    """A complete result with one effect, free to be changed."""
+    """Modifiable complete result with one effect."""
     made = make_report(rows=300, with_effect=True).result
     copied: dict[str, Any] = copy.deepcopy(dict(made))
     return copied
 
 
-def test_quantiles_of_many_normal_draws_are_those_of_the_normal_law() -> None:
-    """q05 and q95 lie 1.645 standard deviations from the mean; error of a quantile about 0.007."""
+def test_quantiles_of_normal_draws_are_those_of_the_normal_distribution() -> None:
+    """q05 and q95 lie 1.645 standard deviations from the mean, within a sampling error of 0.007."""
     rng = np.random.default_rng(61)
 
     drawn = quantity_entry(3.0 + 2.0 * rng.standard_normal(100_000), "V")
@@ -50,7 +50,7 @@ def test_quantiles_of_many_normal_draws_are_those_of_the_normal_law() -> None:
 
 
 def test_draws_that_are_undefined_are_counted_and_left_out() -> None:
-    """Three of four draws have a value: 1, 2 and 3 with the median 2."""
+    """Three defined draws of four, 1, 2 and 3, have the median 2."""
     entry = quantity_entry([1.0, 2.0, np.nan, 3.0], "s")
 
     assert entry["median"] == 2.0
@@ -58,7 +58,7 @@ def test_draws_that_are_undefined_are_counted_and_left_out() -> None:
 
 
 def test_a_quantity_that_no_draw_has_is_null_throughout() -> None:
-    """The gain margin of a loop whose phase never crosses is infinite in every draw."""
+    """If the phase never crosses -180 degrees, the gain margin is infinite in every draw."""
     entry = quantity_entry([np.inf, np.inf], "dB")
 
     assert {entry[name] for name in ("mean", "sd", "q05", "median", "q95")} == {None}
@@ -66,7 +66,7 @@ def test_a_quantity_that_no_draw_has_is_null_throughout() -> None:
 
 
 def test_identified_is_a_plain_boolean() -> None:
-    """A NumPy boolean is no JSON."""
+    """JSON cannot encode a NumPy boolean."""
     entry = parameter_entry(np.ones(3), "ohm", np.bool_(True))  # type: ignore[arg-type]
 
     assert json.loads(json.dumps(entry))["identified"] is True
@@ -74,12 +74,12 @@ def test_identified_is_a_plain_boolean() -> None:
 
 @given(st.recursive(NUMBERS, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
 def test_anything_becomes_json_without_nan(value: object) -> None:
-    """The strict encoder refuses NaN and infinity."""
+    """The strict encoder accepts any converted value; it rejects NaN and infinity."""
     json.dumps(finite_or_null(value), allow_nan=False)
 
 
 def test_numbers_of_numpy_become_plain_ones() -> None:
-    """Arrays, scalars and NaN anywhere inside."""
+    """Arrays, scalars and NaN are converted at any depth."""
     value = {"a": np.array([1.0, np.nan]), "b": (np.int64(3), np.float64("inf")), "c": np.bool_(1)}
 
     assert finite_or_null(value) == {"a": [1.0, None], "b": [3, None], "c": True}
@@ -88,26 +88,26 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
 def test_a_written_result_reads_back_in_full_precision(
     result: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Python writes the shortest text that gives the same float."""
+    """Python writes the shortest text that reads back as the same float."""
     write_result(tmp_path / "result.json", result)
 
     assert json.loads((tmp_path / "result.json").read_text("utf-8")) == finite_or_null(result)
 
 
 def test_schema_is_itself_valid_and_names_no_host() -> None:
-    """The meta-schema of 2020-12; an identifier that nobody tries to fetch."""
+    """The schema conforms to the 2020-12 meta-schema; its id is no URL that a tool would fetch."""
     Draft202012Validator.check_schema(result_schema())
 
     assert result_schema()["$id"] == "urn:motorid:result:1"
 
 
 def test_a_complete_result_is_valid(result: dict[str, Any]) -> None:
-    """The made-up campaign follows the contract member by member."""
+    """The synthetic result conforms to the schema."""
     VALIDATOR.validate(json.loads(result_text(result)))
 
 
-def test_unknown_parts_are_null_and_more_members_are_welcome(result: dict[str, Any]) -> None:
-    """contract.md: unknown is null; add to it freely."""
+def test_null_for_unknown_parts_and_additional_members_are_valid(result: dict[str, Any]) -> None:
+    """The contract specifies null for unknown values and permits additional members."""
     result["sampler"] = None
     result["errors"]["after"]["validation"] = None
     result["noise"]["current_A"] = None
@@ -164,7 +164,7 @@ def _with(path: str, value: object) -> Callable[[Any], None]:
 def test_a_result_that_breaks_the_contract_is_refused(
     result: dict[str, Any], change: Callable[[Any], None], message: str
 ) -> None:
-    """One change against contract.md each."""
+    """Each single violation of the contract is rejected."""
     change(result)
 
     with pytest.raises(ValidationError, match=message):
@@ -172,7 +172,7 @@ def test_a_result_that_breaks_the_contract_is_refused(
 
 
 def _properties(schema: object) -> Iterator[str]:
-    """Names of all members that a schema speaks of."""
+    """Names of all members in a schema."""
     if isinstance(schema, dict):
         for key, value in schema.items():
             if key == "properties":
@@ -184,7 +184,7 @@ def _properties(schema: object) -> Iterator[str]:
 
 
 def test_the_page_about_the_result_explains_every_member() -> None:
-    """Each name of the schema stands in docs/result-json.md as code."""
+    """docs/result-json.md names each member of the schema as code."""
     page = (ROOT / "docs/result-json.md").read_text("utf-8")
     explained = set(re.findall(r"`([\w.]+)`", page))
     spoken = {word for name in explained for word in name.split(".")}

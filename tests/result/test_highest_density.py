@@ -1,4 +1,4 @@
-"""Highest-density regions of draws."""
+"""Highest-density regions of posterior draws."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ LIMITS = ((-4.5, 4.5), (-4.5, 4.5))
 
 
 def area(outline: Array) -> float:
-    """Signed area of a closed outline, positive where it runs counterclockwise."""
+    """Signed area of a closed outline, positive if counterclockwise."""
     x, y = outline.T
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def inside(outline: Array, x: Array, y: Array) -> NDArray[np.bool_]:
-    """Which points lie inside, by counting crossings of a ray."""
+    """Mask of the points inside an outline, by ray crossings."""
     crossed = np.zeros(x.size, dtype=np.int_)
     for (ax, ay), (bx, by) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         between = (ay > y) != (by > y)
@@ -31,7 +31,7 @@ def inside(outline: Array, x: Array, y: Array) -> NDArray[np.bool_]:
 @pytest.mark.parametrize("share", [0.5, 0.9])
 @pytest.mark.parametrize("together", [0.0, 0.9])
 def test_a_region_of_normal_draws_holds_its_share(share: float, together: float) -> None:
-    """By definition of the highest-density region; smoothing widens it a little."""
+    """The region contains its probability by definition; smoothing widens it slightly."""
     rng = np.random.default_rng(41)
     x = rng.standard_normal(20_000)
     y = together * x + np.sqrt(1 - together**2) * rng.standard_normal(20_000)
@@ -44,7 +44,7 @@ def test_a_region_of_normal_draws_holds_its_share(share: float, together: float)
 
 
 def test_an_outline_has_the_area_of_the_ellipse() -> None:
-    """The region of 90 % of a round normal law is a circle of area 2 pi ln 10."""
+    """The 90 % region of an isotropic normal distribution is a disc of area 2 pi ln 10."""
     grid = np.linspace(-4.4, 4.4, 89)
     height = np.exp(-0.5 * (grid[:, None] ** 2 + grid[None, :] ** 2))
 
@@ -54,7 +54,7 @@ def test_an_outline_has_the_area_of_the_ellipse() -> None:
 
 
 def test_two_hills_have_two_outlines_and_a_ring_has_a_hole() -> None:
-    """Islands run counterclockwise, holes clockwise, so that the fill leaves holes free."""
+    """Outer outlines run counterclockwise, holes clockwise, so that holes are not filled."""
     grid = np.linspace(-3, 3, 61)
     x, y = grid[None, :], grid[:, None]
     hills = np.exp(-8 * ((x - 1.5) ** 2 + y**2)) + np.exp(-8 * ((x + 1.5) ** 2 + y**2))
@@ -68,7 +68,7 @@ def test_two_hills_have_two_outlines_and_a_ring_has_a_hole() -> None:
 
 
 def test_outlines_close_at_the_edge_of_the_grid() -> None:
-    """Beyond the grid the density counts as zero."""
+    """The density outside the grid is zero."""
     grid = np.arange(5.0)
 
     (outline,) = outlines(Density(grid, grid, np.ones((5, 5))), 0.5)
@@ -77,7 +77,7 @@ def test_outlines_close_at_the_edge_of_the_grid() -> None:
 
 
 def test_corners_that_are_level_break_no_outline() -> None:
-    """Heights from a histogram often equal the level exactly; every outline must still close."""
+    """Grid values of a histogram often equal the level; each outline must still close."""
     rng = np.random.default_rng(42)
     height = rng.integers(0, 4, size=(30, 30)).astype(np.float64)
 
@@ -87,8 +87,8 @@ def test_corners_that_are_level_break_no_outline() -> None:
     assert all(np.all(np.isfinite(region)) for region in regions)
 
 
-def test_a_parameter_that_does_not_move_still_has_a_picture() -> None:
-    """All draws the same: no correlation can be divided out."""
+def test_a_constant_parameter_has_a_region() -> None:
+    """Constant draws have no variance by which a correlation could be divided."""
     found = density(np.zeros(50), np.linspace(-1, 1, 50), LIMITS)
 
     assert found.height.sum() == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""The missing voltage or torque with the fitted effect: known motors, known laws."""
+"""Missing voltage or torque with the fitted effect, for known motors and effects."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def declared() -> Fit:
-    """A servo motor without effects."""
+    """Servo motor without effects."""
     return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=8)), "zoh")
 
 
 def with_effect(declared: Fit, term: AbstractTerm, sizes: list[float]) -> Fit:
-    """The fit with an effect of given size, nothing else moved."""
+    """The fit with one effect of a given size added, otherwise unchanged."""
     model = declared.simulator.model.adding(term)
     known = {p.name: p for p in declared.coordinates.parameters}
     coordinates = Coordinates([known.get(p.name, p) for p in model.parameters])
@@ -51,7 +51,7 @@ def with_effect(declared: Fit, term: AbstractTerm, sizes: list[float]) -> Fit:
 
 
 def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:
-    """The motor with an effect of given size, as if fitted, all draws alike."""
+    """Final path of a motor with an effect of a given size; all draws are equal."""
     final = with_effect(declared, term, sizes)
     draws = {
         name: np.full(20, value)
@@ -61,7 +61,7 @@ def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = 
 
 
 def trace_of(declared: Fit, voltage: list[Array], torque: list[Array]) -> Localisation:
-    """A trace that says exactly this of every record."""
+    """Localisation with given missing voltages and torques of each record."""
     none = Deficiency("electrical", "V", 0.0, 1.0, 0.0, 1.0, False)
     pieces = []
     for k, record in enumerate(declared.simulator.records):
@@ -72,8 +72,8 @@ def trace_of(declared: Fit, voltage: list[Array], torque: list[Array]) -> Locali
     return Localisation(none, none, np.ones(2), tuple(pieces))
 
 
-def test_a_voltage_is_drawn_as_its_law(declared: Fit) -> None:
-    """-V i / sqrt(i^2 + k^2) in NumPy along the simulated current."""
+def test_a_friction_torque_is_drawn_as_its_law(declared: Fit) -> None:
+    """The drawn torque equals -T w / sqrt(w^2 + k^2) along the simulated speed."""
     path = path_of(declared, CoulombFriction(0.1, 1.0), [0.02, 0.0])
     speed = path.everywhere.drivers["speed"]
 
@@ -83,8 +83,8 @@ def test_a_voltage_is_drawn_as_its_law(declared: Fit) -> None:
     np.testing.assert_allclose(drawn[:, 0], 0.0, atol=1e-9)
 
 
-def test_dots_lie_on_the_curve_though_resistance_had_soaked_part_of_it_up(declared: Fit) -> None:
-    """The trace of a brush drop beside a resistance 30 % too high: drop plus 0.3 Ra i."""
+def test_estimate_lies_on_the_curve_despite_a_biased_resistance(declared: Fit) -> None:
+    """The nominal fit took part of the brush drop for a resistance error of 30 %."""
     term = BrushDrop(24.0, 10.0)
     sizes = {"voltage": 0.8, "knee": 0.4, "sharpness": 2.0, "openness": 1.0}
     bare = path_of(declared, term, [sizes.get(p.name, 0.0) for p in term.parameters])
@@ -107,7 +107,7 @@ def test_dots_lie_on_the_curve_though_resistance_had_soaked_part_of_it_up(declar
 
 
 def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
-    """The straight law -b k (T - 25) with k of 0.004 1/K."""
+    """The curve is the straight line -b k (T - 25) with k = 0.004 1/K."""
     path = path_of(declared, ViscousTemperature(), [0.004, 1.0])
 
     (plot,) = missing_terms(path.final, path.everywhere)
@@ -119,7 +119,7 @@ def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
 
 
 def test_a_loss_of_torque_constant_is_drawn_over_the_current(declared: Fit) -> None:
-    """Kt (1 / (1 + c (i / i_0)^2) - 1) at every temperature; the runs span a tenth of Kt."""
+    """The curve is Kt (1 / (1 + c (i / i_0)^2) - 1) at every temperature."""
     path = path_of(declared, FluxSaturation(20.0), [0.3, 2.0, 0.0])
 
     (plot,) = missing_terms(path.final, path.everywhere)
@@ -133,10 +133,10 @@ def test_a_loss_of_torque_constant_is_drawn_over_the_current(declared: Fit) -> N
     ("term", "sizes"),
     [(LoadStep(0, 0.1, 2e-3, 1.5), [0.1, 0.4, 0.9]), (SelfHeating(1.0, 0.01, 10.0), [1.0, 0.5])],
 )
-def test_what_is_no_function_of_a_driver_is_drawn_over_time_alone(
+def test_an_effect_without_a_driver_is_drawn_over_time_only(
     declared: Fit, term: AbstractTerm, sizes: list[float]
 ) -> None:
-    """A load belongs to the time of one run, a temperature has a memory."""
+    """A load step depends on the time in one run; self-heating depends on the past."""
     path = path_of(declared, term, sizes)
 
     assert missing_terms(path.final, path.everywhere) == []
@@ -145,8 +145,8 @@ def test_what_is_no_function_of_a_driver_is_drawn_over_time_alone(
     assert np.abs(trace.fitted).max() > 0
 
 
-def test_an_effect_of_the_log_has_a_sentence_and_no_picture(declared: Fit) -> None:
-    """A zero error of a sensor moves no motor."""
+def test_a_sensor_effect_has_a_sentence_and_no_figure(declared: Fit) -> None:
+    """A zero error of a sensor is no voltage or torque of the motor."""
     path = path_of(declared, CurrentOffset(1.0), [0.2])
 
     assert missing_terms(path.final, path.everywhere) == []

@@ -1,4 +1,4 @@
-"""The posterior file, read back without the program that wrote it."""
+"""The posterior file, read back with an independent library."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOG_PROB = RNG.standard_normal((40, 6))
 
 @pytest.fixture
 def written(tmp_path: Path) -> Path:
-    """A posterior of six walkers, forty draws and two parameters."""
+    """Posterior file of six walkers, forty draws and two parameters."""
     path = tmp_path / "posterior.nc"
     write_posterior(
         path, NAMES, UNITS, CHAIN, LOG_PROB, acceptance=0.4, attributes={"motorid": "0.1.0"}
@@ -28,7 +28,7 @@ def written(tmp_path: Path) -> Path:
 
 
 def test_each_parameter_is_a_variable_over_chain_and_draw(written: Path) -> None:
-    """The layout that ArviZ looks for: group, dimensions in this order, walkers as chains."""
+    """Group and dimensions follow ArviZ; each walker is a chain."""
     with h5netcdf.File(written, "r") as file:
         posterior = file["posterior"]
 
@@ -39,7 +39,7 @@ def test_each_parameter_is_a_variable_over_chain_and_draw(written: Path) -> None
 
 
 def test_units_interval_and_versions_stand_in_the_attributes(written: Path) -> None:
-    """Units as in the contract; the kind of interval is always named with its level."""
+    """Units follow the contract; the kind of interval is given with its level."""
     with h5netcdf.File(written, "r") as file:
         assert file.attrs["schema_version"] == "1"
         assert file.attrs["motorid"] == "0.1.0"
@@ -48,8 +48,8 @@ def test_units_interval_and_versions_stand_in_the_attributes(written: Path) -> N
         assert file["posterior"]["J"].attrs["units"] == "kg m^2"
 
 
-def test_the_log_density_lies_beside_the_draws(written: Path) -> None:
-    """Group and name by which ArviZ finds it; one rate given stands for every walker."""
+def test_the_log_density_is_stored_with_the_draws(written: Path) -> None:
+    """Group and name follow ArviZ; a single acceptance rate is repeated for each walker."""
     with h5netcdf.File(written, "r") as file:
         stats = file["sample_stats"]
 
@@ -58,7 +58,7 @@ def test_the_log_density_lies_beside_the_draws(written: Path) -> None:
 
 
 def test_the_file_is_netcdf4_and_not_merely_hdf5(written: Path) -> None:
-    """Dimensions are HDF5 dimension scales, by which other NetCDF readers name the axes."""
+    """Dimensions are HDF5 dimension scales, from which other NetCDF readers take the axis names."""
     with h5py.File(written, "r") as file:
         scales = file["posterior/Ra25"].dims
 
@@ -69,7 +69,7 @@ def test_the_file_is_netcdf4_and_not_merely_hdf5(written: Path) -> None:
 
 
 def test_the_same_chain_gives_the_same_bytes(written: Path, tmp_path: Path) -> None:
-    """No time stamp goes into the file."""
+    """The file contains no time stamp."""
     again = tmp_path / "again.nc"
 
     write_posterior(
@@ -79,8 +79,8 @@ def test_the_same_chain_gives_the_same_bytes(written: Path, tmp_path: Path) -> N
     assert again.read_bytes() == written.read_bytes()
 
 
-def test_shapes_that_do_not_belong_together_are_refused_and_leave_no_file(tmp_path: Path) -> None:
-    """Walkers and draws exchanged is the usual mistake."""
+def test_inconsistent_shapes_are_refused_and_leave_no_file(tmp_path: Path) -> None:
+    """Exchanged walkers and draws are the usual mistake."""
     with pytest.raises(ValueError, match=r"expected \(n_draw, n_walker, n_param\)"):
         write_posterior(tmp_path / "p.nc", NAMES, UNITS, CHAIN, LOG_PROB.T, acceptance=0.4)
 

@@ -1,4 +1,4 @@
-"""Residual checks of the report, over runs with pauses and unused samples."""
+"""Residual checks of the report for runs with pauses and unused samples."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from tests.reports import make_report
 
 @pytest.fixture
 def run() -> RunTraces:
-    """A run whose simulation is exact."""
+    """Run whose simulation is exact."""
     return make_report(rows=3000).runs[0]
 
 
 def test_white_residuals_are_not_called_coloured() -> None:
-    """The made-up simulations are exact: what is left is the white noise that was added."""
+    """The simulations are exact, so the residual is the added white noise."""
     assert coloured_channels(residual_checks(make_report(rows=3000).runs)) == []
 
 
 def test_a_slow_error_of_the_speed_is_called_coloured(run: RunTraces) -> None:
-    """A drift of the size of the noise over a thousand samples."""
+    """A drift as large as the noise over a thousand samples is autocorrelated."""
     drift = 0.35 * np.sin(2 * np.pi * np.arange(run.time.size) / 1000)
 
     checks = residual_checks([replace(run, after_speed=run.after_speed + drift)])
@@ -36,8 +36,8 @@ def test_a_slow_error_of_the_speed_is_called_coloured(run: RunTraces) -> None:
     assert coloured_channels(checks) == ["speed"]
 
 
-def test_a_declared_model_is_checked_only_where_it_is_another() -> None:
-    """`before` is given for the motor with an effect alone."""
+def test_a_nominal_model_is_checked_only_if_it_differs() -> None:
+    """`before` exists for the motor with an effect only."""
     clean, told = (make_report(rows=500, with_effect=effect).runs for effect in (False, True))
 
     assert [check.own_before for check in residual_checks(clean)] == [None, None]
@@ -45,7 +45,7 @@ def test_a_declared_model_is_checked_only_where_it_is_another() -> None:
 
 
 def test_samples_that_were_not_used_do_not_count(run: RunTraces) -> None:
-    """A third of the samples is missing; the others are white as before."""
+    """Omitting a third of the samples leaves the others white."""
     holes = run.measured_speed.copy()
     holes[1000:2000] = np.nan
 
@@ -56,7 +56,7 @@ def test_samples_that_were_not_used_do_not_count(run: RunTraces) -> None:
 
 
 def test_both_sides_of_a_pause_are_separate_runs(run: RunTraces) -> None:
-    """A pulse before a pause and one after it have no common product."""
+    """Pulses before and after a pause do not contribute to a common lag."""
     flat = np.zeros(run.time.size)
     flat[1499] = flat[1500] = 10.0
     late = run.time.copy()
@@ -71,7 +71,7 @@ def test_both_sides_of_a_pause_are_separate_runs(run: RunTraces) -> None:
 
 
 def test_a_run_of_a_few_samples_has_no_test(run: RunTraces) -> None:
-    """Nothing can be said about lags from five samples."""
+    """Five samples are too few for an autocorrelation test."""
     short = {
         name: getattr(run, name)[:5]
         for name in (
