@@ -25,7 +25,7 @@ def signals_end_processes() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def run_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Four short runs of the 100 W servo of the motor table, with 1 % noise, cold to hot."""
+    """Four short runs of the 100 W servo with 1 % noise, in order of rising temperature."""
     directory = tmp_path_factory.mktemp("bench")
     runs = campaign(motor_named("servo 100 W"), seed=3, runs=4, rows=800)
     files = [directory / f"run{number}.csv" for number in range(1, 5)]
@@ -36,7 +36,7 @@ def run_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="session")
 def fitted(run_files: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Directory of a fit without posterior of three of the runs, checked on the fourth."""
+    """Directory of a fit without posterior: three training runs, one validation run."""
     out = tmp_path_factory.mktemp("fit") / "motor"
     training, validation = run_files[:3], run_files[3:]
 

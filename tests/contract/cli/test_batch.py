@@ -1,4 +1,4 @@
-"""`motorid batch` and `motorid demo`: campaigns by list and by name."""
+"""`motorid batch` and `motorid demo`: motors from a manifest and from a campaign in data/."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FAST = ["--no-posterior", "--no-effects"]
 
 
 def rows(path: Path) -> dict[str, dict[str, str]]:
-    """Lines of results.csv by motor."""
+    """Rows of results.csv by motor."""
     with path.open(encoding="utf-8", newline="") as file:
         return {row["motor"]: row for row in csv.DictReader(file)}
 
 
 @pytest.fixture
 def manifest(run_files: list[Path]) -> Path:
-    """A good motor with a validation run, a motor whose run is missing, and another good one."""
+    """Two valid motors, one with a validation run, and between them a motor with a missing run."""
     path = run_files[0].with_name("manifest.csv")
     path.write_text(
         "motor,training,validation\n"
@@ -38,7 +38,7 @@ def manifest(run_files: list[Path]) -> Path:
 
 
 def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Path) -> None:
-    """By name, in both roles, and as two files of the same bytes; nothing is fitted of them."""
+    """A motor fails if it names a run twice, in both roles, or as two files with equal bytes."""
     path = run_files[0].with_name("twice.csv")
     run_files[0].with_name("copy.csv").write_bytes(run_files[0].read_bytes())
     path.write_text(
@@ -57,10 +57,10 @@ def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Pat
     assert (table["good"]["status"], reasons["good"]) == ("fitted", "")
 
 
-def test_pipe_is_refused_and_not_waited_for(
+def test_pipe_is_refused_without_waiting(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As a run or mapping of a manifest, as the manifest, and as a run of `fit`: one line."""
+    """A pipe is rejected as manifest, as run and as mapping, with one line."""
     pipe = run_files[0].with_name("pipe.csv")
     os.mkfifo(pipe)
     path = pipe.with_name("pipes.yaml")
@@ -88,10 +88,10 @@ def test_pipe_is_refused_and_not_waited_for(
         assert told.count("\n") == 1
 
 
-def test_bad_motor_is_told_and_does_not_stop_the_others(
+def test_failed_motor_is_reported_and_does_not_stop_the_others(
     manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Status 1, since something failed; two of three rows with numbers, one with a reason."""
+    """The status is 1, and the table has two rows with numbers and one with the error."""
     status = main(["batch", str(manifest), "--out", str(tmp_path), *FAST])
 
     shown, told = capsys.readouterr()
@@ -116,10 +116,10 @@ def test_bad_motor_is_told_and_does_not_stop_the_others(
     ]  # fmt: skip
 
 
-def test_batch_is_taken_up_where_it_was_left(
+def test_batch_is_resumed(
     run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second time nothing is fitted; after a run changed, or an option, it is."""
+    """A second batch fits nothing again, unless a run or an option has changed."""
     monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
     bench = tmp_path / "bench"
     bench.mkdir()
@@ -129,7 +129,7 @@ def test_batch_is_taken_up_where_it_was_left(
     out = tmp_path / "out"
 
     def statuses(*more: str) -> str:
-        """Status of the one motor after the same command with more options."""
+        """Status of the motor after the command with further options."""
         assert main(["batch", str(bench / "m.csv"), "--out", str(out), "-q", *more]) == 0
         return rows(out / "results.csv")["m"]["status"]
 
@@ -139,8 +139,8 @@ def test_batch_is_taken_up_where_it_was_left(
     assert statuses("--no-posterior") == "fitted"
 
 
-def test_refit_is_compared_with_the_one_before(run_files: list[Path], tmp_path: Path) -> None:
-    """The drift is the difference of the medians of the two result files; the first has none."""
+def test_refit_is_compared_with_the_previous_fit(run_files: list[Path], tmp_path: Path) -> None:
+    """The drift is the difference of the medians of both results; the first fit has none."""
     out = tmp_path / "out"
     medians, lines = [], []
     for number in (0, 2):
@@ -180,7 +180,7 @@ def test_no_motor_stops_another_however_it_fails(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """By the seeds of the pretended pipeline: a signal, bad input, no solution and a bug."""
+    """The seed of the mock pipeline selects a signal, bad input, no solution or a bug."""
     monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
     manifest = run_files[0].with_name("several.yaml")
     manifest.write_text(PRETENDED_MANIFEST)
@@ -210,7 +210,7 @@ def test_no_motor_stops_another_however_it_fails(
 def test_options_stand_in_columns_of_a_csv_manifest(
     run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An empty cell leaves the option to the command line; a mapping names a JSON file."""
+    """An empty cell selects the option of the command line; `mapping` names a JSON file."""
     monkeypatch.setenv("MOTORID_PIPELINE", PRETENDED)
     text = run_files[0].read_text().replace("speed_rad_s", "n_ist")
     (tmp_path / "odd.csv").write_text(text)
@@ -232,7 +232,7 @@ def test_options_stand_in_columns_of_a_csv_manifest(
 def test_second_batch_in_the_same_directory_is_refused(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """While one holds the directory, another says so, as bad input."""
+    """While one batch holds the lock of the directory, another exits with status 2."""
     manifest = tmp_path / "m.csv"
     manifest.write_text(f"motor,training\nm,{run_files[0]}\n")
 
@@ -309,10 +309,10 @@ def test_second_batch_in_the_same_directory_is_refused(
         ),
     ],
 )
-def test_fault_of_a_manifest_is_told_by_its_place(
+def test_error_in_a_manifest_names_its_location(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, told: str
 ) -> None:
-    """Status 2 and one line, before anything is fitted or written."""
+    """The command exits with status 2 and one line before it fits or writes anything."""
     (tmp_path / name).write_text(text)
 
     assert main(["batch", str(tmp_path / name), "--out", str(tmp_path / "out")]) == 2
@@ -329,7 +329,7 @@ def test_demo_fits_the_training_runs_of_a_campaign(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A campaign laid out like those in data/; the results go below out/ by its name."""
+    """The campaign is read from data/ and its results are written to out/ under its name."""
     folder = tmp_path / "data" / "servo"
     folder.mkdir(parents=True)
     for file, name in zip(run_files[:3], ("training_1", "training_2", "validation_1"), strict=True):

@@ -1,4 +1,4 @@
-"""`motorid fit` of runs that contradict: refused, corrected, set aside, or forced."""
+"""`motorid fit` of contradictory runs: rejected, corrected, set aside, or forced."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from tests.contract.cli.test_warnings import FAST, edited
 
 @pytest.fixture
 def flipped(run_files: list[Path], tmp_path: Path) -> list[str]:
-    """Two sound runs, and one whose current sensor is the wrong way round."""
+    """Two valid runs, and between them one with a reversed current sensor."""
     wrong = edited(run_files[1], tmp_path / "wrong.csv", "current_A", lambda value: -value)
     return [str(run_files[0]), str(wrong), str(run_files[2])]
 
 
 def fitted(out: Path, *words: str) -> dict[str, Any]:
-    """The result of a quick fit."""
+    """Result of a quick fit."""
     assert main(["fit", *words, "--out", str(out), *FAST]) == 0
     result: dict[str, Any] = json.loads((out / "result.json").read_text(encoding="utf-8"))
     return result
 
 
-def test_the_correction_that_a_refusal_proposes_can_be_typed(
+def test_the_proposed_correction_is_valid(
     flipped: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line, exit status 2, nothing written; with its words the same runs are fitted."""
+    """With the --map option of the error message, the fit of the same runs succeeds."""
     assert main(["fit", *flipped, "--out", str(tmp_path / "no"), *FAST]) == 2
     [line] = capsys.readouterr().err.splitlines()
     assert "wrong.csv, column current_A: has the wrong sign" in line
@@ -44,10 +44,10 @@ def test_the_correction_that_a_refusal_proposes_can_be_typed(
     assert result["forced"] is False
 
 
-def test_all_contradictions_are_said_at_once(
+def test_one_message_lists_all_contradictions(
     flipped: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two faults in two runs: a user types both corrections, and not one after another."""
+    """For two faults in two runs the message proposes both corrections."""
     other = edited(Path(flipped[2]), tmp_path / "other.csv", "speed_rad_s", lambda value: -value)
 
     status = main(["fit", flipped[0], flipped[1], str(other), "--out", str(tmp_path), *FAST])
@@ -59,8 +59,8 @@ def test_all_contradictions_are_said_at_once(
     assert "other.csv:speed_rad_s=speed_rad_s * -1" in line
 
 
-def test_a_run_that_contradicts_is_set_aside_and_said(flipped: list[str], tmp_path: Path) -> None:
-    """The two that are left are those that are fitted without it."""
+def test_a_contradictory_run_is_set_aside_and_reported(flipped: list[str], tmp_path: Path) -> None:
+    """The parameters equal those of a fit without the run."""
     result = fitted(tmp_path / "out", *flipped, "--set-aside")
     alone = fitted(tmp_path / "alone", flipped[0], flipped[2])
 
@@ -75,7 +75,7 @@ def test_a_run_that_contradicts_is_set_aside_and_said(flipped: list[str], tmp_pa
 def test_a_forced_fit_is_marked(
     flipped: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In the result, first among the warnings, and first in the summary of the report."""
+    """The result, its first warning and the report summary state that the fit was forced."""
     result = fitted(tmp_path / "out", *flipped, "--force")
 
     assert result["forced"] is True
@@ -93,7 +93,7 @@ def test_a_forced_fit_is_marked(
 def test_a_mapping_of_a_file_that_is_not_given_is_refused(
     flipped: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A misspelt name would otherwise be a correction that nobody applies."""
+    """A misspelt file name would otherwise leave the run uncorrected."""
     words = ["--map", "wronk.csv:current_A=current_A * -1"]
 
     assert main(["fit", *flipped, *words, "--out", str(tmp_path), *FAST]) == 2

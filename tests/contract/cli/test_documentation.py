@@ -1,6 +1,6 @@
-"""docs/cli.md against the program: every command's help, every exit status.
+"""docs/cli.md matches the program: the help of each command, and the exit statuses.
 
-`python tests/contract/cli/test_documentation.py` writes the help texts anew.
+`python tests/contract/cli/test_documentation.py` regenerates the help texts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HELP = re.compile(r"```text\nUsage: (motorid[a-z ]*?) (?:\[|COMMAND|\{).*?```\n"
 
 
 def commands(command: Any, name: str = "motorid") -> Iterator[tuple[str, Any]]:
-    """Every command that does something, by the words that call it."""
+    """Commands that can be executed, with the words that call them."""
     inner = getattr(command, "commands", None)
     if inner is None:
         yield name, command
@@ -35,7 +35,7 @@ KNOWN = dict(commands(typer.main.get_command(app)))
 
 
 def help_text(name: str) -> str:
-    """What the command prints for --help, on a terminal of 80 columns, as a block of the page."""
+    """Output of --help on a terminal of 80 columns, as a block of the page."""
     command = KNOWN[name]
     context = command.make_context(
         name,
@@ -50,25 +50,25 @@ def help_text(name: str) -> str:
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_page_shows_the_help_of_every_command(name: str) -> None:
-    """What the program prints is what stands on the page, once."""
+    """The page contains the current help text of each command once."""
     assert PAGE.read_text(encoding="utf-8").count(help_text(name)) == 1
 
 
-def test_page_shows_no_command_that_is_gone() -> None:
-    """As many blocks of help as commands."""
+def test_page_shows_no_removed_command() -> None:
+    """The page has as many help blocks as there are commands."""
     assert len(HELP.findall(PAGE.read_text(encoding="utf-8"))) == len(KNOWN)
 
 
-def test_page_tells_every_exit_status() -> None:
-    """Rows of the table of statuses."""
+def test_page_lists_every_exit_status() -> None:
+    """The table of the page contains exactly the statuses of the program."""
     told = re.findall(r"^\| (\d+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
 
     assert {int(status) for status in told} == {0, *EXIT_STATUS.values()}
 
 
 @pytest.mark.parametrize("option", SeveralWords.several)
-def test_page_and_help_tell_which_options_take_several_words(option: str) -> None:
-    """The page names each; in the help their placeholder ends with three dots."""
+def test_page_and_help_mark_multi_value_options(option: str) -> None:
+    """The page names each option; the placeholder in the help ends with three dots."""
     shown = [line for name in KNOWN for line in help_text(name).splitlines() if option in line]
 
     assert f"`{option}`" in PAGE.read_text(encoding="utf-8")

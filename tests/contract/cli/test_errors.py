@@ -1,4 +1,4 @@
-"""What a shell gets back when something is wrong: a status, one line, never a traceback."""
+"""Errors on the command line: exit status and one line, never a traceback."""
 
 from __future__ import annotations
 
@@ -121,10 +121,10 @@ REFUSED = {
 
 
 def failing_with(error: BaseException) -> Callable[..., NoReturn]:
-    """A function that does nothing but fail, whatever it is called with."""
+    """Function that raises an error, whatever its arguments."""
 
     def fail(*_: object, **__: object) -> NoReturn:
-        """Fail."""
+        """Raise the error."""
         raise error
 
     return fail
@@ -132,7 +132,7 @@ def failing_with(error: BaseException) -> Callable[..., NoReturn]:
 
 @pytest.fixture
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with broken files in it."""
+    """Working directory with malformed files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty.csv").touch()
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)) * 40)
@@ -146,10 +146,10 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("words", "message"), REFUSED.values(), ids=REFUSED.keys())
-def test_fault_of_the_input_is_status_2_and_one_line(
+def test_invalid_input_is_status_2_and_one_line(
     words: list[str], message: str, workplace: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The contract: 2, one line on standard error that says what was wrong, nothing else."""
+    """Standard error has one line with the reason; standard output is empty."""
     before = set(workplace.iterdir())
 
     status = main(words)
@@ -168,7 +168,7 @@ def test_fault_of_the_input_is_status_2_and_one_line(
 def test_directory_that_cannot_be_written_is_found_before_the_fit(
     run_files: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing can be made in /proc, by root neither; the pipeline must not have been started."""
+    """Not even root can write to /proc; the pipeline is not started."""
     started = failing_with(AssertionError("the fit was started"))
     monkeypatch.setattr("identification.pipeline.identify", started)
 
@@ -189,14 +189,14 @@ def test_directory_that_cannot_be_written_is_found_before_the_fit(
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
 )
-def test_failure_of_the_work_is_one_line_and_its_status(
+def test_failed_command_is_one_line_and_its_status(
     error: BaseException,
     status: int,
     line: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Errors raised in place of the work; a defect of the program shows no traceback either."""
+    """Computation, memory, disk and internal errors are reported without a traceback."""
     monkeypatch.delenv("MOTORID_TRACEBACK", raising=False)
     monkeypatch.setattr(motor, "feedback", failing_with(error))
 
@@ -208,10 +208,10 @@ def test_failure_of_the_work_is_one_line_and_its_status(
     assert told.count("\n") == 1
 
 
-def test_traceback_is_shown_where_it_is_asked_for(
+def test_traceback_is_shown_on_request(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """MOTORID_TRACEBACK=1 is for those who mend the program."""
+    """MOTORID_TRACEBACK=1 enables tracebacks for developers."""
     monkeypatch.setenv("MOTORID_TRACEBACK", "1")
     monkeypatch.setattr(motor, "feedback", failing_with(ZeroDivisionError()))
 
@@ -222,7 +222,7 @@ def test_traceback_is_shown_where_it_is_asked_for(
 def test_failed_fit_removes_the_directory_it_made_and_no_other(
     run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A pipeline that fails after the directory was made; one that was there before stays."""
+    """A directory that existed before the fit remains."""
     error = ComputationError("no model can be simulated")
     monkeypatch.setattr("identification.pipeline.identify", failing_with(error))
     (tmp_path / "old").mkdir()
@@ -233,13 +233,13 @@ def test_failed_fit_removes_the_directory_it_made_and_no_other(
     assert [path.name for path in tmp_path.iterdir()] == ["old"]
 
 
-def test_every_status_of_the_table_is_one_that_the_help_tells() -> None:
-    """0, 1, 2, and of the three signals 128 more than their numbers, and no other."""
+def test_exit_statuses_are_those_of_the_contract() -> None:
+    """The statuses are 0, 1, 2, and 128 plus the number of each of three signals."""
     assert {0, *EXIT_STATUS.values()} == {0, 1, 2, 129, 130, 143}
 
 
 def shell(*words: str) -> subprocess.Popen[str]:
-    """The command in a process of its own."""
+    """Start the command in a separate process."""
     return subprocess.Popen(
         [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main())", *words],
         stdout=subprocess.PIPE,
@@ -249,8 +249,8 @@ def shell(*words: str) -> subprocess.Popen[str]:
     )
 
 
-def test_reader_that_goes_away_gets_status_1_and_one_line() -> None:
-    """`motorid ... | head -0`: the pipe is closed before anything is printed."""
+def test_closed_output_pipe_is_status_1_and_one_line() -> None:
+    """In `motorid ... | head -0` the pipe is closed before the output."""
     process = shell("feedback", *MOTOR, *COLD, "--json")
     assert process.stdout is not None
     assert process.stderr is not None
@@ -264,7 +264,7 @@ def test_reader_that_goes_away_gets_status_1_and_one_line() -> None:
 
 
 def test_interrupted_fit_is_status_130_and_one_line(run_files: list[Path], tmp_path: Path) -> None:
-    """SIGINT in the middle of a fit with posterior, which takes seconds when left alone."""
+    """SIGINT during a fit that would otherwise take seconds ends it and removes its directory."""
     process = shell("fit", *map(str, run_files), "--out", str(tmp_path / "out"))
     while not (tmp_path / "out").exists():
         assert process.poll() is None
@@ -281,7 +281,7 @@ def test_interrupted_fit_is_status_130_and_one_line(run_files: list[Path], tmp_p
 def test_refusal_names_row_and_column(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Cell spoilt on line 42 of the file, counted with its header."""
+    """An invalid cell in line 42 is reported as row 42; the header is row 1."""
     lines = run_files[0].read_text(encoding="utf-8").splitlines()
     cells = lines[41].split(",")
     cells[lines[0].split(",").index("current_A")] = "n/a"
@@ -296,7 +296,7 @@ def test_refusal_names_row_and_column(
 def test_feedback_list_is_replaced_whole_or_not_at_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The disk fills up while the new file is written: the old one stays, alone."""
+    """If the disk is full, the old file remains and no temporary file is left."""
     out = tmp_path / "feedback.json"
     out.write_text("old")
 
@@ -315,7 +315,7 @@ def test_feedback_list_is_replaced_whole_or_not_at_all(
 def test_result_that_is_a_pipe_is_not_waited_for(
     run_files: list[Path], tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody writes to it, so that reading it would never end."""
+    """Reading a pipe without a writer would block forever."""
     pipe = tmp_path / "result.json"
     os.mkfifo(pipe)
     out = ["--out", str(tmp_path / "out")]

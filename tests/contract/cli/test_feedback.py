@@ -1,4 +1,4 @@
-"""`motorid feedback`: the loop of a motor that is typed in, or of a result."""
+"""`motorid feedback`: speed loop of a motor given by values or by a result."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ PAPER = [
 NAMES = ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L")
 
 
-def test_typed_motor_of_the_source_gives_its_table(tmp_path: Path) -> None:
-    """Table 1 of the source, by the default loop: P with gain 1 at 25 and 125 degC."""
+def test_motor_of_the_source_gives_its_table(tmp_path: Path) -> None:
+    """The default loop, P with gain 1 at 25 and 125 degC, reproduces Table 1 of the source."""
     out = tmp_path / "feedback.json"
 
     assert main(["feedback", *PAPER, "--out", str(out), "--quiet"]) == 0
@@ -40,7 +40,7 @@ def test_typed_motor_of_the_source_gives_its_table(tmp_path: Path) -> None:
 def test_json_on_standard_output_is_the_list_of_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One document, the same in both places."""
+    """Standard output and the file contain the same JSON document."""
     out = tmp_path / "feedback.json"
 
     assert main(["feedback", *PAPER, "--out", str(out), "--json"]) == 0
@@ -49,7 +49,7 @@ def test_json_on_standard_output_is_the_list_of_the_file(
 
 
 def test_table_says_unstable_and_infinite_in_words(capsys: pytest.CaptureFixture[str]) -> None:
-    """An integral gain of 1e5 is unstable; P alone has an infinite gain margin."""
+    """PI with an integral gain of 1e5 is unstable; P has an infinite gain margin."""
     words = ["feedback", *PAPER, "--controller", "P:1", "PI:1,1e5", "--temperature", "25"]
 
     assert main(words) == 0
@@ -60,10 +60,10 @@ def test_table_says_unstable_and_infinite_in_words(capsys: pytest.CaptureFixture
     assert "unstable: the speed does not settle" in unstable
 
 
-def test_draws_of_the_posterior_beside_the_result_are_used(
+def test_draws_of_the_posterior_of_the_result_are_used(
     fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A chain of three draws whose final values are known in closed form for P with gain 1."""
+    """For P with gain 1 the final value of each of three draws has a closed form."""
     shutil.copy(fitted / "result.json", tmp_path)
     motors = np.array(
         [[0.59, 0.0, 0.071, 0.0, 0.01, friction, 0.5] for friction in (0.1, 0.2, 0.4)]
@@ -84,10 +84,10 @@ def test_draws_of_the_posterior_beside_the_result_are_used(
     assert told == ""
 
 
-def test_result_without_posterior_gives_rough_spreads_and_says_so(
+def test_result_without_posterior_gives_approximate_intervals(
     fitted: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Medians agree with those that the fit itself found; the remark is on standard error."""
+    """Medians agree with the result within 1 %; a remark on standard error gives the reason."""
     result = json.loads((fitted / "result.json").read_text())
 
     assert main(["feedback", "--result", str(fitted / "result.json"), "--json"]) == 0
@@ -101,10 +101,10 @@ def test_result_without_posterior_gives_rough_spreads_and_says_so(
     assert told.startswith("motorid: no posterior.nc in the directory of result.json")
 
 
-def test_posterior_that_is_none_is_refused(
+def test_malformed_posterior_is_refused(
     fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A text file of that name; falling back in silence would hide it."""
+    """A silent fallback to independent draws would hide the damaged file."""
     shutil.copy(fitted / "result.json", tmp_path)
     (tmp_path / "posterior.nc").write_text("nothing")
 

@@ -1,4 +1,4 @@
-"""`motorid fit` as a shell sees it: files, words, order, exit status."""
+"""`motorid fit` as called from a shell: files, arguments, output and exit status."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ FAST = ["--no-posterior", "--no-effects"]
 
 
 def words(*parts: object) -> list[str]:
-    """Words as a shell hands them over."""
+    """Arguments as a shell passes them."""
     return [str(part) for part in parts]
 
 
 def test_fit_without_posterior_writes_result_and_report_only(fitted: Path) -> None:
-    """The files that the contract names, less posterior.nc, and no temporary neighbour of them."""
+    """The directory contains no posterior.nc and no temporary file."""
     assert sorted(path.name for path in fitted.iterdir()) == ["report.html", "result.json"]
 
 
 def test_result_of_the_command_line_fulfils_the_published_schema(fitted: Path) -> None:
-    """The schema that the project publishes; NaN and Infinity are no JSON."""
+    """result.json conforms to the schema and contains neither NaN nor Infinity."""
     jsonschema = pytest.importorskip("jsonschema")
     text = (fitted / "result.json").read_text(encoding="utf-8")
 
     def refuse(word: str) -> None:
-        """A word that Python reads as a number and JSON does not have."""
+        """Reject a number that Python accepts and JSON does not define."""
         raise AssertionError(word)
 
     jsonschema.validate(json.loads(text, parse_constant=refuse), result_schema())
 
 
-def test_parameters_come_out_near_the_motor_that_made_the_runs(fitted: Path) -> None:
-    """The true values of the motor table, within five of the fit's own standard deviations."""
+def test_parameters_agree_with_the_simulated_motor(fitted: Path) -> None:
+    """Each estimate is within five of its standard deviations of the true value."""
     truth = dict(zip(NAMES, motor_named("servo 100 W").values, strict=True))
     parameters = json.loads((fitted / "result.json").read_text(encoding="utf-8"))["parameters"]
 
@@ -50,7 +50,7 @@ def test_parameters_come_out_near_the_motor_that_made_the_runs(fitted: Path) -> 
 
 
 def test_runs_are_listed_with_their_role_in_the_order_given(fitted: Path) -> None:
-    """Three training runs and, behind --validation, one."""
+    """The result lists three training runs, then the run of --validation."""
     runs = json.loads((fitted / "result.json").read_text(encoding="utf-8"))["runs"]
 
     assert [(run["file"], run["role"], run["rows"]) for run in runs] == [
@@ -62,10 +62,10 @@ def test_runs_are_listed_with_their_role_in_the_order_given(fitted: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["run1.csv", "copy.csv"])
-def test_validation_on_the_bytes_that_are_fitted_is_refused(
+def test_validation_on_a_training_run_is_refused(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    """Status 2 and one line, for the same file and for another with its bytes."""
+    """A training file and a copy of it are rejected with status 2 and one line."""
     fitted = tmp_path / "run1.csv"
     checked = tmp_path / name
     for file in {fitted, checked}:
@@ -80,10 +80,10 @@ def test_validation_on_the_bytes_that_are_fitted_is_refused(
     assert not out.exists()
 
 
-def test_validation_runs_may_follow_one_option_or_stand_behind_one_each(
+def test_validation_runs_share_an_option_or_have_one_each(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Both spellings, options first and last; the roles in the JSON result tell."""
+    """Both forms give the same roles, with the options before or after the runs."""
     a, b, c, d = run_files
     spellings = [
         words("fit", a, b, "--validation", c, d, "--out", tmp_path / "one", *FAST),
@@ -106,7 +106,7 @@ def test_validation_runs_may_follow_one_option_or_stand_behind_one_each(
 def test_table_names_every_parameter_warnings_first_and_files_last(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What an engineer looks for after a fit of runs that are all at one temperature."""
+    """The table of runs at a single temperature marks alpha_Ra as not identified."""
     cold = tmp_path / "cold.csv"
     lines = run_files[0].read_text(encoding="utf-8").splitlines()
     cells = [line.split(",") for line in lines]
@@ -132,10 +132,10 @@ def test_table_names_every_parameter_warnings_first_and_files_last(
     assert remarks == ""
 
 
-def test_json_summary_is_all_there_is_on_standard_output(
+def test_json_summary_is_the_only_output(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A script parses the whole of standard output; the paths in it exist."""
+    """A script can parse all of standard output; the paths in it exist."""
     out = tmp_path / "out"
 
     assert main(words("fit", run_files[0], run_files[1], "--out", out, "--json", *FAST)) == 0
@@ -150,7 +150,7 @@ def test_json_summary_is_all_there_is_on_standard_output(
 def test_other_temperatures_and_controllers_reach_the_feedback_list(
     run_files: list[Path], tmp_path: Path
 ) -> None:
-    """Several values behind one option, a negative temperature among them."""
+    """An option takes several values, including a negative temperature."""
     out = tmp_path / "out"
 
     status = main(
@@ -170,7 +170,7 @@ def test_other_temperatures_and_controllers_reach_the_feedback_list(
 def test_mapping_by_file_and_by_words_reads_foreign_columns(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The same run with other headers, a current in mA and an amplified speed, fits the same."""
+    """Mapped headers, a current in mA and a scaled speed give the same estimate."""
     names = {"current_A": "shunt", "speed_rad_s": "tacho (amplified)", "time_s": "time_s"}
     lines = [line.split(",") for line in run_files[0].read_text(encoding="utf-8").splitlines()]
     header = lines[0]
@@ -202,7 +202,7 @@ def test_mapping_by_file_and_by_words_reads_foreign_columns(
 def test_results_of_an_earlier_fit_stay_when_the_next_one_is_refused(
     run_files: list[Path], fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A broken run is refused before anything is written: bytes and times stay."""
+    """A malformed run is rejected before anything is written; bytes and times are unchanged."""
     broken = tmp_path / "broken.csv"
     broken.write_text(run_files[0].read_text(encoding="utf-8").replace(",", ",x", 40))
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in fitted.iterdir()}
@@ -215,7 +215,7 @@ def test_results_of_an_earlier_fit_stay_when_the_next_one_is_refused(
 
 
 def test_refused_input_leaves_no_directory_behind(tmp_path: Path) -> None:
-    """The directory is made only when the runs were read."""
+    """The output directory is created only after the runs were read."""
     assert main(words("fit", tmp_path / "nosuch.csv", "--out", tmp_path / "a" / "b")) == 2
 
     assert list(tmp_path.iterdir()) == []
@@ -224,7 +224,7 @@ def test_refused_input_leaves_no_directory_behind(tmp_path: Path) -> None:
 def test_fit_loads_neither_the_web_framework_nor_the_database(
     run_files: list[Path], tmp_path: Path
 ) -> None:
-    """A fresh interpreter runs a whole fit and then lists what it has loaded."""
+    """A new interpreter lists its modules after a complete fit."""
     program = (
         "import sys\nfrom app.cli import main\nassert main(sys.argv[1:]) == 0\n"
         "print([m for m in ('fastapi', 'starlette', 'uvicorn', 'sqlalchemy', 'alembic') "

@@ -1,4 +1,4 @@
-"""Known values and the nameplate: the same words on the command line, by HTTP and in a manifest."""
+"""Known values and the nameplate: same syntax on the command line, by HTTP and in a manifest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLATE = "voltage=24,no_load_speed=3249rpm,no_load_current=0.3,stall_current=40"
 
 
 def by_http(known: tuple[str, ...], nameplate: str) -> FitOptions:
-    """Options as the service has them once a request was checked."""
+    """Options as the service sees them after validation of a request."""
     body = {"training": ["run_x"], "options": {"known": list(known), "nameplate": nameplate}}
     options = FitCreate.model_validate(body).request().options.items()
     values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in options}
@@ -32,14 +32,14 @@ def by_http(known: tuple[str, ...], nameplate: str) -> FitOptions:
 
 
 def by_manifest(path: Path, text: str) -> FitOptions:
-    """Options of the one motor of a manifest."""
+    """Options of the only motor of a manifest."""
     path.write_text(text)
     (motor,) = read_manifest(path, FitOptions())
     return motor.options
 
 
 def everywhere(directory: Path, known: tuple[str, ...], nameplate: str) -> list[Any]:
-    """What each way gives: options, or the message of its refusal."""
+    """Options, or the error message, of each interface."""
     (directory / "run.csv").touch()
     options = {"known": list(known), "nameplate": nameplate}
     entry = json.dumps({"motor": "m", "training": ["run.csv"], "options": options})
@@ -59,8 +59,8 @@ def everywhere(directory: Path, known: tuple[str, ...], nameplate: str) -> list[
     return answers
 
 
-def test_all_ways_give_the_same_options(tmp_path: Path) -> None:
-    """Command line, HTTP, CSV and YAML."""
+def test_all_interfaces_give_the_same_options(tmp_path: Path) -> None:
+    """Command line, HTTP, CSV and YAML parse the same texts to equal options."""
     answers = everywhere(tmp_path, KNOWN, PLATE)
 
     assert answers == [FitOptions(known=KNOWN, nameplate=PLATE)] * 4
@@ -79,10 +79,10 @@ def test_all_ways_give_the_same_options(tmp_path: Path) -> None:
         ((), "voltage=12A,stall_current=1"),
     ],
 )
-def test_all_ways_refuse_with_the_same_words(
+def test_all_interfaces_reject_with_the_same_message(
     tmp_path: Path, known: tuple[str, ...], nameplate: str
 ) -> None:
-    """One parser; a manifest says where it stands before that."""
+    """All use one parser; a manifest prepends the location of the error."""
     with pytest.raises(OptionError) as caught:
         FitOptions(known=known, nameplate=nameplate)
 
@@ -90,8 +90,8 @@ def test_all_ways_refuse_with_the_same_words(
         assert answer.endswith(caught.value.message)
 
 
-def test_words_of_the_command_line_reach_the_result(run_files: list[Path], tmp_path: Path) -> None:
-    """Several words behind one option, and another one of the same name."""
+def test_command_line_values_reach_the_result(run_files: list[Path], tmp_path: Path) -> None:
+    """The option takes several values and may be repeated."""
     words = ["--known", *KNOWN, "--known", "J=1e-4+-10%", "--nameplate", "voltage=24"]
     words += ["stall_current=40"]
 
@@ -104,10 +104,10 @@ def test_words_of_the_command_line_reach_the_result(run_files: list[Path], tmp_p
     assert origins == {"Ra25": "--nameplate", "Kt25": "--known", "J": "--known", "L": "--known"}
 
 
-def test_wrong_word_is_one_line_and_exit_status_2(
+def test_invalid_value_is_one_line_and_exit_status_2(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Value, what was expected, what to do; nothing is written."""
+    """The line names the value and the expected ones; nothing is written."""
     out = tmp_path / "out"
 
     assert main(["fit", str(run_files[0]), "--known", "Kt=1", "--out", str(out), *FAST]) == 2
@@ -119,10 +119,10 @@ def test_wrong_word_is_one_line_and_exit_status_2(
     assert not out.exists()
 
 
-def test_report_and_summary_say_what_rests_on_a_known_value(
+def test_report_marks_an_estimate_that_rests_on_a_known_value(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A cold run alone does not tell the coefficients; one of them is given."""
+    """A run at one temperature does not determine alpha_Ra, which is given."""
     text = run_files[0].read_text(encoding="utf-8").splitlines()
     place = text[0].split(",").index("temperature_degC")
     rows = [line.split(",") for line in text[1:]]
@@ -145,8 +145,8 @@ def test_report_and_summary_say_what_rests_on_a_known_value(
     assert "--known" in capsys.readouterr().out
 
 
-def test_record_of_a_batch_without_known_values_is_what_it_was(tmp_path: Path) -> None:
-    """A batch of before these options is kept, and not fitted again."""
+def test_record_without_known_values_is_unchanged(tmp_path: Path) -> None:
+    """A result from before these options existed stays up to date and is not fitted again."""
     (tmp_path / "run.csv").touch()
     (tmp_path / "m.csv").write_text("motor,training,known\na,run.csv,\nb,run.csv,L=1e-3\n")
     plain, known = (

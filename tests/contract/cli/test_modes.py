@@ -1,4 +1,4 @@
-"""What the commands of the service write is for nobody but its owner."""
+"""File permissions of the service commands: access for the owner only."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 COMMAND = "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
-def test_a_data_directory_that_is_open_to_all_gets_no_open_database(tmp_path: Path) -> None:
-    """It was there before, so it stays as it is; digests of keys are in the database."""
+def test_database_in_an_open_directory_is_private(tmp_path: Path) -> None:
+    """An existing directory keeps its mode; the database in it holds hashes of keys."""
     tmp_path.chmod(0o755)
 
     words = ["keys", "create", "bench", "--data-dir", str(tmp_path)]

@@ -1,4 +1,4 @@
-"""`motorid predict`: a table of what the sensors would have logged."""
+"""`motorid predict`: simulated sensor readings of a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from identification.ingest import read_run
 
 
 def table(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Columns of a predicted table."""
+    """Columns of a prediction."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -25,7 +25,7 @@ def table(path: Path) -> dict[str, NDArray[np.float64]]:
 def test_prediction_has_a_row_for_each_sample_and_fits_the_run(
     fitted: Path, run_files: list[Path], tmp_path: Path, more: list[str]
 ) -> None:
-    """The run has 1 % noise, so the simulation is within 1.1 % of its spread (no effects here)."""
+    """The error is below 2 % of the standard deviation; the noise of the run is 1 %."""
     out = tmp_path / "new" / "prediction.csv"
 
     status = main(
@@ -44,7 +44,7 @@ def test_prediction_has_a_row_for_each_sample_and_fits_the_run(
 def test_prediction_uses_current_and_speed_for_the_start_only(
     fitted: Path, run_files: list[Path], tmp_path: Path
 ) -> None:
-    """Both channels are overwritten in the second half: nothing there moves the prediction."""
+    """Overwriting both channels in the second half leaves the prediction unchanged."""
     lines = run_files[3].read_text(encoding="utf-8").splitlines()
     header = lines[0].split(",")
     spoilt = []
@@ -71,7 +71,7 @@ def test_prediction_uses_current_and_speed_for_the_start_only(
 def test_prediction_replaces_an_older_one(
     fitted: Path, run_files: list[Path], tmp_path: Path
 ) -> None:
-    """The same name twice: one file, no neighbour, the permissions of an ordinary file."""
+    """The file is replaced, has ordinary permissions, and no temporary file is left."""
     out = tmp_path / "p.csv"
     out.write_text("old")
 
@@ -90,7 +90,7 @@ def test_result_whose_parameters_are_impossible_is_refused(
     capsys: pytest.CaptureFixture[str],
     spoilt: str,
 ) -> None:
-    """No table of empty cells: status 2 and the parameter's name."""
+    """The command exits with status 2 and names the parameter."""
     result = json.loads((fitted / "result.json").read_text(encoding="utf-8"))
     result["parameters"]["L"]["estimate"] = int(spoilt)
     (tmp_path / "spoilt.json").write_text(json.dumps(result), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Commands that are ended from outside: a status, one line, no process left, and a way to go on."""
+"""Commands ended by a signal: status, one line, no process left, and a resumable state."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _ATTEMPTS = 3
 
 @pytest.fixture
 def mark() -> str:
-    """A word in the environment of all processes of a test."""
+    """Value in the environment of all processes of a test."""
     return secrets.token_hex(8)
 
 
 @pytest.fixture
 def manifest(tmp_path: Path) -> Path:
-    """Six motors, each of which takes two seconds."""
+    """Six motors, each with a fit of two seconds."""
     (tmp_path / "a.csv").write_bytes(run_text(1))
     rows = "".join(f"m{number},a.csv,{SLOW}\n" for number in range(6))
     (tmp_path / "m.csv").write_text(f"motor,training,seed\n{rows}")
@@ -48,7 +48,7 @@ def manifest(tmp_path: Path) -> Path:
 
 
 def begin(mark: str, *words: str) -> subprocess.Popen[str]:
-    """The command in a process of its own, with the pretended pipeline."""
+    """Start the command with the mock pipeline in a separate process."""
     names = {"PYTHONPATH": str(ROOT), "MOTORID_PIPELINE": PRETENDED, "MOTORID_MARK": mark}
     return subprocess.Popen(
         [sys.executable, "-c", COMMAND, *words],
@@ -60,7 +60,7 @@ def begin(mark: str, *words: str) -> subprocess.Popen[str]:
 
 
 def until(condition: Callable[[], object], seconds: float = 60.0) -> bool:
-    """Whether something happens in time."""
+    """Return True if a condition becomes true in time."""
     deadline = time.monotonic() + seconds
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -68,18 +68,18 @@ def until(condition: Callable[[], object], seconds: float = 60.0) -> bool:
 
 
 def in_work(mark: str) -> list[int]:
-    """Processes besides the command and the fork server: those that fit."""
+    """Processes of the command if some compute in addition to the command and the fork server."""
     found = marked(mark)
     return found if len(found) >= 3 else []
 
 
 @pytest.mark.parametrize(("number", "status", "told"), ENDS, ids=lambda value: str(value)[:12])
-def test_batch_that_is_ended_leaves_no_process_and_goes_on(
+def test_interrupted_batch_leaves_no_process_and_is_resumed(
     manifest: Path, tmp_path: Path, mark: str, number: int, status: int, told: str
 ) -> None:
-    """One motor is done and two run: one line, and the same command keeps what is done.
+    """With one motor done and others running, a signal ends the batch with one line.
 
-    On a busy machine the batch may be over before it is looked at; then it is begun again.
+    On a busy machine the batch may end before the signal; the test then starts another one.
     """
     outs = [tmp_path / f"out{attempt}" for attempt in range(_ATTEMPTS)]
     out, process = next(
@@ -99,7 +99,7 @@ def test_batch_that_is_ended_leaves_no_process_and_goes_on(
 
 
 def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess.Popen[str] | None:
-    """A batch that was sent a signal with one motor done and others running; None if it is over.
+    """Batch that received a signal after its first motor; None if the batch ended before.
 
     The record of a motor, batch.json, is written last: from then on its result is kept.
     """
@@ -120,7 +120,7 @@ def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess
 def test_batch_whose_fork_server_is_killed_fits_its_motors_again(
     manifest: Path, tmp_path: Path, mark: str, number: int
 ) -> None:
-    """The oldest process of the two that stay is the command; neither signal ends the other."""
+    """The fork server ignores signals for the command; after SIGKILL its motors are retried."""
     process = begin(mark, "batch", str(manifest), "--out", str(tmp_path / "out"), "--quiet")
     assert until(lambda: in_work(mark))
     (server,) = [
@@ -138,8 +138,8 @@ def test_batch_whose_fork_server_is_killed_fits_its_motors_again(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-def test_service_that_is_ended_stops_in_good_order(tmp_path: Path, mark: str, number: int) -> None:
-    """Status 0, whichever signal; no process is left and no traceback is printed."""
+def test_service_shuts_down_cleanly_at_each_signal(tmp_path: Path, mark: str, number: int) -> None:
+    """The status is 0, no process is left and no traceback is printed."""
     process = begin(mark, "serve", "--no-auth", "--port", "0", "--data-dir", str(tmp_path / "data"))
     assert process.stderr is not None
     while "startup complete" not in (line := process.stderr.readline()):
@@ -158,7 +158,7 @@ def test_service_that_is_ended_stops_in_good_order(tmp_path: Path, mark: str, nu
 def test_closed_output_changes_no_status(
     manifest: Path, tmp_path: Path, mark: str, closing: str, run: str, status: int
 ) -> None:
-    """A descriptor that a shell closed is not taken by a file either."""
+    """The descriptor of a closed stream is not reused for a file."""
     (tmp_path / "m.csv").write_text("motor,training,seed\nm,a.csv,0\n")
     given = str(manifest if run == "a.csv" else tmp_path / run)
     line = f'"$0" -c "$1" batch "$2" --out "$3" {closing}'
@@ -172,13 +172,13 @@ def test_closed_output_changes_no_status(
     assert b"internal error" not in done.stderr
 
 
-def test_signal_that_a_library_turned_into_its_own_error_is_known(
+def test_signal_converted_by_a_library_is_recognised(
     run_files: list[Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Some C extensions answer any exception of a callback with one of theirs."""
+    """Some C extensions convert any exception of a callback into their own."""
 
     def identify(*given: object, **named: object) -> NoReturn:
         try:

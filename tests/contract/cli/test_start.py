@@ -1,4 +1,4 @@
-"""The program as a whole: how fast it answers, what it loads, what it is called."""
+"""The program as a whole: start time, loaded modules, entry point and terminal output."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ HEAVY = ("numpy", "scipy", "casadi", "pandas", "emcee", "rich", "fastapi", "sqla
 
 
 @pytest.mark.parametrize("words", [["--version"], ["--help"], ["fit", "--help"], []])
-def test_answers_that_need_no_work_load_nothing_heavy(words: list[str]) -> None:
-    """A fresh interpreter lists what it has loaded; this is what keeps the start under 0.3 s."""
+def test_help_and_version_load_no_heavy_library(words: list[str]) -> None:
+    """A new interpreter lists its modules; this keeps the start below 0.3 s."""
     program = (
         "import sys\nfrom app.cli import main\nassert main(sys.argv[1:]) == 0\n"
         f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)"
@@ -41,7 +41,7 @@ def test_answers_that_need_no_work_load_nothing_heavy(words: list[str]) -> None:
 
 
 def test_version_is_answered_within_a_fraction_of_a_second() -> None:
-    """0.17 s of processor time measured; 0.3 s is what was asked for, doubled for slow machines."""
+    """Measured: 0.17 s of processor time; the limit is twice the required 0.3 s."""
     command = [sys.executable, "-c", "from app.cli import main; main(['--version'])"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     subprocess.run(command, check=True, capture_output=True, env=environment)
@@ -53,21 +53,21 @@ def test_version_is_answered_within_a_fraction_of_a_second() -> None:
 
 
 def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
-    """The version in the metadata of the installed package."""
+    """--version prints the version in the metadata of the installed package."""
     assert main(["--version"]) == 0
 
     assert capsys.readouterr().out == f"motorid {importlib.metadata.version('motorid')}\n"
 
 
 def test_program_is_installed_under_its_name() -> None:
-    """The entry point of the package is the function tested here."""
+    """The console script `motorid` is the function tested here."""
     (entry,) = importlib.metadata.entry_points(group="console_scripts", name="motorid")
 
     assert entry.load() is main
 
 
-def test_output_that_has_no_degree_sign_is_no_failure() -> None:
-    """In ASCII the sign becomes a question mark; the numbers are there."""
+def test_ascii_output_replaces_the_degree_sign() -> None:
+    """The sign becomes a question mark, and the command succeeds."""
     words = "feedback --set Ra25=0.6 Kt25=0.07 J=0.01 b=0.1 L=0.5 --temperature 25".split()
 
     run = subprocess.run(
@@ -82,7 +82,7 @@ def test_output_that_has_no_degree_sign_is_no_failure() -> None:
 
 
 def test_no_progress_is_shown_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
-    """What pytest captures is no terminal."""
+    """The output captured by pytest is no terminal."""
     with progress_bar(quiet=False) as progress:
         progress("fit", 0.5)
 
@@ -91,7 +91,7 @@ def test_no_progress_is_shown_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.parametrize(("quiet", "is_shown"), [(False, True), (True, False)])
 def test_progress_is_shown_on_a_terminal_unless_quiet(quiet: bool, is_shown: bool) -> None:
-    """A pseudo-terminal as standard error; the stage's words appear on it."""
+    """Standard error is a pseudo-terminal, which shows the name of the stage."""
     program = (
         "import time\nfrom app.commands.console import progress_bar\n"
         f"with progress_bar({quiet}) as progress:\n    progress('posterior', 0.5)\n"
@@ -112,7 +112,7 @@ def test_progress_is_shown_on_a_terminal_unless_quiet(quiet: bool, is_shown: boo
 
 
 def _everything(terminal: int) -> str:
-    """What is written to a pseudo-terminal until its other end is closed."""
+    """Output of a pseudo-terminal until its other end is closed."""
     seen = b""
     while select.select([terminal], [], [], 60)[0]:
         try:

@@ -1,4 +1,4 @@
-"""What `motorid fit` says of runs that are not what they should be: which file, which column."""
+"""Warnings of `motorid fit` about implausible runs, with file and column."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FAST = ["--no-posterior", "--no-effects"]
 
 
 def edited(file: Path, to: Path, column: str, change: Callable[[float], float]) -> Path:
-    """A copy of a run file with one column changed."""
+    """Copy of a run file with one column changed."""
     header, *rows = file.read_text(encoding="utf-8").splitlines()
     place = header.split(",").index(column)
     lines = [header]
@@ -36,7 +36,7 @@ def edited(file: Path, to: Path, column: str, change: Callable[[float], float]) 
 
 
 def fitted_with(out: Path, *words: object) -> list[str]:
-    """Warnings of the result of a quick fit, whatever the runs contradict."""
+    """Warnings of a quick fit, forced in spite of contradictions."""
     assert main(["fit", *map(str, words), "--out", str(out), *FAST, "--force"]) == 0
     warnings: list[str] = json.loads((out / "result.json").read_text())["warnings"]
     return warnings
@@ -57,7 +57,7 @@ def test_a_warning_about_a_channel_names_its_column(
     factor: float,
     words: str,
 ) -> None:
-    """One sensor the wrong way round or unplugged: on the terminal, in result and report."""
+    """A reversed or unplugged sensor is named on the terminal, in the result and in the report."""
     wrong = edited(run_files[1], tmp_path / "wrong.csv", column, lambda value: factor * value)
 
     warnings = fitted_with(tmp_path / "out", run_files[0], wrong)
@@ -68,8 +68,8 @@ def test_a_warning_about_a_channel_names_its_column(
     assert expected in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_warning_of_python_is_nothing_for_a_user(tmp_path: Path) -> None:
-    """A fresh interpreter, since tests make errors of warnings: numpy overflows in a command."""
+def test_python_warnings_are_not_shown_to_users(tmp_path: Path) -> None:
+    """A new interpreter is needed, because pytest turns warnings into errors."""
     program = """
 import numpy
 import app.commands.motor
@@ -87,23 +87,23 @@ numpy.float64(1e300) * numpy.float64(1e299)
         env=os.environ | {"PYTHONPATH": str(ROOT)},
     )
 
-    # What is no command's, as the last line, is shown as ever.
+    # A warning outside a command, as in the last line, is still shown.
     assert run.stderr.count("RuntimeWarning: overflow encountered") == 1
     assert "<string>:7" in run.stderr
     assert run.stdout == ""
 
 
-def test_a_speed_sensor_the_wrong_way_round_in_one_run_ends_no_fit(
+def test_a_fit_with_one_reversed_speed_sensor_succeeds(
     run_files: list[Path], tmp_path: Path
 ) -> None:
-    """The best model of both runs runs away at some steps, which overflows; that is no error."""
+    """The simulation overflows in some optimiser steps, which is no error."""
     wrong = edited(run_files[1], tmp_path / "wrong.csv", "speed_rad_s", lambda value: -value)
 
     assert fitted_with(tmp_path / "out", run_files[0], wrong)
 
 
-def test_a_current_in_steps_of_two_amperes_is_said(run_files: list[Path], tmp_path: Path) -> None:
-    """Its noise is 0.1 A, so nearly all samples of a plateau carry the same error."""
+def test_a_coarse_current_resolution_is_reported(run_files: list[Path], tmp_path: Path) -> None:
+    """The noise is 0.1 A, so samples in steps of 2 A have correlated errors."""
     coarse = [
         edited(file, tmp_path / file.name, "current_A", lambda value: 2.0 * round(value / 2.0))
         for file in run_files[:2]
@@ -116,13 +116,13 @@ def test_a_current_in_steps_of_two_amperes_is_said(run_files: list[Path], tmp_pa
     ]
 
 
-def test_a_fit_that_cannot_be_calculated_says_what_was_noticed(
+def test_a_failed_fit_reports_the_warnings_of_its_runs(
     run_files: list[Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """There is no result to carry the warnings then, and one line to say it in."""
+    """Without a result, the one-line error message carries the warnings."""
 
     def impossible(*words: object) -> None:
         raise ComputationError("no model can be simulated")
@@ -142,10 +142,10 @@ def test_a_fit_that_cannot_be_calculated_says_what_was_noticed(
     assert line.endswith("(1 more such remarks)")
 
 
-def test_draws_a_last_digit_below_their_bound_end_no_fit(
+def test_a_fit_succeeds_with_draws_rounded_below_their_bound(
     run_files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A friction that is not determined has draws at 0; the loop refuses one of -1e-20."""
+    """Draws of an undetermined b can be -1e-20, which the loop metrics alone would reject."""
     drawn = Posterior.normal_draws
 
     def below(*words: Any) -> dict[str, Any]:
@@ -157,10 +157,10 @@ def test_draws_a_last_digit_below_their_bound_end_no_fit(
     assert fitted_with(tmp_path / "out", *run_files[:2]) == []
 
 
-def test_a_run_that_is_checked_on_its_own_samples_is_no_check(
+def test_equal_samples_do_not_count_as_validation(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The same samples under other bytes: said in a warning and not in praise."""
+    """A copy with different bytes gives a warning and no validation verdict."""
     copy = tmp_path / "run1.csv"
     copy.write_text(run_files[0].read_text(encoding="utf-8") + "\n", encoding="utf-8")
 
