@@ -1,4 +1,4 @@
-"""One server for all tests that leave it as it was, with two workspaces and a key for each."""
+"""Shared server of the contract tests, with two workspaces and one key for each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.app.service import Caller, Server, make_key, run_text, serving
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server that asks for keys and takes run files of up to a million bytes."""
+    """Server that requires keys and accepts run files of up to a million bytes."""
     data_dir = tmp_path_factory.mktemp("service") / "data"
     make_key(data_dir)
     with serving(
@@ -29,40 +29,40 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @pytest.fixture(scope="session")
 def alice(server: Server) -> Iterator[Caller]:
-    """A caller of the workspace alice."""
+    """Client of the workspace alice."""
     with Caller(server, make_key(server.data_dir, "alice")) as caller:
         yield caller
 
 
 @pytest.fixture(scope="session")
 def bob(server: Server) -> Iterator[Caller]:
-    """A caller of the workspace bob."""
+    """Client of the workspace bob."""
     with Caller(server, make_key(server.data_dir, "bob")) as caller:
         yield caller
 
 
 @pytest.fixture(scope="session")
 def stored(alice: Caller) -> str:
-    """Id of a run of alice that stays."""
+    """ID of a permanent run of alice."""
     return str(alice.upload(run_text(0))["id"])
 
 
 @pytest.fixture(scope="session")
 def nobody(server: Server) -> Iterator[Caller]:
-    """A caller without a key."""
+    """Client without a key."""
     with Caller(server) as caller:
         yield caller
 
 
 @pytest.fixture
 def data_dir(tmp_path: Path) -> Path:
-    """A data directory for a server of the test's own."""
+    """Data directory for a separate server."""
     return tmp_path / "data"
 
 
 @pytest.fixture
 def nothing_left(server: Server) -> Iterator[None]:
-    """The data directory has the same runs and no incoming file afterwards."""
+    """Check that the test adds neither a run nor an incoming file to the data directory."""
     before = sorted((server.data_dir / "runs").iterdir())
     yield
     assert sorted((server.data_dir / "runs").iterdir()) == before

@@ -1,4 +1,4 @@
-"""What tests of broken and hostile requests share."""
+"""Helpers for tests of malformed and hostile requests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RUN = run_text(99)
 
 
 def assert_is_problem(answer: httpx.Response, *statuses: int) -> None:
-    """A refusal with its form, its code and nothing of the inside of the service."""
+    """Check the status and form of a problem response, and that it reveals no internals."""
     assert answer.status_code in statuses, (answer.status_code, answer.text[:500])
     assert answer.headers["content-type"] == "application/problem+json"
     problem = answer.json()
@@ -29,7 +29,7 @@ def assert_is_problem(answer: httpx.Response, *statuses: int) -> None:
 
 
 def form(*parts: tuple[str, bytes], end: bytes = b"--b--\r\n") -> bytes:
-    """A form written by hand: the header of each part and its content."""
+    """Multipart form built from the header and the content of each part."""
     return (
         b"".join(
             b"--b\r\n" + head.encode("utf-8", "surrogateescape") + b"\r\n\r\n" + content + b"\r\n"
@@ -40,7 +40,7 @@ def form(*parts: tuple[str, bytes], end: bytes = b"--b--\r\n") -> bytes:
 
 
 def raw(server: Server, request: bytes, *, then: bytes = b"") -> bytes:
-    """What the server answers to bytes that no client library would send."""
+    """Response to arbitrary bytes, which no client library would send."""
     address = urlsplit(server.url)
     with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
         answer = b""
@@ -50,10 +50,10 @@ def raw(server: Server, request: bytes, *, then: bytes = b"") -> bytes:
         try:
             connection.shutdown(socket.SHUT_WR)
         except OSError as error:
-            # The server has closed already.
+            # The server has already closed the connection.
             if error.errno != errno.ENOTCONN:
                 raise
-        # Or it closes while there is still something to say.
+        # The server may close it before all bytes are sent.
         with contextlib.suppress(ConnectionResetError):
             while block := connection.recv(65536):
                 answer += block

@@ -1,4 +1,4 @@
-"""The short form of a torture test: batches that are killed finish, and fit nothing twice."""
+"""Short torture test of batches: a killed batch finishes and fits no motor twice."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from benchmarks.torture import batches
 
 
-def test_batch_that_is_killed_finishes_and_fits_nothing_twice(tmp_path: Path) -> None:
-    """Few motors, two kills each of the command here, and of command and server: no fault."""
+def test_killed_batch_finishes_and_fits_nothing_twice(tmp_path: Path) -> None:
+    """The command is killed twice in a local batch, command and server in a remote one."""
     outcomes = batches.run(short=True, directory=tmp_path)
 
     assert len(outcomes) == 2

@@ -1,4 +1,4 @@
-"""`motorid batch --server`: a manifest on a service, taken up where it was left."""
+"""`motorid batch --server`: fit and resume a manifest on a service."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tests.app.service import Caller, Server, make_key, run_text, serving
 
 @pytest.fixture
 def caller(server: Server) -> Iterator[Caller]:
-    """A caller of a workspace that no other test uses."""
+    """Client of a workspace that no other test uses."""
     with Caller(server, make_key(server.data_dir, f"w{time.monotonic_ns()}")) as made:
         yield made
 
 
 def manifest(directory: Path, **seeds: int) -> Path:
-    """Motors by their seeds, each with two runs."""
+    """Manifest of motors with given seeds and two runs each."""
     directory.mkdir(exist_ok=True)
     lines = ["motor,training,validation,seed,posterior"]
     for number, (name, seed) in enumerate(seeds.items()):
@@ -39,22 +39,22 @@ def manifest(directory: Path, **seeds: int) -> Path:
 
 
 def batch(path: Path, out: Path, caller: Caller) -> int:
-    """The command, with the caller's service and key."""
+    """Run the command with the service and key of a client."""
     key = caller.http.headers["authorization"].removeprefix("Bearer ")
     words = ["batch", str(path), "--out", str(out), "--server", caller.client.url, "--key", key]
     return main([*words, "-q"])
 
 
 def rows(out: Path) -> dict[str, dict[str, str]]:
-    """Lines of results.csv by motor."""
+    """Rows of results.csv by motor."""
     with (out / "results.csv").open(encoding="utf-8", newline="") as file:
         return {row["motor"]: row for row in csv.DictReader(file)}
 
 
-def test_service_fits_what_the_manifest_lists(
+def test_service_fits_the_motors_of_the_manifest(
     caller: Caller, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The same files as on this machine, one batch by the manifest's name; one motor fails."""
+    """One batch, named after the manifest, gives the files of a local batch; one motor fails."""
     path = manifest(tmp_path / "bench", one=QUICK, bad=BAD_INPUT, two=QUICK)
     out = tmp_path / "out"
 
@@ -77,8 +77,8 @@ def test_service_fits_what_the_manifest_lists(
     assert not (out / "service.json").exists()
 
 
-def test_what_is_there_is_not_asked_for_again(caller: Caller, tmp_path: Path) -> None:
-    """The second command makes no batch; with one run changed, a batch of that motor alone."""
+def test_results_that_are_up_to_date_are_kept(caller: Caller, tmp_path: Path) -> None:
+    """A second command submits no batch; after a changed run, only its motor is fitted again."""
     path = manifest(tmp_path / "bench", one=QUICK, two=QUICK)
     out = tmp_path / "out"
 
@@ -97,15 +97,13 @@ def test_what_is_there_is_not_asked_for_again(caller: Caller, tmp_path: Path) ->
     assert [fit["motor"] for fit in caller.client.show_batch(newest).fits] == ["two"]
 
 
-def test_batch_that_was_asked_for_before_a_kill_is_found_again(
-    caller: Caller, tmp_path: Path
-) -> None:
-    """A state file with a request, as a killed command leaves it: the same batch, not another."""
+def test_batch_submitted_before_a_kill_is_resumed(caller: Caller, tmp_path: Path) -> None:
+    """The state file of a killed command leads to the same batch, not to another."""
     path = manifest(tmp_path / "bench", one=QUICK, two=SLOW)
     out = tmp_path / "out"
 
     class Killed(BaseException):
-        """Ends the command where a signal would."""
+        """Interruption of the command, as by a signal."""
 
     asked = caller.client.show_batch
 
@@ -124,10 +122,10 @@ def test_batch_that_was_asked_for_before_a_kill_is_found_again(
     assert asked(begun).status == "succeeded"
 
 
-def test_motors_of_more_runs_than_a_batch_may_name_become_several_batches(
+def test_too_many_runs_are_split_into_several_batches(
     caller: Caller, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three motors of two runs each, where a batch takes five: two batches, and all are fitted."""
+    """Three motors of two runs each, at most five runs per batch, give two batches."""
     monkeypatch.setattr("app.commands.batch.remote.MOST_RUNS", 5)
     path = manifest(tmp_path / "bench", one=QUICK, two=QUICK, three=QUICK)
 
@@ -137,7 +135,7 @@ def test_motors_of_more_runs_than_a_batch_may_name_become_several_batches(
 
 
 def test_motor_with_a_run_twice_does_not_stop_the_others(caller: Caller, tmp_path: Path) -> None:
-    """The same bytes would be one run of the service: the motor fails before anything is sent."""
+    """A motor with two files of equal bytes fails before it is submitted."""
     path = manifest(tmp_path / "bench", one=QUICK, twice=QUICK)
     (path.parent / "twice_1.csv").write_bytes((path.parent / "twice_0.csv").read_bytes())
 
@@ -149,10 +147,10 @@ def test_motor_with_a_run_twice_does_not_stop_the_others(caller: Caller, tmp_pat
     assert "expected each run once, in one role" in table["twice"]["error"]
 
 
-def test_more_motors_than_may_wait_become_smaller_batches(
+def test_quota_of_waiting_fits_splits_a_batch(
     data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Five motors where two fits may wait: each run is sent once, and all motors are fitted."""
+    """With at most two waiting fits, five motors are fitted, and each run is uploaded once."""
     uploads: list[str] = []
     upload = Client.upload
 
@@ -177,10 +175,8 @@ def test_more_motors_than_may_wait_become_smaller_batches(
     assert "MOTORID_QUOTA_WAITING_FITS" in refused.json()["detail"]
 
 
-def test_first_refit_here_is_compared_with_the_service_of_before(
-    caller: Caller, tmp_path: Path
-) -> None:
-    """An empty directory, and a fit of the same motor in the workspace: that one is the earlier."""
+def test_first_local_result_is_compared_with_the_service(caller: Caller, tmp_path: Path) -> None:
+    """In an empty directory the previous fit of the motor comes from the workspace."""
     path = manifest(tmp_path / "bench", one=QUICK)
     run = caller.client.upload(run_text(1200))
     before = caller.client.wait(caller.client.fit([run], motor="one"))
@@ -197,7 +193,7 @@ def test_wrong_key_and_absent_service_are_one_line(
     server: Server, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """Status 2 for the key, 1 for a service that does not answer; the table says nothing false."""
+    """A wrong key and a wrong URL exit with status 2, an unreachable service with status 1."""
     path = manifest(tmp_path / "bench", one=QUICK)
     words = ["batch", str(path), "--out", str(tmp_path / "out")]
     monkeypatch.setenv("MOTORID_KEY", "motorid_wrong")

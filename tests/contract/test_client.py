@@ -1,4 +1,4 @@
-"""`motorid.client` against a real service, and against one whose answers are lost on the way."""
+"""`motorid.client` with a real service, directly and through a faulty proxy."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def key(server: Server) -> str:
-    """A key of a workspace of the client's own."""
+    """Key of a workspace for the client tests."""
     return make_key(server.data_dir, "client")
 
 
 @pytest.fixture(scope="module")
 def service(server: Server, key: str) -> Iterator[Client]:
-    """A client that is not patient with a service that is gone."""
+    """Client that retries a call for 20 s at most."""
     with Client(server.url, key, patience_s=20) as client:
         yield client
 
 
 class Bad(ThreadingHTTPServer):
-    """A way to the service on which the first answers to some calls are lost or replaced.
+    """Proxy of the service that drops or replaces the first responses.
 
     Args:
         server: The service.
@@ -63,14 +63,14 @@ class Bad(ThreadingHTTPServer):
 
 
 class Passing(BaseHTTPRequestHandler):
-    """Passes a call on, then does to its answer what is the fault of the moment."""
+    """Handler that forwards a call and then applies the next fault to its response."""
 
     def pass_on(self) -> None:
-        """Any call."""
+        """Forward a call."""
         assert isinstance(self.server, Bad)
         self.server.seen.append(self.command)
         body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-        # The host that was called is checked by the service.
+        # The service would reject the Host header of the proxy.
         headers = {n: v for n, v in self.headers.items() if n.lower() != "host"}
         answer = httpx.request(
             self.command, self.server.target + self.path, content=body, headers=headers
@@ -88,20 +88,20 @@ class Passing(BaseHTTPRequestHandler):
     do_GET = do_POST = do_DELETE = pass_on  # noqa: N815  the names that the base class calls
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002  the base class's name
-        """Say nothing."""
+        """Suppress the log."""
 
 
 def whole(handler: BaseHTTPRequestHandler) -> None:
-    """No fault."""
+    """Pass the response on unchanged."""
 
 
 def lost(handler: BaseHTTPRequestHandler) -> None:
-    """The connection ends before the answer."""
+    """Close the connection before the response."""
     handler.close_connection = True
 
 
 def not_now(seconds: str) -> Callable[[BaseHTTPRequestHandler], None]:
-    """An answer that asks to come again."""
+    """Fault that answers 503 with a Retry-After header."""
 
     def answer(handler: BaseHTTPRequestHandler) -> None:
         handler.send_response(503)
@@ -114,7 +114,7 @@ def not_now(seconds: str) -> Callable[[BaseHTTPRequestHandler], None]:
 
 @pytest.fixture
 def bad(server: Server) -> Iterator[Bad]:
-    """A bad way to the service."""
+    """Running proxy of the service."""
     way = Bad(server)
     thread = threading.Thread(target=way.serve_forever, args=(0.02,), daemon=True)
     thread.start()
@@ -125,10 +125,10 @@ def bad(server: Server) -> Iterator[Bad]:
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/client.md", "motorid/client.py"])
-def test_upload_wait_and_fetch_are_the_five_lines_that_are_shown(
+def test_documented_example_of_the_client_works(
     page: str, server: Server, key: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The lines as they stand on the page, with this server's address and key."""
+    """The five lines of the page run with the URL and the key of this server."""
     text = (ROOT / page).read_text(encoding="utf-8")
     found = re.search(
         r"( *)from motorid\.client import Client\n.*?service\.fetch[^\n]*", text, re.S
@@ -153,7 +153,7 @@ def test_upload_wait_and_fetch_are_the_five_lines_that_are_shown(
 def test_same_bytes_are_the_same_run_from_a_path_and_from_memory(
     service: Client, tmp_path: Path
 ) -> None:
-    """Uploads are known again by content; the name is that of the file, or as given."""
+    """Runs are identified by their content; the name is that of the file unless given."""
     path = tmp_path / "bench 7.csv"
     path.write_bytes(run_text(901))
 
@@ -166,7 +166,7 @@ def test_same_bytes_are_the_same_run_from_a_path_and_from_memory(
 
 
 def test_mapping_goes_with_the_run(service: Client) -> None:
-    """Speed in rpm under another name: the service reads it by the mapping."""
+    """The service applies the mapping that was uploaded with a run, here for a speed in rpm."""
     text = run_text(902).replace(b"speed_rad_s", b"n_ist")
     mapping = {"speed_rad_s": {"column": "n_ist", "unit": "rpm"}}
 
@@ -176,8 +176,8 @@ def test_mapping_goes_with_the_run(service: Client) -> None:
     assert service.upload(text, mapping=mapping).rows == 60
 
 
-def test_errors_carry_what_the_service_said(service: Client, server: Server) -> None:
-    """File, row, column and code of RFC 9457 problems; classes by status."""
+def test_errors_carry_the_members_of_the_problem(service: Client, server: Server) -> None:
+    """The class follows from the status; file, row, column and code are attributes."""
     broken = run_text(903).replace(b"\n0.004000,", b"\n0.004x,")
 
     with pytest.raises(Refused) as refused:
@@ -198,10 +198,10 @@ def test_errors_carry_what_the_service_said(service: Client, server: Server) -> 
 
 
 @pytest.mark.parametrize("faults", [[lost], [lost, lost], [not_now("0"), lost]])
-def test_fit_whose_answer_was_lost_is_not_made_twice(
+def test_fit_whose_response_was_lost_is_submitted_once(
     bad: Bad, service: Client, key: str, faults: list[Callable[[BaseHTTPRequestHandler], None]]
 ) -> None:
-    """The call comes as often as answers are lost and once more; the service knows one fit more."""
+    """Each lost response causes one repetition, and the service stores one fit."""
     run = service.upload(run_text(904))
     motor = f"motor {time.monotonic_ns()}"
     bad.faults = list(faults)
@@ -213,10 +213,10 @@ def test_fit_whose_answer_was_lost_is_not_made_twice(
     assert [one.id for one in service.fits(motor=motor)] == [fit.id]
 
 
-def test_upload_is_sent_from_its_beginning_again(
+def test_repeated_upload_sends_the_whole_file(
     bad: Bad, service: Client, key: str, tmp_path: Path
 ) -> None:
-    """A file that was read to its end in the first try is complete in the second."""
+    """The second attempt rewinds a file that the first has read to its end."""
     path = tmp_path / "run.csv"
     path.write_bytes(run_text(905))
     bad.faults = [lost]
@@ -226,7 +226,7 @@ def test_upload_is_sent_from_its_beginning_again(
 
 
 def test_retry_after_is_obeyed(bad: Bad, key: str) -> None:
-    """A service that says 1 is not asked again before a second is over."""
+    """After a Retry-After of 1, the client waits at least one second."""
     bad.faults = [not_now("1")]
     began = time.monotonic()
 
@@ -238,7 +238,7 @@ def test_retry_after_is_obeyed(bad: Bad, key: str) -> None:
 
 
 def test_retry_after_may_be_a_date() -> None:
-    """RFC 9110, 10.2.3: seconds or a date; one that has passed means at once."""
+    """RFC 9110, 10.2.3: seconds or a date; a past date means no wait."""
 
     def asked(value: str) -> float:
         return pause_s(1, httpx.Response(503, headers={"Retry-After": value}))
@@ -250,14 +250,14 @@ def test_retry_after_may_be_a_date() -> None:
 
 
 def test_pauses_double_up_to_a_limit() -> None:
-    """Half to all of 0.2, 0.4, 0.8 ... s, and never more than 8 s."""
+    """The pause before retry k is 50 to 100 % of 0.2 s * 2^(k-1), at most 8 s."""
     for tried, longest in ((1, 0.2), (2, 0.4), (3, 0.8), (6, 6.4), (7, 8.0), (60, 8.0)):
         pauses = [pause_s(tried) for _ in range(50)]
         assert longest / 2 <= min(pauses) <= max(pauses) <= longest
 
 
 def test_patience_ends(bad: Bad, key: str) -> None:
-    """Who is asked to wait longer than the patience gets the error, and so who gets no answer."""
+    """Retries end if Retry-After exceeds the remaining time or the service does not respond."""
     bad.faults = [not_now("3600")]
     with Client(bad.url, key, patience_s=1) as client, pytest.raises(Busy):
         client.show_batch("x")
@@ -269,8 +269,8 @@ def test_patience_ends(bad: Bad, key: str) -> None:
         client.show_batch("x")
 
 
-def test_waiting_tells_progress_and_gives_up_in_time(service: Client) -> None:
-    """A fit of 2 s: the share never falls, and 0.3 s are too short."""
+def test_waiting_reports_progress_and_times_out(service: Client) -> None:
+    """The fraction never decreases; for a fit of 2 s, a limit of 0.3 s is exceeded."""
     run = service.upload(run_text(906))
     fit = service.fit([run], options={"seed": SLOW})
     told: list[tuple[str, float]] = []
@@ -285,8 +285,8 @@ def test_waiting_tells_progress_and_gives_up_in_time(service: Client) -> None:
     assert len(told) == len(set(told))
 
 
-def test_fit_that_failed_says_why(service: Client, tmp_path: Path) -> None:
-    """The pretended pipeline names file, row and column."""
+def test_failed_fit_reports_the_reason(service: Client, tmp_path: Path) -> None:
+    """The exception carries file, row and column of the input error."""
     run = service.upload(run_text(907), name="stuck.csv")
     fit = service.fit([run], options={"seed": BAD_INPUT})
 
@@ -303,7 +303,7 @@ def test_fit_that_failed_says_why(service: Client, tmp_path: Path) -> None:
 
 
 def test_fit_without_posterior_is_two_files(service: Client, tmp_path: Path) -> None:
-    """No posterior.nc, and no rest of one."""
+    """Fetching writes result.json and report.html, and no part of a posterior.nc."""
     run = service.upload(run_text(908))
     fit = service.fit([run], options={"posterior": False})
 
@@ -314,7 +314,7 @@ def test_fit_without_posterior_is_two_files(service: Client, tmp_path: Path) -> 
 
 
 def test_cancelling_twice_removes_nothing(service: Client) -> None:
-    """A cancelled fit stays to be seen; deleting it twice is no error."""
+    """A cancelled fit remains until it is deleted; deleting twice is no error."""
     run = service.upload(run_text(909))
     fit = service.fit([run], options={"seed": SLOW})
 
@@ -328,8 +328,8 @@ def test_cancelling_twice_removes_nothing(service: Client) -> None:
     service.delete_run(run)
 
 
-def test_cancel_whose_answer_is_lost_leaves_the_fit(bad: Bad, service: Client, key: str) -> None:
-    """The next look tells that it was cancelled, so it is not sent again."""
+def test_cancel_whose_response_is_lost_leaves_the_fit(bad: Bad, service: Client, key: str) -> None:
+    """The client reads the state before a repetition, which would delete the cancelled fit."""
     run = service.upload(run_text(910))
     fit = service.fit([run], options={"seed": SLOW})
 
@@ -341,8 +341,8 @@ def test_cancel_whose_answer_is_lost_leaves_the_fit(bad: Bad, service: Client, k
     assert service.show_fit(fit).status == "cancelled"
 
 
-def test_lists_go_on_over_pages(service: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages of two: five runs of one motor come once each, newest first."""
+def test_lists_continue_over_pages(service: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With pages of two, five runs of a motor are listed once each, newest first."""
     monkeypatch.setattr(module, "_PAGE", 2)
     made = [service.upload(run_text(920 + number), motor="paged").id for number in range(5)]
 
@@ -350,7 +350,7 @@ def test_lists_go_on_over_pages(service: Client, monkeypatch: pytest.MonkeyPatch
 
 
 def test_batch_is_waited_for_and_cancelled(service: Client) -> None:
-    """Two motors, one of which fails: partial; a slow one: cancelled, then removed."""
+    """A batch with one failed fit ends as partial; a running batch is cancelled and deleted."""
     run = service.upload(run_text(930))
     motors: list[dict[str, object]] = [
         {"motor": "good", "training": [run]},
@@ -374,11 +374,11 @@ def test_batch_is_waited_for_and_cancelled(service: Client) -> None:
 
 
 def test_key_is_not_shown(server: Server, key: str) -> None:
-    """A client that is printed in a log shows no key."""
+    """The representation of a client does not contain the key."""
     with Client(server.url, key) as client:
         assert key not in repr(client) + repr(vars(client))
 
 
 def test_callers_of_the_service_tests_are_clients(alice: Caller) -> None:
-    """Uploads and fits of the other tests go through the client, so that they test it, too."""
+    """The other contract tests upload and fit through the client, and thereby test it."""
     assert isinstance(alice.client, Client)

@@ -1,4 +1,4 @@
-"""Who may call what: every route, with every kind of key that does not open it."""
+"""Access control: every route, with every kind of key that must not open it."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ OPEN = {
 }
 
 
-def test_only_health_and_the_page_that_asks_for_a_key_are_open() -> None:
-    """The contract: every call but health carries a key."""
+def test_only_health_and_login_are_open() -> None:
+    """The contract requires a key for every call except health."""
     assert {"/login"} | OPEN == PUBLIC_PATHS
 
 
-def test_path_that_is_no_route_is_closed_too(nobody: Caller) -> None:
-    """Whoever has no key learns not even which addresses there are."""
+def test_unknown_path_requires_a_key(nobody: Caller) -> None:
+    """A client without a key cannot find out which paths exist."""
     for path in ("/nothing", "/../../etc/passwd", "/runs/", "//runs", "/RUNS"):
         assert nobody.http.get(path).status_code == 401, path
 
 
 @pytest.mark.parametrize("path", sorted(OPEN))
 def test_health_answers_without_a_key(server: Server, path: str) -> None:
-    """200 under the prefix and at the root."""
+    """Health answers 200 under the API prefix and at the root."""
     assert httpx.get(server.url + path).status_code == 200
 
 
 def test_revoked_key_opens_nothing(server: Server) -> None:
-    """It opened before, and the next call after its revocation is refused."""
+    """The first call after the revocation is rejected."""
     database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
     access = AccessService(database)
     key, secret = access.create_key("to be revoked")
@@ -53,7 +53,7 @@ def test_revoked_key_opens_nothing(server: Server) -> None:
 
 
 def test_event_stream_ends_when_its_key_is_revoked(server: Server) -> None:
-    """The fit goes on, and its listener hears no more, within some seconds and without an end."""
+    """The stream closes within seconds without an `end` event; the fit continues."""
     database = Database(f"sqlite:///{server.data_dir / 'motorid.sqlite3'}")
     access = AccessService(database)
     key, secret = access.create_key("to be revoked", "followed")
@@ -74,10 +74,8 @@ def test_event_stream_ends_when_its_key_is_revoked(server: Server) -> None:
     assert "event: end" not in rest
 
 
-def test_everything_of_another_workspace_is_not_there(
-    alice: Caller, bob: Caller, stored: str
-) -> None:
-    """404 for each call about a run, a fit or a batch of the other, and nothing of it listed."""
+def test_items_of_another_workspace_are_not_found(alice: Caller, bob: Caller, stored: str) -> None:
+    """Calls to its runs, fits and batches answer 404, and lists do not contain them."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
     asked = [
@@ -97,10 +95,10 @@ def test_everything_of_another_workspace_is_not_there(
     assert alice.http.get(f"/fits/{fit}").status_code == 200
 
 
-def test_answer_about_anothers_thing_is_that_about_nothing(
+def test_foreign_item_and_missing_item_have_equal_responses(
     alice: Caller, bob: Caller, stored: str
 ) -> None:
-    """Byte for byte the same but for the request's id, so that nobody can probe."""
+    """The bodies differ only in the request id, so a client cannot probe for items."""
     theirs = bob.http.get(f"/runs/{stored}").json()
     nothing = bob.http.get("/runs/run_" + "a" * 26).json()
 
@@ -116,10 +114,10 @@ def test_answer_about_anothers_thing_is_that_about_nothing(
         {"Sec-Fetch-Site": "same-site"},
     ],
 )
-def test_page_of_another_site_changes_nothing(
+def test_request_from_another_site_changes_nothing(
     alice: Caller, stored: str, headers: dict[str, str]
 ) -> None:
-    """403 for every method that changes something, even with a key; reading is not concerned."""
+    """Every changing method answers 403 even with a key; reading is permitted."""
     answers = [
         alice.http.post("/fits", json={"training": [stored]}, headers=headers),
         alice.http.post("/runs", files={"file": ("a.csv", run_text(1))}, headers=headers),
@@ -132,7 +130,7 @@ def test_page_of_another_site_changes_nothing(
 
 
 def test_no_other_site_may_read(alice: Caller) -> None:
-    """CORS is closed: no answer, and no preflight, allows another origin."""
+    """No response, preflight included, has a CORS header."""
     headers = {"Origin": "http://evil.example", "Access-Control-Request-Method": "POST"}
 
     for answer in (alice.http.get("/runs", headers=headers), alice.http.options("/fits")):
@@ -141,7 +139,7 @@ def test_no_other_site_may_read(alice: Caller) -> None:
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "", "localhost.evil"])
 def test_request_for_another_host_is_refused(server: Server, host: str) -> None:
-    """A loopback service answers to loopback names alone, health included."""
+    """On loopback the service accepts loopback names only, for health as well."""
     answer = httpx.get(f"{server.url}/healthz", headers={"Host": host})
 
     assert answer.status_code == 400
@@ -149,12 +147,12 @@ def test_request_for_another_host_is_refused(server: Server, host: str) -> None:
 
 @pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8000", "127.0.0.1:1", "[::1]:8000"])
 def test_request_for_a_loopback_name_is_answered(server: Server, host: str) -> None:
-    """With any port, since a port may be forwarded."""
+    """Any port is accepted, because a port may be forwarded."""
     assert httpx.get(f"{server.url}/healthz", headers={"Host": host}).status_code == 200
 
 
-def test_every_answer_carries_the_security_headers(alice: Caller, nobody: Caller) -> None:
-    """Found, not found, refused and health alike."""
+def test_every_response_carries_the_security_headers(alice: Caller, nobody: Caller) -> None:
+    """This holds for success, errors, rejected requests and health."""
     answers = [
         alice.http.get("/runs"),
         alice.http.get("/nothing"),
@@ -175,11 +173,11 @@ def test_every_answer_carries_the_security_headers(alice: Caller, nobody: Caller
 
 
 def test_log_holds_requests_and_no_keys(server: Server, alice: Caller) -> None:
-    """Each line is one JSON object; the secret that was sent is in none of them."""
+    """Each request is logged once as JSON, and no line contains the key."""
     secret = alice.http.headers["authorization"].removeprefix("Bearer ")
     alice.http.get("/runs", headers={"X-Request-ID": "request-of-this-test"})
 
-    # The line is written after the answer and read by a thread of its own.
+    # The line is written after the response and read by a separate thread.
     deadline = time.monotonic() + 20.0
     ours: list[dict[str, Any]] = []
     while not ours and time.monotonic() < deadline:
@@ -194,13 +192,13 @@ def test_log_holds_requests_and_no_keys(server: Server, alice: Caller) -> None:
 
 
 def test_data_directory_is_closed_to_others(server: Server) -> None:
-    """Uploads and the database can be read by the owner alone."""
+    """Only the owner can read uploads and results."""
     for part in ("runs", "fits", "incoming"):
         assert (server.data_dir / part).stat().st_mode & 0o077 == 0
 
 
-def test_keys_lie_hashed_in_the_database(tmp_path: Path) -> None:
-    """The secret is nowhere in the file, its workspace is."""
+def test_database_stores_hashes_of_keys(tmp_path: Path) -> None:
+    """The file contains the workspace of a key but not its secret."""
     secret = make_key(tmp_path / "data", "some-workspace")
     stored = (tmp_path / "data" / "motorid.sqlite3").read_bytes()
 

@@ -1,4 +1,4 @@
-"""A backup of a service that works, and a service on what was restored."""
+"""Backup of a busy service, and a service on the restored data."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tests.app.service import Caller, Server, make_key, run_text, serving
 
 
 @pytest.mark.parametrize("name", ["saved", "saved.tar"])
-def test_backup_of_a_busy_service_is_whole(tmp_path: Path, name: str) -> None:
-    """Runs come and go while it is made; what it has is answered, and what waited is computed."""
+def test_backup_of_a_busy_service_is_consistent(tmp_path: Path, name: str) -> None:
+    """While runs are added and deleted, the backup contains each row with its file."""
     data_dir = tmp_path / "data"
     key = make_key(data_dir)
     with serving(data_dir, RATE_PER_S=0) as server, Caller(server, key) as caller:
@@ -47,7 +47,7 @@ def test_backup_of_a_busy_service_is_whole(tmp_path: Path, name: str) -> None:
 
 
 def upload_and_delete(server: Server, key: str, is_over: threading.Event) -> None:
-    """Keep the service busy with runs that come and go."""
+    """Add and delete runs until told to stop."""
     with Caller(server, key) as caller:
         seed = 100
         while not is_over.is_set():

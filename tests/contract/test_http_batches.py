@@ -1,4 +1,4 @@
-"""Batches over HTTP: progress, results in each form, drift, the fleet page, and the end."""
+"""Batches over HTTP: progress, results in each format, drift, fleet page and deletion."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ FORMS = {
 
 
 def begin(caller: Caller, motors: list[dict[str, object]], **more: object) -> str:
-    """Begin a batch; gives its id."""
+    """Submit a batch and return its ID."""
     answer = caller.http.post("/batches", json={"motors": motors, **more})
     assert answer.status_code == 202, answer.text
     return str(answer.json()["id"])
 
 
 def ended(caller: Caller, batch: str) -> dict[str, Any]:
-    """A batch once all its fits have ended."""
+    """Wait for the end of a batch and return it."""
     return dict(caller.client.wait_batch(batch, timeout_s=60).content)
 
 
 @pytest.fixture(scope="module")
 def runs(alice: Caller) -> list[str]:
-    """Two runs whose first speeds, which the pretended pipeline takes for a result, differ."""
+    """Two runs with different first speeds, from which the mock pipeline computes Ra25."""
     return [str(alice.upload(run_text(700 + number))["id"]) for number in range(2)]
 
 
 @pytest.fixture(scope="module")
 def batch(alice: Caller, runs: list[str]) -> str:
-    """Two batches of the same motors on two days; of the second the id."""
+    """ID of the second of two batches with the same motors."""
     first = [{"motor": f"drift {n}", "training": [runs[0]]} for n in range(2)]
     ended(alice, begin(alice, [dict(motor) for motor in first]))
     second: list[dict[str, object]] = [
@@ -62,10 +62,10 @@ def rows_of(alice: Caller, batch: str) -> list[dict[str, Any]]:
     return list(alice.http.get(f"/batches/{batch}/results").json()["rows"])
 
 
-def test_results_compare_each_motor_with_its_fit_before(
+def test_results_compare_each_motor_with_its_previous_fit(
     alice: Caller, batch: str, runs: list[str]
 ) -> None:
-    """Medians from the fits themselves; a motor without an earlier fit has no drift."""
+    """The drift is the difference of medians; a motor without a previous fit has none."""
     rows = rows_of(alice, batch)
     fits = alice.client.show_batch(batch).fits
     results = [alice.fit(fit["fit"]) for fit in fits]
@@ -88,10 +88,8 @@ def test_results_compare_each_motor_with_its_fit_before(
     assert rows[0]["fit"] == fits[0]["fit"]
 
 
-def test_fits_of_another_workspace_are_nobodys_earlier_refit(
-    bob: Caller, batch: str, alice: Caller
-) -> None:
-    """The same motor's name in bob's workspace: his first fit has no drift."""
+def test_previous_fits_come_from_the_same_workspace(bob: Caller, batch: str, alice: Caller) -> None:
+    """A motor of the same name in another workspace is another motor."""
     run = str(bob.upload(run_text(702))["id"])
     own = begin(bob, [{"motor": "drift 0", "training": [run]}])
     ended(bob, own)
@@ -105,7 +103,7 @@ def test_fits_of_another_workspace_are_nobodys_earlier_refit(
 
 @pytest.mark.parametrize("form", FORMS)
 def test_results_are_the_same_by_accept_and_by_suffix(alice: Caller, batch: str, form: str) -> None:
-    """Both ways the same bytes, with the type that was asked for, and the rows of the JSON."""
+    """Accept header and URL suffix select the same format and the same rows."""
     by_accept = alice.http.get(f"/batches/{batch}/results", headers={"Accept": FORMS[form]})
     by_suffix = alice.http.get(f"/batches/{batch}/results.{form}")
     rows = rows_of(alice, batch)
@@ -137,26 +135,26 @@ def test_results_are_the_same_by_accept_and_by_suffix(alice: Caller, batch: str,
         (";;q=x,,", "application/problem+json"),
     ],
 )
-def test_form_is_the_one_that_is_wanted_most(
+def test_format_follows_the_weights_of_the_accept_header(
     alice: Caller, batch: str, accept: str, kind: str
 ) -> None:
-    """RFC 9110, 12.5.1: weights decide; nothing acceptable is 406."""
+    """RFC 9110, 12.5.1: the highest weight is chosen; 406 if no format is acceptable."""
     answer = alice.http.get(f"/batches/{batch}/results", headers={"Accept": accept})
 
     if accept == "":
-        # An empty list of wishes is none.
+        # An empty header accepts every format.
         kind = FORMS["json"]
     assert answer.headers["content-type"].startswith(kind)
     assert answer.status_code == (406 if "problem" in kind else 200)
 
 
-def test_form_that_there_is_none_in_is_refused(alice: Caller, batch: str) -> None:
-    """A suffix that is not offered: 422 as any field with another value."""
+def test_unknown_format_suffix_is_refused(alice: Caller, batch: str) -> None:
+    """An unknown suffix answers 422, as any invalid field does."""
     assert alice.http.get(f"/batches/{batch}/results.xlsx").status_code == 422
 
 
-def test_fleet_page_runs_nothing_and_links_to_the_fits(alice: Caller, batch: str) -> None:
-    """One page with every motor; the name of the batch is text; no script may run."""
+def test_fleet_page_has_no_script_and_links_to_the_fits(alice: Caller, batch: str) -> None:
+    """The page lists every motor; the name of the batch is escaped."""
     answer = alice.http.get(f"/batches/{batch}/report")
     fits = alice.client.show_batch(batch).fits
 
@@ -169,7 +167,7 @@ def test_fleet_page_runs_nothing_and_links_to_the_fits(alice: Caller, batch: str
 
 
 def test_client_writes_table_and_page(alice: Caller, batch: str, tmp_path: Any) -> None:
-    """Each form by the name of the file; another name is refused before a call."""
+    """The suffix of the path selects the format; an unknown suffix is rejected before a call."""
     for form in FORMS:
         path = alice.client.fetch_table(batch, tmp_path / f"fleet.{form}")
         assert path.stat().st_size > 100
@@ -178,8 +176,8 @@ def test_client_writes_table_and_page(alice: Caller, batch: str, tmp_path: Any) 
         alice.client.fetch_table(batch, tmp_path / "fleet.xlsx")
 
 
-def test_progress_counts_what_has_ended(alice: Caller, runs: list[str]) -> None:
-    """Four fits on two workers, two of them slow: shares between 0 and 1 that never fall."""
+def test_batch_progress_counts_ended_fits(alice: Caller, runs: list[str]) -> None:
+    """The fraction of a batch with two fast and two slow fits never decreases."""
     motors: list[dict[str, object]] = [
         {"motor": f"p {n}", "training": [runs[0]], "options": {"seed": SLOW if n > 1 else 0}}
         for n in range(4)
@@ -199,8 +197,8 @@ def test_progress_counts_what_has_ended(alice: Caller, runs: list[str]) -> None:
     assert (listed["id"], listed["progress"]) == (made, now["progress"])
 
 
-def test_deleting_cancels_what_runs_and_then_removes(alice: Caller, runs: list[str]) -> None:
-    """The fit that ended stays as it is; the others are cancelled at once; then all is gone."""
+def test_deleting_a_batch_cancels_it_and_then_removes_it(alice: Caller, runs: list[str]) -> None:
+    """The first DELETE cancels the unfinished fits; the second removes the batch with all fits."""
     motors: list[dict[str, object]] = [
         {"motor": f"c {n}", "training": [runs[0]], "options": {"seed": SLOW if n else QUICK}}
         for n in range(4)
@@ -222,10 +220,8 @@ def test_deleting_cancels_what_runs_and_then_removes(alice: Caller, runs: list[s
     assert alice.http.get(f"/fits/{first}").status_code == 404
 
 
-def test_results_of_a_batch_that_waits_are_rows_without_numbers(
-    alice: Caller, runs: list[str]
-) -> None:
-    """A table for each moment: what has not ended is there by name and state."""
+def test_unfinished_fits_are_rows_without_numbers(alice: Caller, runs: list[str]) -> None:
+    """The table of an unfinished batch has the motor, the state and the fit ID only."""
     run = str(alice.upload(run_text(703))["id"])
     made = begin(alice, [{"motor": "w", "training": [run], "options": {"seed": SLOW}}])
 
@@ -236,8 +232,8 @@ def test_results_of_a_batch_that_waits_are_rows_without_numbers(
     alice.client.delete_batch(made)
 
 
-def test_result_rows_are_json_that_every_reader_takes(alice: Caller, batch: str) -> None:
-    """No NaN, no infinity."""
+def test_result_rows_are_strict_json(alice: Caller, batch: str) -> None:
+    """The document contains neither NaN nor infinity."""
     text = alice.http.get(f"/batches/{batch}/results.json").text
 
     def refuse(name: str) -> None:

@@ -1,6 +1,6 @@
-"""The service's pages in a real browser: their scripts run, nothing is refused, nobody else asked.
+"""Web pages in a real browser: their scripts run without errors or external requests.
 
-Runs are uploaded and fitted by the real pipeline, so that the report is one, too.
+Runs are fitted by the real pipeline, so that the report is real as well.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ QUICKLY = {"posterior": False, "effects": False}
 
 @dataclass(frozen=True)
 class Bench:
-    """A service with a fit and a batch.
+    """Service with a fit and a batch.
 
     Args:
         server: The service.
-        fit: Id of the fit.
-        batch: Id of the batch.
+        fit: ID of the fit.
+        batch: ID of the batch.
     """
 
     server: Server
@@ -41,7 +41,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    """Runs of the 100 W servo, one fit of two of them, and a batch of several motors."""
+    """Service with two runs of the 100 W servo, one fit of both and a batch of several motors."""
     directory = tmp_path_factory.mktemp("browser")
     files = []
     for number, run in enumerate(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=400)):
@@ -61,13 +61,13 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 def assert_is_quiet(shown: Shown, server: Server) -> None:
-    """Nothing on the console, and no address but those of this service."""
+    """Check that the console is empty and all requests go to this service."""
     assert shown.console == []
     assert [a for a in shown.requests if not a.startswith(f"{server.url}/")] == []
 
 
 def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) -> None:
-    """Two runs, seven fits and one batch with its links; the script asks for nothing outside."""
+    """The page shows two runs, seven fits, one batch with its links, and all option fields."""
     shown = show(bench.server.url, tmp_path)
 
     assert_is_quiet(shown, bench.server)
@@ -85,7 +85,7 @@ def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) ->
 
 
 def test_page_of_a_fit_shows_its_parameters(bench: Bench, tmp_path: Path) -> None:
-    """Seven rows of the declared model, and the way to the report."""
+    """The table has the seven parameters of the nominal model; a link leads to the report."""
     shown = show(f"{bench.server.url}/fits/{bench.fit}", tmp_path)
 
     assert_is_quiet(shown, bench.server)
@@ -95,7 +95,7 @@ def test_page_of_a_fit_shows_its_parameters(bench: Bench, tmp_path: Path) -> Non
 
 
 def test_report_draws_in_its_sandbox(bench: Bench, tmp_path: Path) -> None:
-    """Its script runs under the policy of the header and asks nobody for anything."""
+    """The script draws under the policy of the header and sends no request."""
     shown = show(f"{bench.server.url}/api/v1/fits/{bench.fit}/report", tmp_path)
 
     assert_is_quiet(shown, bench.server)
@@ -104,7 +104,7 @@ def test_report_draws_in_its_sandbox(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_fleet_page_shows_every_motor_without_a_script(bench: Bench, tmp_path: Path) -> None:
-    """Its styles pass both policies, of the header and of the page; it is one request."""
+    """The policies of header and page permit its styles; the page is a single request."""
     shown = show(f"{bench.server.url}/api/v1/batches/{bench.batch}/report", tmp_path)
 
     assert_is_quiet(shown, bench.server)
@@ -115,16 +115,16 @@ def test_fleet_page_shows_every_motor_without_a_script(bench: Bench, tmp_path: P
     assert shown.dom.count("<svg") >= 5
 
 
-def test_interface_is_described(bench: Bench, tmp_path: Path) -> None:
-    """The vendored page draws the calls from this service's own description."""
+def test_documentation_page_shows_the_calls(bench: Bench, tmp_path: Path) -> None:
+    """The vendored viewer renders the OpenAPI document of this service."""
     shown = show(f"{bench.server.url}/docs", tmp_path)
 
     assert_is_quiet(shown, bench.server)
     assert "/api/v1/batches/{batch_id}/results" in shown.dom
 
 
-def test_outside_request_would_be_seen(bench: Bench, tmp_path: Path) -> None:
-    """Negative control: a page that asks for a picture elsewhere is caught, answered or not."""
+def test_external_request_would_be_detected(bench: Bench, tmp_path: Path) -> None:
+    """Negative control: an image on another host and a script error are both recorded."""
     page = tmp_path / "page.html"
     page.write_text('<!doctype html><script>nosuch()</script><img src="http://192.0.2.1/x.png">')
 

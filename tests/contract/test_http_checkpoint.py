@@ -1,4 +1,4 @@
-"""Fits whose process dies and that go on from what they had."""
+"""Fits that resume from a checkpoint after their process was killed."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from tests.app.service import Caller, Server
 
 
 def is_gone(path: Path) -> bool:
-    """Whether a path vanishes, which it does just after the fit's end is told."""
+    """Return True if a path vanishes soon; files are removed just after the end of a fit."""
     deadline = time.monotonic() + 10
     while path.exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     return not path.exists()
 
 
-def test_fit_goes_on_from_the_checkpoint_of_the_attempts_before(
+def test_fit_resumes_from_the_checkpoint_of_earlier_attempts(
     alice: Caller, stored: str, server: Server
 ) -> None:
-    """It counts in its checkpoint, dies twice, and the third attempt says 2."""
+    """The mock fit counts attempts in its checkpoint and succeeds in the third."""
     fit = alice.wait(alice.begin(stored, seed=KEEPS)["id"])
 
     assert (fit["status"], fit["attempt"]) == ("succeeded", 3)
@@ -29,7 +29,7 @@ def test_fit_goes_on_from_the_checkpoint_of_the_attempts_before(
 
 
 def test_cancelled_fit_leaves_no_checkpoint(alice: Caller, stored: str, server: Server) -> None:
-    """Whether it runs or waits for its next attempt at that moment."""
+    """This holds for a running fit and for one that waits for its next attempt."""
     fit = alice.begin(stored, seed=KEEPS)["id"]
     kept = server.data_dir / "fits" / fit / "checkpoints"
     deadline = time.monotonic() + 10

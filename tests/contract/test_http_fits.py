@@ -1,4 +1,4 @@
-"""Fits over HTTP: accepted, followed, cancelled, fetched."""
+"""Fits over HTTP: submit, follow, cancel and fetch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.app.service import Caller, Server, run_text
 
 
 def events(answer: httpx.Response) -> Iterator[tuple[str, int, dict[str, object]]]:
-    """Name, id and content of each event of a stream."""
+    """Name, ID and content of each event of a stream."""
     event: dict[str, str] = {}
     for line in answer.iter_lines():
         field, _, value = line.partition(": ")
@@ -37,7 +37,7 @@ def events(answer: httpx.Response) -> Iterator[tuple[str, int, dict[str, object]
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs; one that only waits to be reaped does not."""
+    """Return True if a process runs; a zombie does not."""
     try:
         with open(f"/proc/{pid}/stat") as stat:
             return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
@@ -46,7 +46,7 @@ def alive(pid: int) -> bool:
 
 
 def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
-    """The result tells which runs came in, in which role and order, and with which options."""
+    """The result lists the requested runs with role and order, and the options."""
     runs = [alice.upload(run_text(seed), f"{seed}.csv") for seed in (30, 31, 32)]
     body = {
         "training": [runs[1]["id"], runs[0]["id"]],
@@ -80,7 +80,7 @@ def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
 
 
 def test_mapping_of_a_run_goes_with_it_into_the_fit(alice: Caller) -> None:
-    """The speed was declared in rpm: what the fit sees is 2 pi / 60 of the cells."""
+    """A speed declared in rpm reaches the fit multiplied by 2 pi / 60."""
     plain = alice.upload(run_text(33))
     mapping = {"speed_rad_s": {"column": "speed_rad_s", "unit": "rpm"}}
     mapped = alice.upload(run_text(33), mapping=json.dumps(mapping))
@@ -92,7 +92,7 @@ def test_mapping_of_a_run_goes_with_it_into_the_fit(alice: Caller) -> None:
 
 
 def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> None:
-    """404 as a problem that says why, and no link."""
+    """The call answers 404 with the reason, and the fit has no link to a posterior."""
     fit = alice.wait(alice.begin(stored, posterior=False)["id"])
 
     answer = alice.http.get(f"/fits/{fit['id']}/posterior")
@@ -103,8 +103,8 @@ def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> 
     assert "posterior" not in fit["links"]
 
 
-def test_outputs_are_not_there_before_the_end(alice: Caller, stored: str) -> None:
-    """404 as a problem while the fit runs."""
+def test_outputs_are_not_found_before_the_end(alice: Caller, stored: str) -> None:
+    """The calls answer 404 `not_ready` while the fit runs."""
     fit = alice.begin(stored, seed=SLOW)["id"]
 
     answers = [alice.http.get(f"/fits/{fit}/{output}") for output in ("report", "posterior")]
@@ -122,10 +122,10 @@ def test_outputs_are_not_there_before_the_end(alice: Caller, stored: str) -> Non
         (KILLED, 3, {"code": "crashed"}),
     ],
 )
-def test_fit_that_cannot_be_made_says_why(
+def test_failed_fit_reports_the_reason(
     alice: Caller, stored: str, seed: int, attempt: int, error: dict[str, object]
 ) -> None:
-    """Faults of the input are told at once; a crash is tried three times."""
+    """An input or computation error fails at once, a crash after three attempts."""
     fit = alice.wait(alice.begin(stored, seed=seed)["id"])
 
     assert (fit["status"], fit["attempt"], fit["result"]) == ("failed", attempt, None)
@@ -136,20 +136,20 @@ def test_fit_that_cannot_be_made_says_why(
 def test_fit_that_crashed_once_succeeds_with_its_second_attempt(
     alice: Caller, stored: str, server: Server
 ) -> None:
-    """Nothing is left of the first attempt."""
+    """The files of the first attempt are removed."""
     fit = alice.wait(alice.begin(stored, seed=ONCE_KILLED)["id"])
 
     assert (fit["status"], fit["attempt"]) == ("succeeded", 2)
     assert [p.name for p in (server.data_dir / "fits" / fit["id"]).iterdir()] == ["2"]
 
 
-def test_cancelling_ends_the_process_and_its_family_within_a_second(
+def test_cancelling_kills_the_process_and_its_child_within_a_second(
     alice: Caller, stored: str, server: Server
 ) -> None:
-    """The pretended fit wrote down its own process and the one it started.
+    """The mock fit writes the IDs of its process and of its child to a file.
 
-    The second is a hundred waits of ten milliseconds, counted beside the call: where the machine
-    gives the test no processor, it gives the service none either.
+    The second is measured as a hundred pauses of 10 ms, concurrently with the call: a busy
+    machine that delays the service delays the pauses as well.
     """
     fit = alice.begin(stored, seed=FAMILY)["id"]
     pids = server.data_dir / "fits" / fit / "1" / "pids"
@@ -171,7 +171,7 @@ def test_cancelling_ends_the_process_and_its_family_within_a_second(
 
 
 def waits_for_the_end_of(processes: list[int]) -> int:
-    """How often ten milliseconds passed until all had ended."""
+    """Number of pauses of 10 ms until all processes have ended."""
     for waits in range(1000):
         if not any(alive(pid) for pid in processes):
             return waits
@@ -182,7 +182,7 @@ def waits_for_the_end_of(processes: list[int]) -> int:
 def test_deleting_twice_cancels_and_then_removes(
     alice: Caller, stored: str, server: Server
 ) -> None:
-    """200 with the cancelled fit, 204, 404; nothing of it stays in the data directory."""
+    """Three DELETE calls answer 200, 204 and 404; no file of the fit remains."""
     fit = alice.begin(stored, seed=SLOW)["id"]
 
     statuses = [alice.http.delete(f"/fits/{fit}").status_code for _ in range(3)]
@@ -194,8 +194,8 @@ def test_deleting_twice_cancels_and_then_removes(
     assert not list((server.data_dir / "fits").glob(f"{fit}/*"))
 
 
-def test_removed_fit_takes_its_outputs_with_it(alice: Caller, stored: str, server: Server) -> None:
-    """204, then 404 for the fit and its report, and no directory."""
+def test_removing_a_fit_removes_its_outputs(alice: Caller, stored: str, server: Server) -> None:
+    """Fit and report answer 404 afterwards, and the directory is gone."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
 
     assert alice.http.delete(f"/fits/{fit}").status_code == 204
@@ -204,8 +204,8 @@ def test_removed_fit_takes_its_outputs_with_it(alice: Caller, stored: str, serve
     assert not (server.data_dir / "fits" / fit).exists()
 
 
-def test_events_tell_of_progress_and_end_with_the_fit(alice: Caller, stored: str) -> None:
-    """Versions and fractions only grow; the last event is named end; comments fill silences."""
+def test_events_report_progress_and_end_with_the_fit(alice: Caller, stored: str) -> None:
+    """Versions and fractions never decrease; the last event is named `end`."""
     fit = alice.begin(stored, seed=SLOW)["id"]
 
     with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
@@ -223,8 +223,8 @@ def test_events_tell_of_progress_and_end_with_the_fit(alice: Caller, stored: str
     assert [content["status"] for _, _, content in heard][-2:] == ["succeeded", "succeeded"]
 
 
-def test_listener_that_comes_back_hears_only_what_is_new(alice: Caller, stored: str) -> None:
-    """An ended fit is told in full to a new listener, and answers 204 to one who heard the end."""
+def test_reconnecting_listener_receives_only_new_events(alice: Caller, stored: str) -> None:
+    """A listener that has received the final state gets status 204."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
         heard = list(events(answer))
@@ -242,7 +242,7 @@ def test_listener_that_comes_back_hears_only_what_is_new(alice: Caller, stored: 
 
 
 def test_events_keep_a_silent_stream_open(alice: Caller, stored: str) -> None:
-    """The test server comments after half a second of silence; the fit says nothing."""
+    """The server sends a comment after half a second without an event."""
     fit = alice.begin(stored, seed=FAMILY)["id"]
     with alice.http.stream("GET", f"/fits/{fit}/events") as answer:
         comment = next(line for line in answer.iter_lines() if line.startswith(":"))
@@ -252,7 +252,7 @@ def test_events_keep_a_silent_stream_open(alice: Caller, stored: str) -> None:
 
 
 def test_same_idempotency_key_is_the_same_fit(alice: Caller, stored: str) -> None:
-    """Sent three times, the body's fields in another order: one fit."""
+    """Three requests, with the fields in different order, create one fit."""
     key = {"Idempotency-Key": str(uuid.uuid4())}
     body = {"training": [stored], "options": {"seed": QUICK, "posterior": False}}
     turned = {"options": {"posterior": False, "seed": QUICK}, "training": [stored]}
@@ -264,7 +264,7 @@ def test_same_idempotency_key_is_the_same_fit(alice: Caller, stored: str) -> Non
 
 
 def test_idempotency_key_with_another_request_is_refused(alice: Caller, stored: str) -> None:
-    """422 and a code of its own; the first fit stays."""
+    """The second request answers 422 with the code `idempotency_key_reused`."""
     key = {"Idempotency-Key": str(uuid.uuid4())}
     first = alice.http.post("/fits", json={"training": [stored]}, headers=key)
 
@@ -276,7 +276,7 @@ def test_idempotency_key_with_another_request_is_refused(alice: Caller, stored: 
 
 
 def test_idempotency_key_belongs_to_a_workspace(alice: Caller, bob: Caller, stored: str) -> None:
-    """The same word of another workspace is another fit."""
+    """The same key in another workspace creates another fit."""
     key = {"Idempotency-Key": str(uuid.uuid4())}
     run = bob.upload(run_text(34))["id"]
 
@@ -288,7 +288,7 @@ def test_idempotency_key_belongs_to_a_workspace(alice: Caller, bob: Caller, stor
 
 
 def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
-    """One fit of a motor of its own: listed under it, without its result."""
+    """Both filters apply, and the entries contain no result."""
     motor = f"motor {uuid.uuid4()}"
     body = {"training": [stored], "motor": motor}
     fit = alice.wait(alice.http.post("/fits", json=body).json()["id"])
@@ -302,7 +302,7 @@ def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
 
 
 def test_as_many_fits_run_at_once_as_there_are_workers(alice: Caller, stored: str) -> None:
-    """The test server has two workers: of four slow fits at most two run at any time."""
+    """With two workers and four slow fits, two run at a time."""
     fits = [alice.begin(stored, seed=SLOW)["id"] for _ in range(4)]
 
     deadline = time.monotonic() + 10
@@ -317,10 +317,8 @@ def test_as_many_fits_run_at_once_as_there_are_workers(alice: Caller, stored: st
     assert most == 2
 
 
-def test_batch_is_a_fit_for_each_motor_and_one_failure_is_its_own(
-    alice: Caller, stored: str
-) -> None:
-    """Three motors, the second of which cannot be fitted: two results, status partial."""
+def test_failed_fit_does_not_affect_the_rest_of_its_batch(alice: Caller, stored: str) -> None:
+    """With one failed fit of three, the batch is partial and two results are available."""
     motors = [
         {"motor": "a", "training": [stored]},
         {"motor": "b", "training": [stored], "options": {"seed": NO_SOLUTION}},
@@ -353,7 +351,7 @@ def test_batch_is_a_fit_for_each_motor_and_one_failure_is_its_own(
 
 
 def test_batch_with_one_unknown_run_is_refused_whole(alice: Caller, stored: str) -> None:
-    """404, and no fit of the good motor appears."""
+    """The request answers 404 and creates no fit for the other motor."""
     motor = f"motor {uuid.uuid4()}"
     motors = [{"motor": motor, "training": [stored]}, {"training": ["run_" + "a" * 26]}]
 

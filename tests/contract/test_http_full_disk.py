@@ -1,4 +1,4 @@
-"""A disk without a free byte: what is there can be read and deleted, and the rest is said."""
+"""Service on a full disk: reading and deleting work, everything else reports the cause."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.app.service import Caller, Server, run_text, serving
 
 
 def fill(disk: Path) -> None:
-    """Take the last byte."""
+    """Fill the file system to the last byte."""
     with (disk / "ballast").open("ab", buffering=0) as file:
         for size in (1 << 16, 1 << 12, 1):
             try:
@@ -26,7 +26,7 @@ def fill(disk: Path) -> None:
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of four megabytes."""
+    """File system of four megabytes."""
     place = tmp_path / "disk"
     place.mkdir()
     words = ["mount", "-t", "tmpfs", "-o", "size=4m", "none", str(place)]
@@ -40,7 +40,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.fixture
 def full(disk: Path) -> Iterator[Server]:
-    """A server whose disk has no free byte, with three runs and a fit of each."""
+    """Server on a full disk with three runs and one fit of each."""
     with serving(disk / "data", "--no-auth") as server, Caller(server) as caller:
         for seed in range(3):
             caller.wait(caller.begin(caller.upload(run_text(seed, rows=2000))["id"])["id"])
@@ -50,12 +50,12 @@ def full(disk: Path) -> Iterator[Server]:
 
 
 def ids(caller: Caller, kind: str) -> list[str]:
-    """Ids of all runs or fits."""
+    """IDs of all runs or fits."""
     return [item["id"] for item in caller.http.get(f"/{kind}").json()["items"]]
 
 
 def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
-    """Reading needs no space; an upload is refused with a code; the service lives."""
+    """Reading works, an upload answers 507 `storage_full`, and readiness fails."""
     with Caller(full) as caller:
         ready = httpx.get(f"{full.url}/readyz")
         upload = caller.http.post("/runs", files={"file": ("run.csv", run_text(9))})
@@ -69,8 +69,8 @@ def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
     assert httpx.get(f"{full.url}/healthz").status_code == 200
 
 
-def test_full_disk_takes_deletions_that_make_it_ready(full: Server) -> None:
-    """Filled again after each, so that none lives on the space of the one before."""
+def test_full_disk_permits_deletions(full: Server) -> None:
+    """The disk is filled after each deletion, so that none uses space freed by another."""
     disk = full.data_dir.parent
     with Caller(full) as caller:
         for kind in ("fits", "runs"):
@@ -85,10 +85,10 @@ def test_full_disk_takes_deletions_that_make_it_ready(full: Server) -> None:
 
 
 def test_service_starts_on_a_full_disk(full: Server) -> None:
-    """Someone has to be able to delete something."""
+    """A user must be able to start the service and delete data."""
     full.stop()
 
-    # Not ready, so its log is waited for and not its readiness.
+    # The service does not become ready, so wait for its log.
     environment = os.environ | {"MOTORID_PORT": "0"}
     words = [*full.process.args]  # type: ignore[misc]
     with subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True) as again:

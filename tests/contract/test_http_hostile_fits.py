@@ -1,4 +1,4 @@
-"""Broken requests for fits and batches: each has its named answer, none a 500."""
+"""Malformed requests for fits and batches: each has a defined error, none a 500."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ BODIES = {
 
 
 @pytest.mark.parametrize(("body", "status"), BODIES.values(), ids=BODIES.keys())
-def test_broken_request_for_a_fit_is_refused(alice: Caller, body: bytes, status: int) -> None:
-    """400 what is no JSON, 422 what has the wrong form, 404 what names no run."""
+def test_malformed_fit_request_is_refused(alice: Caller, body: bytes, status: int) -> None:
+    """Invalid JSON answers 400, an invalid field 422, an unknown run 404."""
     assert_is_problem(alice.http.post("/fits", content=body, headers=JSON), status)
 
 
@@ -82,10 +82,8 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda options: str(options)[:40])
-def test_option_that_is_not_accepted_is_named(
-    alice: Caller, stored: str, options: dict[str, object]
-) -> None:
-    """422, and the words say which option it is about."""
+def test_invalid_option_is_named(alice: Caller, stored: str, options: dict[str, object]) -> None:
+    """The response is 422 and contains the name of the option."""
     body = json.dumps({"training": [stored], "options": options})
 
     answer = alice.http.post("/fits", content=body, headers=JSON)
@@ -97,14 +95,14 @@ def test_option_that_is_not_accepted_is_named(
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_number_that_is_not_finite_is_refused(alice: Caller, stored: str, number: str) -> None:
-    """JSON has none; Python's reader takes some of them, and the service must not."""
+    """Python's JSON parser accepts such numbers, so the service must reject them."""
     body = f'{{"training": ["{stored}"], "options": {{"temperatures": [{number}]}}}}'
 
     assert_is_problem(alice.http.post("/fits", content=body, headers=JSON), 422, 400)
 
 
 def test_run_in_two_roles_is_refused(alice: Caller, stored: str) -> None:
-    """Whoever checks on what was fitted fools himself."""
+    """A validation run must not be a training run, and no run may be listed twice."""
     for body in ({"training": [stored, stored]}, {"training": [stored], "validation": [stored]}):
         answer = alice.http.post("/fits", json=body)
 
@@ -112,8 +110,8 @@ def test_run_in_two_roles_is_refused(alice: Caller, stored: str) -> None:
         assert "twice" in answer.json()["detail"]
 
 
-def test_validation_on_the_bytes_that_are_fitted_is_refused(alice: Caller, stored: str) -> None:
-    """Another mapping makes another run of the same bytes; a batch is refused as a whole."""
+def test_validation_on_the_bytes_of_a_training_run_is_refused(alice: Caller, stored: str) -> None:
+    """The same bytes with another mapping are rejected, too; a batch is rejected as a whole."""
     mapping = json.dumps({"speed_rad_s": {"column": "speed_rad_s", "scale": 1.0}})
     same = alice.upload(run_text(0), mapping=mapping)["id"]
     assert same != stored
@@ -126,8 +124,8 @@ def test_validation_on_the_bytes_that_are_fitted_is_refused(alice: Caller, store
 
 
 @pytest.mark.parametrize("key", ["", "a b", "x" * 256, "naïve", "tab\there"])
-def test_idempotency_key_that_is_no_word_is_refused(alice: Caller, stored: str, key: str) -> None:
-    """1 to 255 visible ASCII characters."""
+def test_invalid_idempotency_key_is_refused(alice: Caller, stored: str, key: str) -> None:
+    """A valid key has 1 to 255 visible ASCII characters."""
     headers = {"Idempotency-Key": key.encode("latin-1")}
 
     answer = alice.http.post("/fits", json={"training": [stored]}, headers=headers)  # type: ignore[arg-type]
@@ -143,7 +141,7 @@ def test_idempotency_key_that_is_no_word_is_refused(alice: Caller, stored: str, 
 def test_body_of_another_type_is_refused(
     alice: Caller, stored: str, path: str, kind: str | None
 ) -> None:
-    """415: a page of another site can send these types without asking, JSON it cannot."""
+    """A page of another site can send these types without a preflight, but not JSON."""
     headers = {} if kind is None else {"Content-Type": kind}
     body = json.dumps({"training": [stored]}).encode()
 
@@ -151,7 +149,7 @@ def test_body_of_another_type_is_refused(
 
 
 def test_json_above_the_limit_is_refused_however_it_is_sent(alice: Caller) -> None:
-    """413 announced, and 413 in chunks of unknown number; the test server takes 100,000 bytes."""
+    """A body above the limit answers 413, with Content-Length and in chunks."""
     body = b'{"training": ["' + b"x" * 200_000 + b'"]}'
 
     announced = alice.http.post("/fits", content=body, headers=JSON)
@@ -162,7 +160,7 @@ def test_json_above_the_limit_is_refused_however_it_is_sent(alice: Caller) -> No
 
 
 def test_batch_of_no_motor_and_of_too_many_is_refused(alice: Caller, stored: str) -> None:
-    """1 to 1000 motors, in a body of the size that is taken."""
+    """A batch has 1 to 1000 motors."""
     assert_is_problem(alice.http.post("/batches", json={"motors": []}), 422)
     many = {"motors": [{"training": ["r"]}] * 1001}
     assert_is_problem(alice.http.post("/batches", json=many), 422)

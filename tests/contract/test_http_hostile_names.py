@@ -1,4 +1,4 @@
-"""Names of files and addresses that try to be paths: none is one."""
+"""File names and URL paths that try to escape from the data directory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.contract.hostile import UNKNOWN, assert_is_problem, form
 def test_name_of_a_file_is_a_label_and_never_a_path(
     alice: Caller, server: Server, name: str
 ) -> None:
-    """The bytes lie under the id that the service gave; the label has no directory."""
+    """The bytes are stored under the run ID; the label has no directory."""
     content = run_text(1000 + NAMES.index(name))
     escaped = name.replace("\r", "%0D").replace("\n", "%0A")
     head = f'Content-Disposition: form-data; name="file"; filename="{escaped}"'
@@ -59,7 +59,7 @@ PATHS = [
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path[:40])
-def test_what_is_not_there_is_not_found(alice: Caller, path: str) -> None:
-    """404 as a problem, for reading and for deleting."""
+def test_unknown_item_is_not_found(alice: Caller, path: str) -> None:
+    """GET and DELETE answer 404 as a problem."""
     assert_is_problem(alice.http.get(path), 404)
     assert_is_problem(alice.http.delete(path), 404, 405)

@@ -1,4 +1,4 @@
-"""Broken HTTP, methods and queries: a 4xx or a closed connection, and the server lives."""
+"""Malformed HTTP, methods and queries: 4xx or a closed connection; the server survives."""
 
 from __future__ import annotations
 
@@ -22,10 +22,8 @@ from tests.contract.hostile import JSON, assert_is_problem, raw
         ("X", "/runs"),
     ],
 )
-def test_method_that_an_address_does_not_take_is_refused(
-    alice: Caller, method: str, path: str
-) -> None:
-    """405, and the answer says which methods it takes."""
+def test_unsupported_method_is_refused(alice: Caller, method: str, path: str) -> None:
+    """The response is 405 with an Allow header."""
     answer = alice.http.request(method, path)
 
     assert_is_problem(answer, 405)
@@ -56,20 +54,18 @@ def test_method_that_an_address_does_not_take_is_refused(
     ],
     ids=lambda query: query[:20],
 )
-def test_query_that_is_not_accepted_is_refused(alice: Caller, query: str) -> None:
-    """422 for a page of no length, positions that were never given, and texts that are none.
+def test_invalid_query_is_refused(alice: Caller, query: str) -> None:
+    """Invalid limits, cursors and filters answer 422.
 
-    PostgreSQL takes no NUL, and what filtered by one was an internal error there.
+    PostgreSQL cannot compare with NUL, so such a filter would cause an internal error.
     """
     assert_is_problem(alice.http.get(f"/runs?{query}"), 422)
     assert_is_problem(alice.http.get(f"/fits?{query}"), 422)
 
 
 @pytest.mark.parametrize("text", ["\0", "\ud800", "a\x01", "\u202e", "m" * 1001], ids=ascii)
-def test_text_in_a_body_that_cannot_be_kept_is_refused(
-    alice: Caller, stored: str, text: str
-) -> None:
-    """422 wherever it stands, also as a name, and the answer does not repeat it."""
+def test_unprintable_text_in_a_body_is_refused(alice: Caller, stored: str, text: str) -> None:
+    """Values and field names answer 422, and the response does not repeat the text."""
     bodies: dict[str, list[dict[str, object]]] = {
         "/fits": [
             {"training": [text]},
@@ -92,7 +88,7 @@ def test_text_in_a_body_that_cannot_be_kept_is_refused(
     "path", ["/runs", "/runs/{run}", "/fits", "/batches", "/healthz", "/metrics", "/openapi.json"]
 )
 def test_head_answers_as_get_without_a_body(alice: Caller, stored: str, path: str) -> None:
-    """Status and headers of RFC 9110: those of GET."""
+    """RFC 9110: HEAD has the status and headers of GET."""
     address = path.format(run=stored)
     head, get = alice.http.head(address), alice.http.get(address)
 
@@ -104,7 +100,7 @@ def test_head_answers_as_get_without_a_body(alice: Caller, stored: str, path: st
 
 
 def test_head_of_events_ends_at_once(alice: Caller, stored: str) -> None:
-    """Without following a fit that has not ended."""
+    """HEAD does not follow a running fit."""
     fit = alice.begin(stored, seed=10_000)
     began = time.monotonic()
 
@@ -116,14 +112,14 @@ def test_head_of_events_ends_at_once(alice: Caller, stored: str) -> None:
     alice.http.delete(f"/fits/{fit['id']}")
 
 
-def test_head_of_what_is_not_there_is_not_found(alice: Caller) -> None:
-    """As GET, and what takes no GET takes no HEAD."""
+def test_head_of_an_unknown_item_is_not_found(alice: Caller) -> None:
+    """HEAD answers 404 wherever GET does."""
     assert alice.http.head("/runs/nothing").status_code == 404
     assert alice.http.head("/nothing").status_code == 404
 
 
 def test_two_lengths_of_one_body_are_refused_and_the_connection_ends(server: Server) -> None:
-    """RFC 9112, section 6.3: 400, and what follows is not read as another request."""
+    """RFC 9112, section 6.3: 400, and the rest is not parsed as another request."""
     request = (
         b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\n"
         b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\nGET /healthz HTTP/1.1\r\n"
@@ -137,8 +133,8 @@ def test_two_lengths_of_one_body_are_refused_and_the_connection_ends(server: Ser
     assert answer.count(b"HTTP/1.1 ") == 1
 
 
-def test_cookie_of_many_backslashes_keeps_nobody_waiting(server: Server) -> None:
-    """60 kB of them, without a key, held the service for 23 s."""
+def test_cookie_of_many_backslashes_does_not_block(server: Server) -> None:
+    """CVE-2024-7592: 60 kB of backslashes once blocked the service for 23 s without a key."""
     cookie = 'a="' + "\\1" * 30_000 + '"'
     began = time.monotonic()
 
@@ -169,19 +165,21 @@ RAW = {
 
 
 @pytest.mark.parametrize("request_bytes", RAW.values(), ids=RAW.keys())
-def test_broken_http_is_refused_and_the_server_lives(server: Server, request_bytes: bytes) -> None:
-    """A 4xx or a closed connection, and health answers afterwards."""
+def test_malformed_http_is_refused_and_the_server_survives(
+    server: Server, request_bytes: bytes
+) -> None:
+    """The response is 4xx or a closed connection, and health answers afterwards."""
     answer = raw(server, request_bytes)
 
     assert answer == b"" or answer.startswith(b"HTTP/1.1 4"), answer[:200]
     assert httpx.get(f"{server.url}/healthz").status_code == 200
 
 
-def test_hostile_requests_left_no_trace_of_an_error_of_the_service(server: Server) -> None:
-    """Whatever ran before this in the session: no answer was a 500."""
+def test_no_earlier_request_caused_a_server_error(server: Server) -> None:
+    """The log of this session contains no status 500 or above."""
     lines = [json.loads(line) for line in list(server.log) if line.startswith("{")]
 
     assert [line for line in lines if line.get("status", 0) >= 500] == []
     for line in lines:
-        # uvicorn refuses a broken chunk itself, and then logs that our answer comes too late.
+        # uvicorn rejects a malformed chunk itself and logs our later response as an error.
         assert "LocalProtocolError" in line.get("exception", "LocalProtocolError")

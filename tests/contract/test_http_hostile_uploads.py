@@ -1,4 +1,4 @@
-"""Broken and hostile uploads: each has its named answer, and nothing of it is left behind."""
+"""Malformed and hostile uploads: each has a defined error and leaves no file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.contract.hostile import FILE, RUN, assert_is_problem, form, raw
 
 @pytest.mark.usefixtures("nothing_left")
 def test_upload_in_endless_chunks_is_refused(alice: Caller) -> None:
-    """A body without an announced length is counted as it comes; it stops at the limit."""
+    """A body without Content-Length is counted while it arrives and stops at the limit."""
 
     def body() -> Iterator[bytes]:
         yield b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
@@ -24,7 +24,7 @@ def test_upload_in_endless_chunks_is_refused(alice: Caller) -> None:
     try:
         answer = alice.http.post("/runs", content=body(), headers=headers)
     except httpx.WriteError:
-        # The server hung up on what it had refused.
+        # The server closed the connection after its response.
         answer = None
 
     if answer is not None:
@@ -65,8 +65,8 @@ FORMS = {
 
 @pytest.mark.usefixtures("nothing_left")
 @pytest.mark.parametrize(("body", "status"), FORMS.values(), ids=FORMS.keys())
-def test_broken_form_is_refused(alice: Caller, body: bytes, status: int) -> None:
-    """400 what is no form, 422 what has the wrong fields or too long ones."""
+def test_malformed_form_is_refused(alice: Caller, body: bytes, status: int) -> None:
+    """A body that is no form answers 400; invalid or too long fields answer 422."""
     headers = {"Content-Type": "multipart/form-data; boundary=b"}
 
     assert_is_problem(alice.http.post("/runs", content=body, headers=headers), status)
@@ -86,7 +86,7 @@ def test_broken_form_is_refused(alice: Caller, body: bytes, status: int) -> None
     ],
 )
 def test_upload_of_another_type_is_refused(alice: Caller, kind: str | None, status: int) -> None:
-    """415 another kind of body, 400 a form that cannot be taken apart."""
+    """Another media type answers 415; a form without a valid boundary answers 400."""
     headers = {} if kind is None else {"Content-Type": kind}
 
     assert_is_problem(alice.http.post("/runs", content=form((FILE, RUN)), headers=headers), status)
@@ -114,16 +114,16 @@ MAPPINGS = [
 
 @pytest.mark.usefixtures("nothing_left")
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=lambda text: text[:40])
-def test_mapping_that_is_not_accepted_is_refused(alice: Caller, mapping: str) -> None:
-    """422, whether it is no JSON or says what cannot be."""
+def test_invalid_mapping_is_refused(alice: Caller, mapping: str) -> None:
+    """Invalid JSON and invalid content of a mapping both answer 422."""
     answer = alice.http.post("/runs", files={"file": ("a.csv", RUN)}, data={"mapping": mapping})
 
     assert_is_problem(answer, 422)
 
 
 @pytest.mark.usefixtures("nothing_left")
-def test_upload_that_breaks_off_leaves_nothing(server: Server, alice: Caller) -> None:
-    """The connection is cut in the middle of the announced body."""
+def test_interrupted_upload_leaves_nothing(server: Server, alice: Caller) -> None:
+    """The client closes the connection before the announced end of the body."""
     head = (
         f"POST {API}/runs HTTP/1.1\r\nHost: localhost\r\nContent-Length: 500000\r\n"
         f"Authorization: {alice.http.headers['authorization']}\r\n"

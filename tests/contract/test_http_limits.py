@@ -1,4 +1,4 @@
-"""Rates and quotas over HTTP: what is refused, by which name, and when to come back."""
+"""Rate limits and quotas over HTTP: status, code and retry time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BURST = 30
 
 @pytest.fixture(scope="module")
 def limited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with small limits: 10 calls a second, 3 runs, 20,000 bytes, and those below."""
+    """Server with small limits: 10 calls/s, 3 runs, 20,000 bytes, 2 waiting fits, 3 streams."""
     data_dir = tmp_path_factory.mktemp("limited") / "data"
     make_key(data_dir)
     with serving(
@@ -35,8 +35,8 @@ def limited(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield running
 
 
-def test_key_that_calls_too_often_is_told_when_to_come_back(limited: Server) -> None:
-    """30 at once and 10 a second: of 60 calls in a row the last are refused with 429."""
+def test_rate_limit_answers_429_with_a_retry_time(limited: Server) -> None:
+    """With a burst of 30 and 10 calls/s, the last of 60 consecutive calls are rejected."""
     with Caller(limited, make_key(limited.data_dir, "hasty")) as caller:
         answers = [caller.http.get("/runs?limit=1") for _ in range(2 * BURST)]
         refused = [answer for answer in answers if answer.status_code == 429]
@@ -54,8 +54,8 @@ def test_key_that_calls_too_often_is_told_when_to_come_back(limited: Server) -> 
         assert caller.http.get("/runs?limit=1").status_code == 200
 
 
-def test_rate_is_that_of_a_key_and_health_has_none(limited: Server) -> None:
-    """While one key must wait another is answered, and so is health, as often as it is asked."""
+def test_rate_limit_is_per_key_and_exempts_health(limited: Server) -> None:
+    """While one key is limited, another key and health are answered."""
     with (
         Caller(limited, make_key(limited.data_dir, "busy")) as busy,
         Caller(limited, make_key(limited.data_dir, "calm")) as calm,
@@ -71,8 +71,8 @@ def test_rate_is_that_of_a_key_and_health_has_none(limited: Server) -> None:
         assert re.search(r'motorid_refused_total\{limit="rate"\} [1-9]', text)
 
 
-def test_key_has_no_more_event_streams_open_than_it_may(limited: Server) -> None:
-    """Three of three: the fourth is told when to come back, and let in once another has ended."""
+def test_number_of_event_streams_per_key_is_limited(limited: Server) -> None:
+    """The fourth stream answers 429 until one of the three others is closed."""
     with Caller(limited, make_key(limited.data_dir, "curious")) as caller, ExitStack() as streams:
         fit = caller.begin(caller.upload(run_text(60))["id"], seed=FAMILY)["id"]
         address = f"/fits/{fit}/events"
@@ -98,8 +98,8 @@ def test_key_has_no_more_event_streams_open_than_it_may(limited: Server) -> None
     assert status == 200
 
 
-def test_workspace_that_is_full_takes_no_run(limited: Server) -> None:
-    """Three runs of three: the fourth is refused, one that is there already is not."""
+def test_quota_of_runs_rejects_a_new_run(limited: Server) -> None:
+    """A repeated upload of a stored run is still accepted."""
     with Caller(limited, make_key(limited.data_dir, "full")) as caller:
         runs = [caller.upload(run_text(seed))["id"] for seed in range(3)]
         fourth = caller.http.post("/runs", files={"file": ("a.csv", run_text(3))})
@@ -113,8 +113,8 @@ def test_workspace_that_is_full_takes_no_run(limited: Server) -> None:
     assert [path for path in limited.data_dir.rglob("incoming/*/*")] == []
 
 
-def test_workspace_keeps_no_more_bytes_than_it_may(limited: Server) -> None:
-    """A file of 15,000 to 20,000 bytes fits once, not twice."""
+def test_quota_of_bytes_rejects_a_new_run(limited: Server) -> None:
+    """Of two files with 15,000 to 20,000 bytes each, only one fits."""
     with Caller(limited, make_key(limited.data_dir, "large")) as caller:
         files = [run_text(seed, rows=350) for seed in range(2)]
         assert 15_000 < len(files[0]) < 20_000
@@ -125,8 +125,8 @@ def test_workspace_keeps_no_more_bytes_than_it_may(limited: Server) -> None:
     assert "MOTORID_QUOTA_BYTES" in second.json()["detail"]
 
 
-def test_queue_of_a_workspace_has_an_end(limited: Server) -> None:
-    """One computes and two wait; the next fit, and a batch of any size, have to come later."""
+def test_quota_of_waiting_fits_rejects_fits_and_batches(limited: Server) -> None:
+    """With two waiting fits, another fit or batch answers 429 with a retry time."""
     with Caller(limited, make_key(limited.data_dir, "queue")) as caller:
         run = caller.upload(run_text(50))["id"]
         running = caller.begin(run, seed=SLOW)["id"]
@@ -144,8 +144,8 @@ def test_queue_of_a_workspace_has_an_end(limited: Server) -> None:
     assert after.status_code == 202
 
 
-def test_upload_beyond_those_that_may_wait_is_told_when_to_come_back(data_dir: Path) -> None:
-    """One reader, nobody waits, sixteen at once: each is 201 or 429, and none leaves a file."""
+def test_full_upload_queue_answers_429_with_a_retry_time(data_dir: Path) -> None:
+    """Of sixteen parallel uploads to one reader, each answers 201 or 429 and leaves no file."""
     key = make_key(data_dir)
     with (
         serving(data_dir, READERS=1, WAITING_UPLOADS=0) as server,

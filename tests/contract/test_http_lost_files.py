@@ -1,4 +1,4 @@
-"""Stored files that a disk has lost or damaged: said with a code, restored where that can be."""
+"""Lost or damaged files of the data directory: reported with a code, restored if possible."""
 
 from __future__ import annotations
 
@@ -17,22 +17,20 @@ ADDRESSES = {"result.json": "", "report.html": "/report", "posterior.nc": "/post
 
 
 def fitted(alice: Caller, seed: int) -> str:
-    """Id of a fit of a run of its own that succeeded."""
+    """ID of a succeeded fit with its own run."""
     fit = alice.begin(alice.upload(run_text(seed))["id"])
     assert alice.wait(fit["id"])["status"] == "succeeded"
     return str(fit["id"])
 
 
 def answer(alice: Caller, fit: str, name: str) -> httpx.Response:
-    """The answer at the address of an output."""
+    """Response to the request of an output."""
     return alice.http.get(f"/fits/{fit}{ADDRESSES[name]}")
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_same_bytes_again_restore_a_run_that_is_lost(
-    server: Server, alice: Caller, damage: str
-) -> None:
-    """Still 200 and the same id, and then the file holds the bytes that were sent."""
+def test_repeated_upload_restores_a_lost_run(server: Server, alice: Caller, damage: str) -> None:
+    """The upload answers 200 with the same ID, and the file has its original bytes."""
     content = run_text(7_000 + list(DAMAGES).index(damage))
     run = alice.upload(content)["id"]
     path = server.data_dir / "runs" / run
@@ -46,10 +44,8 @@ def test_same_bytes_again_restore_a_run_that_is_lost(
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_fit_of_a_run_that_is_lost_says_what_brings_it_back(
-    server: Server, alice: Caller, damage: str
-) -> None:
-    """Half a table is a table: a fit of it would succeed with another motor's numbers."""
+def test_fit_of_a_lost_run_names_the_remedy(server: Server, alice: Caller, damage: str) -> None:
+    """A truncated table must not be fitted, because it would give another motor's parameters."""
     run = alice.upload(run_text(7_100 + list(DAMAGES).index(damage)), name="bench.csv")["id"]
     DAMAGES[damage](server.data_dir / "runs" / run)
 
@@ -64,10 +60,10 @@ def test_fit_of_a_run_that_is_lost_says_what_brings_it_back(
 
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("name", ADDRESSES)
-def test_output_that_is_lost_is_a_problem_with_a_code(
+def test_lost_output_is_a_problem_with_a_code(
     server: Server, alice: Caller, name: str, damage: str
 ) -> None:
-    """503 `file_lost`; the other outputs are as they were, and the fit can be deleted."""
+    """It answers 503 `file_lost`; the other outputs are served, and the fit can be deleted."""
     fit = fitted(alice, 7_200)
     DAMAGES[damage](server.data_dir / "fits" / fit / "1" / name)
 
@@ -85,10 +81,10 @@ def test_output_that_is_lost_is_a_problem_with_a_code(
 
 
 @pytest.mark.parametrize("place", ["1", ""])
-def test_file_in_the_place_of_a_directory_is_no_end_of_the_service(
+def test_file_in_place_of_a_directory_is_a_lost_fit(
     server: Server, alice: Caller, place: str
 ) -> None:
-    """A file system that was repaired; the fit is lost, and can be deleted."""
+    """A file system repair can leave such a file; the fit is lost and can be deleted."""
     fit = fitted(alice, 7_201)
     whole: Path = server.data_dir / "fits" / fit
     whole.rename(server.data_dir / "incoming" / fit)
@@ -103,8 +99,8 @@ def test_file_in_the_place_of_a_directory_is_no_end_of_the_service(
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_table_of_a_batch_has_the_other_motors(server: Server, alice: Caller, damage: str) -> None:
-    """The motor whose result is lost has an error in its row; tables and page are there."""
+def test_table_of_a_batch_marks_a_lost_result(server: Server, alice: Caller, damage: str) -> None:
+    """The row of the motor has an error; the other rows and the page are complete."""
     run = alice.upload(run_text(7_202))["id"]
     motors = [{"motor": name, "training": [run]} for name in ("a", "b")]
     batch = alice.http.post("/batches", json={"motors": motors}).json()
@@ -120,8 +116,8 @@ def test_table_of_a_batch_has_the_other_motors(server: Server, alice: Caller, da
         assert alice.http.get(f"/batches/{batch['id']}/{form}").status_code == 200
 
 
-def test_client_does_not_wait_for_a_file_that_is_lost(server: Server, alice: Caller) -> None:
-    """No answer that comes later would be another one."""
+def test_client_does_not_retry_a_lost_file(server: Server, alice: Caller) -> None:
+    """A later response would be the same."""
     fit = fitted(alice, 7_203)
     (server.data_dir / "fits" / fit / "1" / "result.json").unlink()
     began = time.monotonic()

@@ -1,4 +1,4 @@
-"""Every route with every key that does not open it: 401, or 404, or nothing of anyone else's."""
+"""Every route with every invalid key, and every item with a key of another workspace."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tests.app.service import Caller, Server
 
 @pytest.fixture(scope="module")
 def closed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
-    """Method and path of every call that needs a key, parameters still by name."""
+    """Method and path template of every call that requires a key."""
     settings = load_settings(data_dir=tmp_path_factory.mktemp("routes"))
     found = every_route(create_app(settings))
-    # The calls of the contract, the pages, and the description: none is forgotten by the walk.
+    # Guard against an incomplete list: calls, pages and the OpenAPI document.
     assert {("GET", "/"), ("GET", "/fits/{fit_id}"), ("POST", "/logout"), ("GET", "/docs")} <= {
         *found
     }
@@ -28,17 +28,17 @@ def closed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
 
 @pytest.fixture(scope="module")
 def ids(alice: Caller, stored: str) -> dict[str, str]:
-    """What alice has: an id for each name of a parameter."""
+    """ID of an item of alice for each path parameter."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
     return {"run_id": stored, "fit_id": fit, "batch_id": batch}
 
 
 @pytest.mark.parametrize("kind", ["none", "wrong", "revoked", "expired"])
-def test_no_route_answers_to_what_is_no_valid_key(
+def test_no_route_accepts_an_invalid_key(
     server: Server, closed: list[tuple[str, str]], ids: dict[str, str], kind: str
 ) -> None:
-    """401 as a problem with a challenge, on each route, also where the thing is there."""
+    """Each route answers 401 with a challenge, even if the item exists."""
     keys = {"wrong": "motorid_" + "x" * 43}
     if kind == "revoked":
         keys[kind] = revoked_key(server.data_dir)
@@ -65,10 +65,10 @@ def test_no_route_answers_to_what_is_no_valid_key(
         b"Bearer \xff\xfe",
     ],
 )
-def test_no_route_answers_to_a_header_of_another_form(
+def test_no_route_accepts_a_malformed_authorization(
     server: Server, closed: list[tuple[str, str]], authorization: str | bytes
 ) -> None:
-    """401 on each route, whatever stands in the place of a key."""
+    """Each route answers 401, whatever the Authorization header contains."""
     with httpx.Client(base_url=server.url, headers={"Authorization": authorization}) as client:  # type: ignore[arg-type]
         for method, path in closed:
             answer = client.request(method, PLACE.sub("run_" + "a" * 26, path))
@@ -76,10 +76,10 @@ def test_no_route_answers_to_a_header_of_another_form(
             assert answer.status_code == 401, (method, path)
 
 
-def test_every_route_about_a_thing_is_404_for_another_workspace(
+def test_every_item_is_404_for_another_workspace(
     bob: Caller, server: Server, closed: list[tuple[str, str]], ids: dict[str, str]
 ) -> None:
-    """404 with bob's valid key for each thing of alice, whatever the method."""
+    """Each method on an item of alice answers 404 to a valid key of bob."""
     about_things = [(method, path) for method, path in closed if PLACE.search(path)]
     assert len(about_things) >= 8
     for method, path in about_things:
@@ -88,10 +88,10 @@ def test_every_route_about_a_thing_is_404_for_another_workspace(
         assert answer.status_code == 404, (method, path)
 
 
-def test_every_other_route_shows_another_workspace_nothing(
+def test_no_list_contains_items_of_another_workspace(
     bob: Caller, server: Server, closed: list[tuple[str, str]], ids: dict[str, str]
 ) -> None:
-    """Lists and pages answer bob with his own things; no id of alice is in them."""
+    """No list or page for bob contains an ID of alice."""
     for method, path in closed:
         if PLACE.search(path) or path == "/logout":
             continue
@@ -100,14 +100,14 @@ def test_every_other_route_shows_another_workspace_nothing(
         assert not [thing for thing in ids.values() if thing in answer.text], (method, path)
 
 
-def test_things_of_alice_are_still_there(alice: Caller, ids: dict[str, str]) -> None:
-    """No call of the matrix, and none of them was a DELETE of alice, has removed any."""
+def test_items_of_alice_still_exist(alice: Caller, ids: dict[str, str]) -> None:
+    """None of the calls above has removed an item."""
     for path in ("/runs/{run_id}", "/fits/{fit_id}", "/batches/{batch_id}"):
         assert alice.http.get(filled(path, ids)).status_code == 200
 
 
-def test_no_line_of_the_log_holds_a_key(server: Server, alice: Caller) -> None:
-    """A key in each place where a caller may put it, with the most talkative log."""
+def test_no_line_of_the_log_contains_a_key(server: Server, alice: Caller) -> None:
+    """The key is sent in each place where a client may put it by mistake."""
     secret = alice.http.headers["authorization"].removeprefix("Bearer ")
     marker = "after-the-keys-were-sent"
     alice.http.get(f"/runs/{secret}")

@@ -1,4 +1,4 @@
-"""The description of the interface: complete, with examples, and true."""
+"""The OpenAPI document: complete, with valid examples, and consistent with responses."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ CONTRACT = {
 
 @pytest.fixture(scope="module")
 def schema(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The description as it is served."""
+    """The document as the service sends it."""
     settings = load_settings(data_dir=tmp_path_factory.mktemp("openapi"))
     return create_app(settings).openapi()
 
 
 def described(schema: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
-    """Each call by its method and path."""
+    """Each call of the document by method and path."""
     return {
         (method.upper(), path): call
         for path, calls in schema["paths"].items()
@@ -50,12 +50,12 @@ def described(schema: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def test_every_call_of_the_contract_is_described(schema: dict[str, Any]) -> None:
-    """The table of the contract, call by call."""
+    """The document contains each call of the contract."""
     assert described(schema).keys() >= CONTRACT
 
 
-def test_every_call_says_what_it_does_and_how_it_fails(schema: dict[str, Any]) -> None:
-    """Summary, description, a problem for each error, and the key but for health."""
+def test_every_call_documents_its_purpose_and_errors(schema: dict[str, Any]) -> None:
+    """Each call has a summary, a description, its error responses and, except health, a key."""
     for call, entry in described(schema).items():
         assert entry["summary"], call
         assert entry["description"], call
@@ -69,8 +69,8 @@ def test_every_call_says_what_it_does_and_how_it_fails(schema: dict[str, Any]) -
             assert "404" in entry["responses"], call
 
 
-def test_examples_are_what_their_schemas_allow(schema: dict[str, Any]) -> None:
-    """Each example in the description validates against the schema it stands in."""
+def test_examples_conform_to_their_schemas(schema: dict[str, Any]) -> None:
+    """Each example in the document is valid under its own schema."""
     components = schema["components"]["schemas"]
     checked = 0
     for name, part in components.items():
@@ -85,10 +85,10 @@ def test_examples_are_what_their_schemas_allow(schema: dict[str, Any]) -> None:
     }
 
 
-def test_answers_are_what_the_description_says(
+def test_responses_conform_to_the_document(
     schema: dict[str, Any], alice: Caller, stored: str
 ) -> None:
-    """Real answers against the schema named for their call and status."""
+    """Real responses are valid under the schema of their call and status."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
     calls = {
@@ -109,13 +109,13 @@ def test_answers_are_what_the_description_says(
         Draft202012Validator(part | {"components": schema["components"]}).validate(answer.json())
 
 
-def test_description_is_served_to_callers(alice: Caller, schema: dict[str, Any]) -> None:
-    """The same document under the prefix."""
+def test_document_is_served_to_clients(alice: Caller, schema: dict[str, Any]) -> None:
+    """The path under the API prefix serves the same document."""
     assert alice.http.get("/openapi.json").json() == schema
 
 
-def test_metrics_count_what_happens(alice: Caller, stored: str) -> None:
-    """One more run of this name known, one more fit succeeded; no id is a label."""
+def test_metrics_count_requests_and_fits(alice: Caller, stored: str) -> None:
+    """Requests and succeeded fits increase their counters; no ID is a label."""
 
     def value(name: str) -> float:
         text = alice.http.get("/metrics").text
@@ -136,7 +136,7 @@ def test_metrics_count_what_happens(alice: Caller, stored: str) -> None:
 
 
 def test_page_about_http_names_every_call(schema: dict[str, Any]) -> None:
-    """docs/http.md against the description itself."""
+    """docs/http.md names each call of the OpenAPI document."""
     page = (Path(__file__).parents[2] / "docs" / "http.md").read_text(encoding="utf-8")
 
     for method, path in described(schema):

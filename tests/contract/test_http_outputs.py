@@ -1,4 +1,4 @@
-"""Files that the service sends: whole or not at all, in part, and under which name."""
+"""Output files over HTTP: complete or not found, byte ranges, and file names."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ IS_WHOLE: dict[str, Callable[[httpx.Response], bool]] = {
 
 @pytest.fixture(scope="module")
 def fit(alice: Caller, stored: str) -> str:
-    """A fit that succeeded."""
+    """ID of a succeeded fit."""
     return str(alice.wait(alice.begin(stored)["id"])["id"])
 
 
 def asked(server: Server, key: str, address: str, is_over: Event) -> Iterator[httpx.Response | str]:
-    """Answers to a call that is made again and again, or what was wrong with one."""
+    """Responses to a repeated call, or the text of a transport error."""
     with httpx.Client(base_url=server.url, headers={"Authorization": key}) as caller:
         while not is_over.is_set():
             try:
@@ -41,10 +41,10 @@ def asked(server: Server, key: str, address: str, is_over: Event) -> Iterator[ht
                 yield repr(error)
 
 
-def test_output_of_a_fit_that_is_removed_is_whole_or_not_found(
+def test_output_of_a_deleted_fit_is_complete_or_not_found(
     alice: Caller, server: Server, stored: str
 ) -> None:
-    """Twelve fits, each asked for by six callers at the moment in which it is removed."""
+    """Six clients read each of twelve fits while it is deleted."""
     key = alice.http.headers["authorization"]
     fits = [alice.begin(stored, seed=0)["id"] for _ in range(12)]
     wrong: list[str] = []
@@ -79,10 +79,8 @@ def test_output_of_a_fit_that_is_removed_is_whole_or_not_found(
 
 
 @pytest.mark.parametrize("output", ["report", "posterior"])
-def test_part_of_an_output_is_sent_where_it_is_asked_for(
-    alice: Caller, fit: str, output: str
-) -> None:
-    """206, the bytes, and how many there are."""
+def test_range_request_returns_the_range(alice: Caller, fit: str, output: str) -> None:
+    """The response is 206 with the bytes and the total size."""
     whole = alice.http.get(f"/fits/{fit}/{output}").content
 
     part = alice.http.get(f"/fits/{fit}/{output}", headers={"Range": "bytes=2-4"})
@@ -98,10 +96,10 @@ def test_part_of_an_output_is_sent_where_it_is_asked_for(
         *((text, 416) for text in ("bytes=99999999-", "bytes=-0")),
     ],
 )
-def test_bad_range_is_refused_with_a_problem(
+def test_invalid_range_is_refused_with_a_problem(
     alice: Caller, fit: str, asked_for: str, status: int
 ) -> None:
-    """Of an output and of a file of the pages alike; 416 says how many bytes there are."""
+    """This holds for outputs and static files; 416 gives the total size."""
     root = str(alice.http.base_url).removesuffix("/api/v1/")
     for address in (f"/fits/{fit}/report", f"/fits/{fit}/posterior", f"{root}/static/motorid.css"):
         answer = alice.http.get(address, headers={"Range": asked_for})
@@ -121,10 +119,10 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES, ids=lambda name: ascii(name)[:20])
-def test_names_of_callers_are_in_no_header(alice: Caller, name: str) -> None:
-    """What is saved is named by an id or a word of the service, whatever run and motor are called.
+def test_client_supplied_names_are_in_no_header(alice: Caller, name: str) -> None:
+    """Files are named by an ID or a fixed name, whatever the names of run and motor.
 
-    A header that never holds such a name needs none of the escapes of RFC 6266.
+    Headers without such names need no escaping by RFC 6266.
     """
     run = alice.upload(run_text(800 + NAMES.index(name)), re.sub(r"[\r\n]", "", name))["id"]
     label = name.replace("\r\n", " ")

@@ -1,4 +1,4 @@
-"""The pages: signing in, what is shown, and that nothing comes from elsewhere."""
+"""Web pages: login, escaped content, and no external resources."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ HTML = {"Accept": "text/html"}
 
 @pytest.fixture
 def browser(server: Server) -> Iterator[httpx.Client]:
-    """A client that keeps cookies and has no key."""
+    """HTTP client with cookies and without a key."""
     with httpx.Client(base_url=server.url, headers=HTML) as client:
         yield client
 
 
 @pytest.fixture
 def key(server: Server) -> str:
-    """A key of a workspace of the pages."""
+    """Key of a workspace for the page tests."""
     return make_key(server.data_dir, "pages")
 
 
-def test_page_asks_for_a_key_and_lets_in_who_shows_one(browser: httpx.Client, key: str) -> None:
-    """Sent to sign in, signed in, shown the page, and out again."""
+def test_login_opens_a_session_and_logout_ends_it(browser: httpx.Client, key: str) -> None:
+    """Without a session the start page redirects to the login page."""
     sent_away = browser.get("/")
     wrong = browser.post("/login", data={"key": "motorid_wrong"})
     right = browser.post("/login", data={"key": f" {key} "})
@@ -52,10 +52,8 @@ def test_page_asks_for_a_key_and_lets_in_who_shows_one(browser: httpx.Client, ke
     assert after.status_code == 303
 
 
-def test_cookie_is_for_tls_alone_where_that_is_set(
-    browser: httpx.Client, key: str, data_dir: Path
-) -> None:
-    """Behind a proxy that ends TLS, of which the service sees nothing; not without the setting."""
+def test_secure_cookies_follow_the_setting(browser: httpx.Client, key: str, data_dir: Path) -> None:
+    """Behind a proxy that terminates TLS, only the setting can request the Secure attribute."""
     plain = browser.post("/login", data={"key": key}).headers["set-cookie"]
     secret = make_key(data_dir)
     with serving(data_dir, SECURE_COOKIES="true") as server:
@@ -65,8 +63,8 @@ def test_cookie_is_for_tls_alone_where_that_is_set(
     assert "; Secure" in secure
 
 
-def test_cookie_of_a_page_opens_nothing_for_another_site(browser: httpx.Client, key: str) -> None:
-    """A form of another site carries the cookie of a careless browser, and its own origin."""
+def test_cookie_is_rejected_for_another_site(browser: httpx.Client, key: str) -> None:
+    """A form on another site may carry the cookie, but its Origin is foreign."""
     browser.post("/login", data={"key": key})
 
     answer = browser.post(
@@ -76,8 +74,8 @@ def test_cookie_of_a_page_opens_nothing_for_another_site(browser: httpx.Client, 
     assert answer.status_code == 403
 
 
-def test_signing_in_from_another_site_is_refused(browser: httpx.Client, key: str) -> None:
-    """Nobody is signed in to a stranger's workspace unawares."""
+def test_login_from_another_site_is_refused(browser: httpx.Client, key: str) -> None:
+    """Otherwise a site could log a user in to a workspace of its own."""
     answer = browser.post("/login", data={"key": key}, headers={"Sec-Fetch-Site": "cross-site"})
 
     assert answer.status_code == 403
@@ -85,14 +83,14 @@ def test_signing_in_from_another_site_is_refused(browser: httpx.Client, key: str
 
 
 def test_own_page_may_withhold_its_origin(browser: httpx.Client, key: str) -> None:
-    """What Chromium sends with a form of a page whose policy keeps referrers to itself."""
+    """Chromium sends `Origin: null` from a page with a strict referrer policy."""
     headers = {"Sec-Fetch-Site": "same-origin", "Origin": "null"}
 
     assert browser.post("/login", data={"key": key}, headers=headers).status_code == 303
 
 
-def test_session_that_was_signed_out_is_over_for_good(browser: httpx.Client, key: str) -> None:
-    """The cookie of before is worth nothing."""
+def test_session_is_invalid_after_logout(browser: httpx.Client, key: str) -> None:
+    """The old cookie answers 401."""
     cookie = browser.post("/login", data={"key": key}).cookies["motorid_session"]
     browser.post("/logout")
 
@@ -101,8 +99,8 @@ def test_session_that_was_signed_out_is_over_for_good(browser: httpx.Client, key
     assert answer.status_code == 401
 
 
-def test_names_that_callers_give_are_text_on_the_page(alice: Caller, server: Server) -> None:
-    """A motor and a file named like markup appear escaped, on the first page and on the fit's."""
+def test_client_supplied_names_are_escaped(alice: Caller, server: Server) -> None:
+    """Markup in the names of a motor and a file is escaped on both pages."""
     evil = '"><script>alert(1)</script>'
     run = alice.upload(run_text(50), evil, motor=evil)
     answer = alice.http.post("/fits", json={"training": [run["id"]], "motor": evil})
@@ -118,14 +116,14 @@ def test_names_that_callers_give_are_text_on_the_page(alice: Caller, server: Ser
 def test_fit_page_of_another_workspace_is_not_found(
     alice: Caller, bob: Caller, server: Server, stored: str
 ) -> None:
-    """404 as everywhere."""
+    """The page answers 404, as the API does."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
 
     assert httpx.get(f"{server.url}/fits/{fit}", headers=bob.http.headers).status_code == 404
 
 
-def test_pages_ask_nobody_else_for_anything(alice: Caller, server: Server) -> None:
-    """Every address in a page or script is one of this service, and nothing is inline."""
+def test_pages_refer_to_this_service_only(alice: Caller, server: Server) -> None:
+    """Each URL in a page or script is local, and nothing is inline."""
     for path in ("/", "/docs", "/login"):
         page = httpx.get(server.url + path, headers=alice.http.headers).text
         for address in re.findall(r'(?:src|href|action)="([^"]*)"', page):
@@ -138,8 +136,8 @@ def test_pages_ask_nobody_else_for_anything(alice: Caller, server: Server) -> No
         assert "https://" not in script.read_text(encoding="utf-8")
 
 
-def test_every_file_that_the_pages_name_is_there(alice: Caller, server: Server) -> None:
-    """Styles and scripts answer 200 without a key, with their type."""
+def test_static_files_of_the_pages_exist(alice: Caller, server: Server) -> None:
+    """Styles and scripts answer 200 without a key, with their media type."""
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     for path in ("/", "/docs", "/login"):
         page = httpx.get(server.url + path, headers=alice.http.headers).text
@@ -155,13 +153,13 @@ def test_every_file_that_the_pages_name_is_there(alice: Caller, server: Server) 
     "path", ["/static/", "/static", "/static/../endpoints.py", "/static/%2e%2e/endpoints.py",
              "/static/..%2f..%2fmain.py", "/static/.hidden", "/static//etc/passwd"]
 )  # fmt: skip
-def test_nothing_beside_the_files_of_the_pages_is_served(server: Server, path: str) -> None:
-    """Neither a directory nor what lies above it."""
+def test_only_static_files_are_served(server: Server, path: str) -> None:
+    """Directories, hidden files and paths outside are not served."""
     assert httpx.get(server.url + path).status_code in (401, 404, 405)
 
 
 def test_vendored_files_carry_their_licence() -> None:
-    """The interface's page is shown by swagger-ui, under the Apache licence."""
+    """swagger-ui is distributed under the Apache licence with its notice."""
     folder = STATIC_FILES / "vendor" / "swagger-ui"
 
     assert "Apache License" in (folder / "LICENSE").read_text(encoding="utf-8")

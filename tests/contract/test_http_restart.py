@@ -1,4 +1,4 @@
-"""What was accepted survives: kills of the server and of what computes, and orderly stops."""
+"""Accepted work survives kills of the server and its processes, and clean shutdowns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COMMAND = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit
 
 
 def children(process: int) -> list[int]:
-    """Processes that a process started and that have not ended, as the system lists them."""
+    """Child processes that have not ended."""
     found = []
     for directory in Path("/proc").iterdir():
         if directory.name.isdigit():
@@ -39,7 +39,7 @@ def children(process: int) -> list[int]:
 
 
 def fork_server(server: Server) -> int:
-    """The fork server of the fits of a server."""
+    """Process ID of the fork server for the fits of a server."""
     [found] = [
         process
         for process in children(server.process.pid)
@@ -49,7 +49,7 @@ def fork_server(server: Server) -> int:
 
 
 def worker(server: Server) -> int:
-    """The process that computes for a server, once there is one."""
+    """Process ID of a computing process, as soon as there is one."""
     deadline = time.monotonic() + 20
     while not (found := children(fork_server(server))):
         assert time.monotonic() < deadline
@@ -58,7 +58,7 @@ def worker(server: Server) -> int:
 
 
 def is_gone(*things: int | Path) -> bool:
-    """Whether processes end, or files vanish, within what loading libraries takes at most."""
+    """Return True if processes end or files vanish within 20 s."""
     paths = [Path(f"/proc/{thing}") if isinstance(thing, int) else thing for thing in things]
     deadline = time.monotonic() + 20
     while any(path.exists() for path in paths):
@@ -69,7 +69,7 @@ def is_gone(*things: int | Path) -> bool:
 
 
 def running_in_database(data_dir: Path) -> dict[str, str]:
-    """Status of each fit, read from the file itself."""
+    """Status of each fit, read directly from the database file."""
     with sqlite3.connect(data_dir / "motorid.sqlite3") as connection:
         rows = dict(connection.execute("SELECT id, status FROM fits"))
     connection.close()
@@ -77,7 +77,7 @@ def running_in_database(data_dir: Path) -> dict[str, str]:
 
 
 def interrupted_leftovers(data_dir: Path) -> list[Path]:
-    """The rest of an upload that was coming in, and a run whose row was never written, long ago."""
+    """Old files without rows: an incomplete upload and a run."""
     storage = Storage(data_dir, load_settings().node)
     left = [storage.new_incoming(), storage.run(new_id("run"))]
     for path in left:
@@ -87,9 +87,10 @@ def interrupted_leftovers(data_dir: Path) -> list[Path]:
 
 
 def test_fits_survive_a_kill_of_the_server_and_end_exactly_once(data_dir: Path) -> None:
-    """At the kill one fit has ended, one runs, two wait and one was cancelled while it waited.
+    """At the kill one fit has ended, one runs, two wait and one is cancelled.
 
-    All that were accepted end, those that had ended are left alone, and the rests are swept.
+    After the restart all unfinished fits succeed, the others are unchanged, and the leftover
+    files are removed.
     """
     with serving(data_dir, NO_AUTH, WORKERS=1) as server, Caller(server) as caller:
         run = caller.upload(run_text(1))["id"]
@@ -116,18 +117,17 @@ def test_fits_survive_a_kill_of_the_server_and_end_exactly_once(data_dir: Path) 
     assert (last["status"], last["attempt"]) == ("cancelled", 0)
     assert is_gone(*left)
     for fit in (ended, *again):
-        # Nothing is left of other attempts; the last of it goes just after the fit's end is told.
+        # Other attempts leave no files; they are removed just after the end is reported.
         kept = data_dir / "fits" / fit["id"]
         assert is_gone(*(path for path in kept.iterdir() if path.name != str(fit["attempt"])))
 
 
-def test_fit_survives_kills_of_its_process_and_an_orderly_stop_puts_it_back(
+def test_fit_survives_kills_of_its_process_and_a_shutdown(
     data_dir: Path,
 ) -> None:
-    """The kill of its process counts against the fit, that of what forked it does not.
+    """A kill of its process counts against the fit, a kill of the fork server does not.
 
-    SIGTERM then ends the service in the time of a shutdown, its event streams included, with
-    status 0, and the log says so.
+    SIGTERM then stops the service and its event streams in time, with status 0 and a log entry.
     """
     with serving(data_dir, NO_AUTH) as server, Caller(server) as caller:
         run = caller.upload(run_text(1))["id"]
@@ -161,7 +161,7 @@ def test_fit_survives_kills_of_its_process_and_an_orderly_stop_puts_it_back(
 
 
 def test_second_server_on_one_data_directory_is_refused(server: Server) -> None:
-    """Exit status 2 and one line that says why; the first server goes on."""
+    """It exits with status 2 and the reason; the first server is not affected."""
     words = ["serve", "--port", "0", "--data-dir", str(server.data_dir)]
 
     second = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=60)
@@ -173,7 +173,7 @@ def test_second_server_on_one_data_directory_is_refused(server: Server) -> None:
 
 
 def test_serving_without_keys_off_loopback_is_refused(data_dir: Path) -> None:
-    """Exit status 2, one line, and nothing listens."""
+    """The command exits with status 2 and one line."""
     words = ["serve", "--host", "0.0.0.0", "--no-auth", "--data-dir", str(data_dir)]
 
     refused = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=60)

@@ -1,4 +1,4 @@
-"""Runs over HTTP: what is stored, what is the same, what is refused and where the fault is."""
+"""Runs over HTTP: upload, identity, errors, lists and deletion."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tests.app.service import HEADER, Caller, Server, run_text
 PROBLEM = "application/problem+json"
 
 
-def test_run_is_stored_and_told_about(alice: Caller) -> None:
-    """Hash, rows and rate as the file was made: 60 samples, 1 kHz, 59 ms."""
+def test_upload_returns_a_summary_of_the_run(alice: Caller) -> None:
+    """Hash, 60 rows, 1 kHz, 59 ms and temperature range match the file."""
     content = run_text(1)
 
     answer = alice.http.post(
@@ -34,7 +34,7 @@ def test_run_is_stored_and_told_about(alice: Caller) -> None:
 
 
 def test_same_bytes_are_the_same_run(alice: Caller) -> None:
-    """The contract: again 200 and the same id, under any name."""
+    """A repeated upload answers 200 with the same ID, whatever the file name."""
     first = alice.http.post("/runs", files={"file": ("a.csv", run_text(2))})
 
     second = alice.http.post("/runs", files={"file": ("b.csv", run_text(2))})
@@ -44,7 +44,7 @@ def test_same_bytes_are_the_same_run(alice: Caller) -> None:
 
 
 def test_same_bytes_with_another_mapping_are_another_run(alice: Caller) -> None:
-    """A current read with twice the scale is another measurement: its range doubles."""
+    """Twice the scale of the current doubles its range."""
     mapping = {"current_A": {"column": "current_A", "scale": 2.0}}
     plain = alice.upload(run_text(3))
 
@@ -57,8 +57,8 @@ def test_same_bytes_with_another_mapping_are_another_run(alice: Caller) -> None:
         assert doubled["channels"]["current_A"][end] == pytest.approx(expected)
 
 
-def test_run_of_one_workspace_is_another_run_in_the_other(alice: Caller, bob: Caller) -> None:
-    """Nobody learns from an upload what someone else has: both are new."""
+def test_workspaces_store_equal_runs_separately(alice: Caller, bob: Caller) -> None:
+    """An upload does not reveal whether another workspace has the same bytes."""
     ours = alice.http.post("/runs", files={"file": ("a.csv", run_text(4))})
     theirs = bob.http.post("/runs", files={"file": ("a.csv", run_text(4))})
 
@@ -67,7 +67,7 @@ def test_run_of_one_workspace_is_another_run_in_the_other(alice: Caller, bob: Ca
 
 
 def test_runs_are_listed_newest_first_in_pages(bob: Caller) -> None:
-    """Pages of two of at least five runs: together all, each once, in order of time."""
+    """Pages of two list each run once, ordered by time."""
     made = [bob.upload(run_text(seed))["id"] for seed in range(10, 15)]
     listed: list[str] = []
     query: dict[str, str | int] = {"limit": 2}
@@ -83,7 +83,7 @@ def test_runs_are_listed_newest_first_in_pages(bob: Caller) -> None:
 
 
 def test_runs_are_listed_by_motor(alice: Caller) -> None:
-    """Only what was uploaded under that motor."""
+    """The filter selects the runs uploaded for this motor."""
     run = alice.upload(run_text(20), motor="motor of this test")
 
     page = alice.http.get("/runs", params={"motor": "motor of this test"}).json()
@@ -92,7 +92,7 @@ def test_runs_are_listed_by_motor(alice: Caller) -> None:
 
 
 def test_deleted_run_is_gone_with_its_bytes(alice: Caller, server: Server) -> None:
-    """204, then 404, and no file under its id."""
+    """The run answers 404, and its file is removed."""
     run = alice.upload(run_text(21))["id"]
     path = server.data_dir / "runs" / run
     assert path.read_bytes() == run_text(21)
@@ -105,7 +105,7 @@ def test_deleted_run_is_gone_with_its_bytes(alice: Caller, server: Server) -> No
 
 
 def test_fault_in_a_run_names_file_row_and_column(alice: Caller) -> None:
-    """The cell was spoilt in line 5, column current_A, of the file sent as bench.csv."""
+    """An invalid cell in line 5 of bench.csv is reported with file, row and column."""
     lines = run_text(22).decode().splitlines()
     cells = lines[4].split(",")
     lines[4] = ",".join([*cells[:2], "twelve", *cells[3:]])
@@ -139,10 +139,10 @@ def test_fault_in_a_run_names_file_row_and_column(alice: Caller) -> None:
         (b"\n".join(run_text(0).splitlines()[:5]), "too_few_rows"),
     ],
 )
-def test_broken_file_is_refused_by_name_and_leaves_nothing(
+def test_malformed_file_is_refused_and_leaves_nothing(
     alice: Caller, server: Server, content: bytes, code: str | None
 ) -> None:
-    """The code is the reader's own for that fault; no file is added to the data directory."""
+    """The code is that of the reader; no file is added to the data directory."""
     before = sorted(path.name for path in server.data_dir.rglob("*"))
 
     answer = alice.http.post("/runs", files={"file": ("broken.csv", content)})
@@ -155,7 +155,7 @@ def test_broken_file_is_refused_by_name_and_leaves_nothing(
 
 
 def test_file_above_the_limit_is_refused(alice: Caller) -> None:
-    """The test server takes a million bytes."""
+    """The test server accepts a million bytes; a larger file answers 413."""
     answer = alice.http.post("/runs", files={"file": ("big.csv", b"1,2,3\n" * 200_000)})
 
     assert answer.status_code == 413
@@ -163,7 +163,7 @@ def test_file_above_the_limit_is_refused(alice: Caller) -> None:
 
 
 def test_run_of_a_waiting_fit_is_kept(alice: Caller, stored: str) -> None:
-    """Deleting is refused by 409 until the fit is cancelled, then accepted."""
+    """Deletion answers 409 until the fit is cancelled."""
     run = alice.upload(run_text(23))["id"]
     fit = alice.begin(stored, run, seed=SLOW)["id"]
 

@@ -1,4 +1,4 @@
-"""Callers that fall silent, without a key: they are hung up on, and others are answered."""
+"""Slow clients without a key: their connections are closed, and others are answered."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DESCRIPTORS = 200
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server that gives a request a second, and an upload two without a byte."""
+    """Server with a limit of 1 s for a request and 2 s without a byte for an upload."""
     data_dir = tmp_path_factory.mktemp("hasty") / "data"
     make_key(data_dir)
     with serving(data_dir, REQUEST_S=REQUEST_S, UPLOAD_IDLE_S=2.0) as running:
@@ -29,13 +29,13 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 def connected(server: Server) -> socket.socket:
-    """A connection to a server."""
+    """Connection to a server."""
     address = urlsplit(server.url)
     return socket.create_connection((address.hostname, address.port), timeout=15)
 
 
 def until_closed(connection: socket.socket) -> tuple[bytes, float]:
-    """What comes until the server hangs up, and how long that took [s]."""
+    """Bytes received until the server closes the connection, and the time this took [s]."""
     began, answer = time.monotonic(), b""
     with contextlib.suppress(ConnectionResetError):
         while block := connection.recv(65536):
@@ -44,7 +44,7 @@ def until_closed(connection: socket.socket) -> tuple[bytes, float]:
 
 
 def head(method: str, path: str, length: int, *more: str) -> bytes:
-    """The headers of a request that announces a body."""
+    """Headers of a request that announces a body."""
     lines = [f"{method} {path} HTTP/1.1", "Host: localhost", f"Content-Length: {length}", *more]
     return "\r\n".join([*lines, "", ""]).encode()
 
@@ -53,8 +53,8 @@ FORM = "Content-Type: application/x-www-form-urlencoded"
 
 
 @pytest.mark.parametrize("begins", [b"", b"key="], ids=["nothing", "4 of 50 bytes"])
-def test_body_that_stops_coming_is_given_up(hasty: Server, begins: bytes) -> None:
-    """408 with a problem after the time that there is, and the connection is closed."""
+def test_stalled_body_answers_408(hasty: Server, begins: bytes) -> None:
+    """After the time limit the response is a problem, and the connection is closed."""
     with connected(hasty) as connection:
         connection.sendall(head("POST", "/login", 50, FORM) + begins)
         answer, took_s = until_closed(connection)
@@ -66,8 +66,8 @@ def test_body_that_stops_coming_is_given_up(hasty: Server, begins: bytes) -> Non
     assert took_s == pytest.approx(REQUEST_S, abs=0.9)
 
 
-def test_body_that_drips_has_no_longer(hasty: Server) -> None:
-    """JSON of which a byte comes each 0.2 s, to a caller with a key: 408 all the same."""
+def test_slow_body_answers_408(hasty: Server) -> None:
+    """A byte every 0.2 s does not extend the limit, even with a valid key."""
     key = make_key(hasty.data_dir, "drip")
     more = ("Content-Type: application/json", f"Authorization: Bearer {key}")
     with connected(hasty) as connection:
@@ -90,7 +90,7 @@ def test_body_that_drips_has_no_longer(hasty: Server) -> None:
     ids=["nothing", "half the headers", "a body that nobody reads"],
 )
 def test_connection_without_a_whole_request_is_closed(hasty: Server, begins: bytes) -> None:
-    """Whatever it has begun; bytes in between do not prolong the wait."""
+    """Bytes in between do not extend the limit of an incomplete request."""
     with connected(hasty) as connection:
         connection.sendall(begins)
         time.sleep(0.6 * REQUEST_S)
@@ -103,7 +103,7 @@ def test_connection_without_a_whole_request_is_closed(hasty: Server, begins: byt
 
 
 def test_upload_may_take_longer(hasty: Server) -> None:
-    """One that pauses for longer than other requests may take is read to its end."""
+    """An upload may pause for longer than the limit of other requests."""
     body = form((FILE, RUN))
 
     def parts() -> Iterator[bytes]:
@@ -116,8 +116,8 @@ def test_upload_may_take_longer(hasty: Server) -> None:
         assert caller.http.post("/runs", content=parts(), headers=headers).status_code == 201
 
 
-def test_upload_that_drips_is_given_up(data_dir: Path) -> None:
-    """A byte in each second that may pass without one, and 408 when all the time is over."""
+def test_slow_upload_answers_408(data_dir: Path) -> None:
+    """With steady bytes the limit of the whole upload applies."""
     key = make_key(data_dir)
     with (
         serving(data_dir, UPLOAD_IDLE_S=1.0, UPLOAD_S=2.0, UPLAOD_S=1.0) as server,
@@ -144,7 +144,7 @@ def test_upload_that_drips_is_given_up(data_dir: Path) -> None:
 
 
 class Narrow(Server):
-    """A server with few file descriptors."""
+    """Server with few file descriptors."""
 
     command = (
         f"import resource; resource.setrlimit(resource.RLIMIT_NOFILE, ({DESCRIPTORS},) * 2); "
@@ -152,8 +152,8 @@ class Narrow(Server):
     )
 
 
-def test_more_connections_than_descriptors_leave_health_and_log_alone(data_dir: Path) -> None:
-    """Twice as many stalled requests as there are descriptors; afterwards all is as before."""
+def test_exhausted_descriptors_leave_health_and_log_intact(data_dir: Path) -> None:
+    """The number of stalled requests is twice that of the descriptors; the server recovers."""
     make_key(data_dir)
     server = Narrow(data_dir, REQUEST_S=8.0)
     refused = healthy = 0

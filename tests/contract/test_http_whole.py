@@ -1,4 +1,4 @@
-"""The whole way with the real pipeline: run files of a known motor in, its parameters out."""
+"""End-to-end test with the real pipeline: run files of a known motor in, parameters out."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ CAMPAIGN = Path(__file__).parents[2] / "data" / "clean_servo"
 
 
 def test_motor_is_identified_from_its_run_files_over_http(data_dir: Path) -> None:
-    """Three runs of the clean campaign at three temperatures, against the motor that made them.
+    """Three clean runs at three temperatures are fitted without posterior and effect search.
 
-    Without a posterior and without a search, which have tests of their own; each parameter within
-    five standard deviations of the truth that the bench simulator wrote down, or within 0.5 %.
+    Each parameter is within five standard deviations or 0.5 % of the simulated motor's value.
     """
     truth = json.loads((CAMPAIGN / "truth.json").read_text(encoding="utf-8"))["parameters"]
     with (
@@ -41,8 +40,8 @@ def test_motor_is_identified_from_its_run_files_over_http(data_dir: Path) -> Non
     assert "training_1.csv" in report
 
 
-def test_a_fit_of_runs_that_contradict_fails_with_its_findings_over_http(data_dir: Path) -> None:
-    """The current sensor of one run is the wrong way round; with it set aside the fit succeeds."""
+def test_a_fit_of_contradictory_runs_fails_with_its_findings(data_dir: Path) -> None:
+    """One run has a reversed current sensor; with this run set aside the fit succeeds."""
     with (
         serving(data_dir, "--no-auth", PIPELINE="identification.pipeline:identify") as server,
         Caller(server) as caller,
@@ -61,7 +60,7 @@ def test_a_fit_of_runs_that_contradict_fails_with_its_findings_over_http(data_di
     assert refused["error"]["code"] == "contradictory_runs"
     [finding] = refused["error"]["findings"]
     assert (finding["file"], finding["column"]) == ("training_2.csv", "current_A")
-    # What was scaled by -1 is scaled back.
+    # A second scale of -1 restores the sign.
     assert finding["corrections"] == ["training_2.csv:current_A=current_A * 1"]
     assert without["status"] == "succeeded", without["error"]
     assert [run["file"] for run in without["result"]["set_aside"]] == ["training_2.csv"]

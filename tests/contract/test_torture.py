@@ -1,6 +1,6 @@
-"""The short versions of the torture tests; `make torture` runs the long ones.
+"""Short versions of the torture tests; `make torture` runs the long ones.
 
-Authorisation and names have tests of their own, which are as long as they can be.
+The torture tests of authorisation and names are complete elsewhere and have no short version.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import pytest
 
 
 @pytest.mark.parametrize("name", ["jobs", "files", "fuzz", "api", "load", "limits"])
-def test_service_stands_a_little_torture(tmp_path: Path, name: str) -> None:
-    """Each outcome says itself what was asked and what was measured."""
+def test_short_torture_test_passes(tmp_path: Path, name: str) -> None:
+    """Each outcome states the required and the measured value."""
     module = importlib.import_module(f"benchmarks.torture.{name}")
 
     outcomes = list(module.run(short=True, directory=tmp_path))
