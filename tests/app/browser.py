@@ -1,7 +1,7 @@
-"""A real browser, without a window, and what it asked for and complained of while it showed a page.
+"""Headless Chromium: rendered page, console messages and network requests.
 
-The browser is Debian's Chromium, started anew for each page with a profile of its own.  Its own
-record of the network tells every request that the page made, whether it was answered or not.
+The browser is started for each page with a new profile.  Its network log contains every request of
+the page, with or without a response.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import pytest
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-"""Skips a test where there is no browser."""
+"""Mark that skips a test if no browser is installed."""
 
 _SWITCHES = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-default-apps", "--disable-extensions", "--disable-dev-shm-usage",
     "--disable-features=OptimizationHints,MediaRouter",
-    # The browser asks its maker for news; no name is looked up, and the page asks by number.
+    # Block the requests of the browser itself: the pages use IP addresses, not host names.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
     "--enable-logging=stderr", "--window-size=1200,900",
 )  # fmt: skip
@@ -33,12 +33,12 @@ _NETWORK = re.compile(r"https?|wss?|ftp")
 
 @dataclass(frozen=True)
 class Shown:
-    """A page as the browser showed it.
+    """Page as rendered by the browser.
 
     Args:
-        dom: The document after its scripts had run, as text.
-        console: Lines that the page or its policy wrote to the console.
-        requests: Addresses that the page asked the network for.
+        dom: The document as text, after its scripts have run.
+        console: Console messages of the page or of its policy.
+        requests: URLs that the page requested.
     """
 
     dom: str
@@ -47,12 +47,12 @@ class Shown:
 
 
 def show(address: str, directory: Path, *, wait_ms: int = 4000) -> Shown:
-    """Show a page.
+    """Render a page.
 
     Args:
-        address: Of the page.
-        directory: Where the profile and the record of the network go.
-        wait_ms: Time of the page's own clock to let its scripts run [ms].
+        address: URL of the page.
+        directory: Directory for the profile and the network log.
+        wait_ms: Virtual time in which the scripts of the page can run [ms].
     """
     record = directory / "network.json"
     finished = subprocess.run(
@@ -68,18 +68,18 @@ def show(address: str, directory: Path, *, wait_ms: int = 4000) -> Shown:
 
 
 def _requests(record: Path) -> list[str]:
-    """Addresses of the requests in a record of the network, without those of the browser itself."""
+    """URLs in a network log, except those requested by the browser itself."""
     text = record.read_text(encoding="utf-8")
     try:
         events = json.loads(text)["events"]
     except ValueError:
-        # A browser that is ended leaves the list open.
+        # A browser that is killed leaves the JSON list unclosed.
         events = json.loads(text.rstrip().rstrip(",") + "]}")["events"]
     asked = [event["params"] for event in events if "method" in event.get("params", {})]
     addresses = [
         words["url"]
         for words in asked
-        # What the browser asks on its own account was begun by no page and is no frame.
+        # A request of the browser itself has no initiator and is no frame.
         if words.get("initiator") != "not an origin" or words.get("request_type") != "other"
     ]
     return [address for address in dict.fromkeys(addresses) if _NETWORK.match(address)]

@@ -1,4 +1,4 @@
-"""A Dask cluster of the tests' own: a scheduler and workers on loopback, gone afterwards.
+"""Temporary Dask cluster: a scheduler and workers on loopback.
 
 with Cluster.running(directory, workers=2) as cluster:
     settings = load_settings(engine="dask", dask_scheduler=cluster.address)
@@ -26,17 +26,17 @@ _QUIET = ("--no-dashboard",)
 
 @dataclass(frozen=True)
 class Certificates:
-    """An authority and a certificate of it, as an operator would make them.
+    """Certificate authority and a certificate signed by it.
 
     Args:
-        directory: Where the files are.
+        directory: Directory of the files.
     """
 
     directory: Path
 
     @classmethod
     def made(cls, directory: Path) -> Self:
-        """Make them."""
+        """Create the files."""
         directory.mkdir(parents=True)
         made = cls(directory)
         ca, key = str(made.ca), str(made.ca_key)
@@ -55,21 +55,21 @@ class Certificates:
 
     @property
     def ca_key(self) -> Path:
-        """Its key."""
+        """Private key of the authority."""
         return self.directory / "ca-key.pem"
 
     @property
     def certificate(self) -> Path:
-        """Certificate of everyone in the cluster."""
+        """Certificate shared by the scheduler, the workers and the client."""
         return self.directory / "cert.pem"
 
     @property
     def key(self) -> Path:
-        """Its key."""
+        """Private key of the certificate."""
         return self.directory / "key.pem"
 
     def words(self) -> tuple[str, ...]:
-        """Options of Dask's programs."""
+        """TLS options of the Dask programs."""
         return (
             *("--tls-ca-file", str(self.ca), "--tls-cert", str(self.certificate)),
             *("--tls-key", str(self.key)),
@@ -77,11 +77,11 @@ class Certificates:
 
 
 class Cluster:
-    """A scheduler and workers, each a process in a group of its own.
+    """Scheduler and workers, each in a separate process group.
 
     Args:
-        directory: Where the workers put temporary files and logs.
-        certificates: For TLS; without, plain TCP.
+        directory: Directory for temporary files and logs of the workers.
+        certificates: Certificates for TLS; None for plain TCP.
     """
 
     def __init__(self, directory: Path, certificates: Certificates | None = None) -> None:
@@ -98,7 +98,7 @@ class Cluster:
     def running(
         cls, directory: Path, *, workers: int = 1, certificates: Certificates | None = None
     ) -> Iterator[Self]:
-        """A cluster for the length of a block."""
+        """Run a cluster while the block runs."""
         cluster = cls(directory, certificates)
         cluster.start_scheduler()
         for _ in range(workers):
@@ -114,34 +114,34 @@ class Cluster:
         return f"{'tls' if self._certificates else 'tcp'}://127.0.0.1:{self._port}"
 
     def start_scheduler(self) -> None:
-        """Start a scheduler, always at the same address."""
+        """Start the scheduler, always at the same address."""
         protocol = "tls" if self._certificates else "tcp"
         self.scheduler = self._start(
             "scheduler", "--protocol", protocol, "--host", "127.0.0.1", "--port", str(self._port)
         )
 
     def start_worker(self) -> None:
-        """Start one more worker, with two threads."""
+        """Start another worker with two threads."""
         words = ("--nthreads", "2", "--memory-limit", "0", "--host", "127.0.0.1", "--no-nanny")
         local = ("--local-directory", str(self._directory), "--death-timeout", "60")
         self.workers.append(self._start("worker", self.address, *words, *local))
 
     def kill_scheduler(self) -> None:
-        """End the scheduler as a loss of power would."""
+        """Kill the scheduler with SIGKILL."""
         assert self.scheduler
         self.scheduler.kill()
         self.scheduler.wait()
 
     def kill_worker(self, number: int = 0) -> None:
-        """End a worker as a loss of power would."""
+        """Kill a worker with SIGKILL."""
         worker = self.workers.pop(number)
         worker.kill()
         worker.wait()
 
     def tend(self) -> None:
-        """Start again what has ended, as a container's restart policy does.
+        """Restart processes that have ended, as the restart policy of a container does.
 
-        A worker ends by itself when it has lost its scheduler.
+        A worker ends by itself after it has lost its scheduler.
         """
         if self.scheduler is None or self.scheduler.poll() is not None:
             self.start_scheduler()
@@ -150,7 +150,7 @@ class Cluster:
             self.start_worker()
 
     def stop(self) -> None:
-        """End everything."""
+        """Kill all processes."""
         for process in (*self.workers, *filter(None, [self.scheduler])):
             process.send_signal(signal.SIGKILL)
             process.wait()
@@ -169,7 +169,7 @@ class Cluster:
 
 
 def free_port() -> int:
-    """A port on which nothing listens now."""
+    """Port on which no process listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

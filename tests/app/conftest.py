@@ -1,4 +1,4 @@
-"""What tests of the service's parts share."""
+"""Shared fixtures of the service's unit tests: databases."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.app.postgresql import MISSING, PostgresServer
 
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[PostgresServer]:
-    """A PostgreSQL server of the tests' own."""
+    """Temporary PostgreSQL server."""
     if MISSING:
         pytest.skip(MISSING)
     with PostgresServer.running() as server:
@@ -22,7 +22,7 @@ def postgres() -> Iterator[PostgresServer]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """Address of a new database without tables, of each kind in turn."""
+    """URL of a new database without tables, on SQLite and on PostgreSQL."""
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path / 'test.sqlite3'}"
     server: PostgresServer = request.getfixturevalue("postgres")
@@ -31,7 +31,7 @@ def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 @pytest.fixture
 def database(database_url: str) -> Iterator[Database]:
-    """An empty database with all tables, of each kind in turn."""
+    """Empty database with all tables, on SQLite and on PostgreSQL."""
     made = Database(database_url)
     made.migrate()
     yield made

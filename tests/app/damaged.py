@@ -1,4 +1,4 @@
-"""Ways in which a disk loses or damages a file, done to a file that is there."""
+"""Ways in which a disk loses or damages an existing file."""
 
 from __future__ import annotations
 

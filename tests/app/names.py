@@ -1,4 +1,4 @@
-"""Names of files that try to be something else: fifty tricks of paths, encodings and shells."""
+"""Hostile file names: fifty tricks of paths, encodings and shells."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""A PostgreSQL server of the tests' own: on loopback, on a free port, gone afterwards.
+"""Temporary PostgreSQL server on loopback, with a free port.
 
     with PostgresServer.running() as server:
         url = server.new_database()
 
-The server refuses to run as root, so root hands it to an account that owns nothing else.  That
-account has to reach the data, so they lie in a directory of their own below the system's temporary
-one, and not below that of the tests, which pytest closes to all others.
+The server refuses to run as root, so root starts it under an unprivileged account.  That account
+must be able to read the data, which therefore lie in a separate directory below the system's
+temporary directory: pytest denies other users access to its own.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _FOLDERS = (*sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True), Pa
 
 def _binaries() -> Path | None:
     found = shutil.which("initdb")
-    # A link leads to the folder in which the server's other programs are.
+    # Resolve the link: the other programs are in the same directory as its target.
     folders = (*_FOLDERS, *([Path(found).resolve().parent] if found else []))
     for folder in folders:
         if all((folder / name).exists() for name in ("initdb", "pg_ctl", "postgres")):
@@ -41,17 +41,17 @@ def _binaries() -> Path | None:
 
 
 MISSING = None if _binaries() else "initdb, pg_ctl and postgres are not installed"
-"""Why there can be no server, or None."""
+"""Reason why no server can be started, or None."""
 
 
 class PostgresServer:
-    """A server with a directory of its own.
+    """PostgreSQL server with a separate directory.
 
     Args:
-        is_durable: Whether a commit waits for the disk, as it must where power can fail.
+        is_durable: Whether a commit waits for the disk (fsync).
     """
 
-    password = "pa55-of-the-tests"  # noqa: S105  of a server that ends with the tests
+    password = "pa55-of-the-tests"  # noqa: S105  temporary server of the tests
 
     def __init__(self, *, is_durable: bool = False) -> None:
         binaries = _binaries()
@@ -67,7 +67,7 @@ class PostgresServer:
     @classmethod
     @contextmanager
     def running(cls, *, is_durable: bool = False) -> Iterator[Self]:
-        """A server for the length of a block; its data go with it."""
+        """Run a server while the block runs, and delete its data afterwards."""
         server = cls(is_durable=is_durable)
         try:
             server._make()
@@ -78,29 +78,29 @@ class PostgresServer:
             shutil.rmtree(server._parent, ignore_errors=True)
 
     def url(self, database: str = "postgres") -> str:
-        """Address of a database, as an operator would write it."""
+        """URL of a database in the form that an operator would use."""
         return f"postgresql://motorid:{self.password}@127.0.0.1:{self.port}/{database}"
 
     def new_database(self) -> str:
-        """Address of a new, empty database."""
+        """Create an empty database and return its URL."""
         name = f"base_{next(self._numbers)}"
         with psycopg.connect(self.url(), autocommit=True) as connection:
             connection.execute(f"CREATE DATABASE {name}".encode())
         return self.url(name)
 
     def start(self) -> None:
-        """Start it; returns when it answers."""
+        """Start the server and wait until it responds."""
         settings = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories=''"
         if not self._is_durable:
             settings += " -c fsync=off"
         self._run("pg_ctl", "start", "-w", "-t", "60", "-l", self._log, "-o", settings)
 
     def stop(self, mode: str) -> None:
-        """Stop it: `fast` in good order, `immediate` as a crash would."""
+        """Stop the server: mode `fast` shuts down, mode `immediate` simulates a crash."""
         self._run("pg_ctl", "stop", "-w", "-m", mode)
 
     def restart(self, mode: str = "immediate") -> None:
-        """Stop and start it."""
+        """Stop and start the server."""
         self.stop(mode)
         self.start()
 

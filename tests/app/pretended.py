@@ -1,6 +1,6 @@
-"""A pipeline that pretends: the seed of a fit says how it goes, so that a test can choose.
+"""Mock pipeline whose behaviour is selected by the seed of a fit.
 
-The processes that compute import it by name in place of the real pipeline; see `MOTORID_PIPELINE`.
+Computing processes import it by name in place of the real pipeline; see `MOTORID_PIPELINE`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,22 @@ from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 
 QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT, KEEPS = range(10)
-"""Seeds.  QUICK succeeds at once; SLOW takes 2 s; KILLED dies by a signal each time; BAD_INPUT and
-NO_SOLUTION fail by their own words; RAISES has a bug; ONCE_KILLED dies in its first attempt only;
-FAMILY starts a process of its own and then does not end; SILENT ends without a result; KEEPS counts
-its attempts in a checkpoint and dies until the third, whose result says so."""
+"""Seeds of a mock fit: QUICK succeeds at once; SLOW takes 2 s; KILLED is killed by a signal in
+each attempt; BAD_INPUT and NO_SOLUTION raise an expected error; RAISES has a bug; ONCE_KILLED is
+killed in its first attempt only; FAMILY starts a child process and does not end; SILENT ends
+without a result; KEEPS counts its attempts in a checkpoint and is killed until the third, whose
+result contains the count."""
 
 
 class Pretended:
-    """What a pretended fit came to."""
+    """Outcome of a mock fit."""
 
     def __init__(self, result: dict[str, Any], has_posterior: bool) -> None:
         self.result = result
         self.has_posterior = has_posterior
 
     def write(self, directory: Path) -> None:
-        """Write what a real fit writes, smaller."""
+        """Write small stand-ins for the outputs of a real fit."""
         (directory / "report.html").write_text("<!doctype html><title>Report</title><p>x")
         if self.has_posterior:
             (directory / "posterior.nc").write_bytes(b"CDF\x02 pretended")
@@ -51,7 +52,7 @@ def identify(
     progress: Callable[[str, float], None],
     checkpoint: Checkpoint | None = None,
 ) -> Pretended:
-    """Do what the seed says; the result tells what came in."""
+    """Behave as the seed requests; the result lists the inputs."""
     progress("fit", 0.0)
     kept = _keeps(checkpoint) if options.seed == KEEPS else 0
     _BEHAVIOURS[options.seed](progress, training[0])
@@ -70,7 +71,7 @@ def identify(
 
 
 def _resistance(training: Sequence[Run]) -> dict[str, Any]:
-    """An estimate that tells of the first run alone, so that other runs give another one."""
+    """Estimate that depends on the first run only, so that other runs give another value."""
     median = 1.0 + abs(float(training[0].speed[0]))
     return {
         "mean": median,
@@ -110,7 +111,7 @@ def _raises(progress: Callable[[str, float], None], run: Run) -> None:
 
 
 def _once_killed(progress: Callable[[str, float], None], run: Run) -> None:
-    # Temporary files go to the directory of the attempt, which is named by its number.
+    # The temporary directory is that of the attempt, named by the attempt number.
     if Path(os.environ["TMPDIR"]).name == "1":
         os.kill(os.getpid(), signal.SIGKILL)
 

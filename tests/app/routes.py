@@ -1,4 +1,4 @@
-"""Every route of the application, and keys that open none."""
+"""All routes of the application, and keys that give no access."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ PLACE = re.compile(r"\{(\w+)\}")
 
 
 def walked(routes: Iterable[Any]) -> Iterator[tuple[str, str]]:
-    """Method and path of each route, those of routers that were included among them."""
+    """Method and path of each route, including those of included routers."""
     for route in routes:
         if hasattr(route, "effective_route_contexts"):
-            # FastAPI keeps a router that was included as one route of its own kind.
+            # FastAPI represents an included router as a single route.
             yield from walked(route.effective_route_contexts())
             continue
         for method in sorted(getattr(route, "methods", None) or {"GET"}):
@@ -29,7 +29,7 @@ def walked(routes: Iterable[Any]) -> Iterator[tuple[str, str]]:
 
 
 def every_route(application: FastAPI) -> list[tuple[str, str]]:
-    """Each method and path that the application answers, by its routes and its description."""
+    """Method and path of each call that requires a key, from the routes and the OpenAPI paths."""
     described = application.openapi()["paths"]
     from_schema = [(m.upper(), path) for path, calls in described.items() for m in calls]
     found = {*from_schema, *walked(application.routes)}
@@ -41,7 +41,7 @@ def every_route(application: FastAPI) -> list[tuple[str, str]]:
 
 
 def revoked_key(data_dir: Path) -> str:
-    """The secret of a key of alice that was revoked."""
+    """Secret of a revoked key of alice."""
     database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
     access = AccessService(database)
     key, secret = access.create_key("lost", "alice")
@@ -51,7 +51,7 @@ def revoked_key(data_dir: Path) -> str:
 
 
 def expired_key(data_dir: Path) -> str:
-    """The secret of a key of alice that has expired: it lasted 86 microseconds."""
+    """Secret of an expired key of alice, which was valid for 86 microseconds."""
     database = Database(f"sqlite:///{data_dir / 'motorid.sqlite3'}")
     _, secret = AccessService(database).create_key("visitor", "alice", days=1e-9)
     database.close()
@@ -59,5 +59,5 @@ def expired_key(data_dir: Path) -> str:
 
 
 def filled(path: str, ids: Mapping[str, str]) -> str:
-    """A path with things of alice in the places of its parameters; tables are asked for as CSV."""
+    """Path with item IDs of alice as parameters; the table format is CSV."""
     return PLACE.sub(lambda found: {"form": "csv", **ids}[found.group(1)], path)

@@ -1,4 +1,4 @@
-"""Rows as the service writes them, for tests that need some in the tables."""
+"""Database rows for tests, in the form that the service writes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from app.tables import FitRow, FitRunRow, RunRow
 def run_row(
     workspace: str, *, size: int = 10, created_at: float | None = None, sent_at: float | None = None
 ) -> RunRow:
-    """A run of some bytes that no other run has."""
+    """Row of a run with unique content."""
     return RunRow(
         id=new_id("run"),
         workspace=workspace,
@@ -36,7 +36,7 @@ def run_row(
 def fit_row(
     workspace: str, status: str, *, ended_at: float | None = None, batch_id: str | None = None
 ) -> FitRow:
-    """A fit in some state."""
+    """Row of a fit in a given state."""
     return FitRow(
         id=new_id("fit"),
         workspace=workspace,
@@ -63,7 +63,7 @@ def fit_row(
 
 
 def keep_runs(database: Database, workspace: str, number: int) -> list[str]:
-    """Have many runs kept; gives their ids."""
+    """Insert many runs and return their IDs."""
     with database.writing() as session:
         rows = [run_row(workspace) for _ in range(number)]
         session.add_all(rows)
@@ -71,5 +71,5 @@ def keep_runs(database: Database, workspace: str, number: int) -> list[str]:
 
 
 def role_row(fit: FitRow, run: RunRow) -> FitRunRow:
-    """That a fit takes a run."""
+    """Row that assigns a run to a fit."""
     return FitRunRow(fit_id=fit.id, role="training", position=0, run_id=run.id)

@@ -1,4 +1,4 @@
-"""A service to test against: a real server in a process of its own, on a loopback port."""
+"""Test server: the real service in a separate process on a loopback port."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HEADER = "time_s,voltage_V,current_A,speed_rad_s,temperature_degC"
 
 
 def run_text(seed: int, rows: int = 60) -> bytes:
-    """A plausible run file; another seed gives other bytes."""
+    """Plausible run file, different for each seed."""
     noise = np.random.default_rng(seed)
     step = np.arange(rows)
     voltage = np.where(step // 10 % 2 == 0, 12.0, -12.0) + noise.normal(0.0, 0.05, rows)
@@ -42,13 +42,13 @@ def run_text(seed: int, rows: int = 60) -> bytes:
 
 
 class Server:
-    """A server process.
+    """Server process.
 
-    `command` is the Python that stands for ``motorid``.
+    `command` is the Python code that stands for ``motorid``.
 
     Args:
-        data_dir: Its data directory.
-        arguments: Words behind ``motorid serve``.
+        data_dir: Data directory of the server.
+        arguments: Arguments of ``motorid serve``.
         settings: Further MOTORID_ variables, without the prefix.
     """
 
@@ -74,12 +74,12 @@ class Server:
         self.url = self._await_address()
 
     def kill(self) -> None:
-        """End it as a loss of power would."""
+        """Kill the server with SIGKILL."""
         self.process.kill()
         self._wait()
 
     def stop(self) -> int:
-        """Ask it to end; gives its exit status."""
+        """Stop the server with SIGTERM and return its exit status."""
         self.process.terminate()
         return self._wait()
 
@@ -95,7 +95,7 @@ class Server:
         self.log.extend(iter(self.process.stderr.readline, ""))
 
     def _await_address(self) -> str:
-        # A machine that is busy with other work may need minutes to load what a server needs.
+        # A busy machine may need minutes to load the modules of a server.
         deadline = time.monotonic() + 300
         while time.monotonic() < deadline and self.process.poll() is None:
             for line in list(self.log):
@@ -114,11 +114,11 @@ class Server:
 
 
 class Caller:
-    """A client of a server.
+    """Client of a server.
 
     Args:
         server: The server.
-        key: The key it shows, or None.
+        key: Key of the client, or None.
     """
 
     def __init__(self, server: Server, key: str | None = None) -> None:
@@ -127,16 +127,16 @@ class Caller:
         self.http = httpx.Client(base_url=server.url + API, headers=headers, timeout=30)
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self.http.close()
         self.client.close()
 
     def __enter__(self) -> Caller:
-        """The caller itself."""
+        """Return the client."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self.close()
 
     def upload(self, content: bytes, name: str = "run.csv", **fields: str) -> dict[str, Any]:
@@ -145,15 +145,15 @@ class Caller:
         return dict(stored.content)
 
     def begin(self, *training: str, seed: int = 0, **options: object) -> dict[str, Any]:
-        """Begin a fit."""
+        """Submit a fit."""
         return dict(self.client.fit(training, options={"seed": seed, **options}).content)
 
     def fit(self, fit_id: str) -> dict[str, Any]:
-        """A fit as it is now."""
+        """Current state of a fit."""
         return dict(self.client.show_fit(fit_id).content)
 
     def wait(self, fit_id: str, *states: str, seconds: float = 30) -> dict[str, Any]:
-        """A fit once it is in one of some states, or has ended."""
+        """Wait until a fit is in one of the given states, or has ended; return the fit."""
         deadline = time.monotonic() + seconds
         while (fit := self.fit(fit_id))["status"] not in (states or ENDED):
             assert fit["status"] not in ENDED, fit
@@ -163,9 +163,9 @@ class Caller:
 
 
 def make_key(data_dir: Path, workspace: str = "default") -> str:
-    """Make a key in a data directory, as `motorid keys create` does."""
+    """Create a key in a data directory, as `motorid keys create` does."""
     data_dir.mkdir(parents=True, exist_ok=True)
-    # As the server finds it, wherever MOTORID_DATABASE_URL says that it is.
+    # Use the database of the server, which MOTORID_DATABASE_URL may select.
     database = Database(load_settings(data_dir=data_dir).sqlalchemy_url)
     database.migrate()
     _, secret = AccessService(database).create_key("test", workspace)
@@ -175,7 +175,7 @@ def make_key(data_dir: Path, workspace: str = "default") -> str:
 
 @contextmanager
 def serving(data_dir: Path, *arguments: str, **settings: object) -> Iterator[Server]:
-    """A server for the length of a block."""
+    """Run a server while the block runs."""
     server = Server(data_dir, *arguments, **settings)
     try:
         yield server

@@ -1,4 +1,4 @@
-"""What a database is asked."""
+"""Recording of SQL statements."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from app.database import Database
 
 @contextmanager
 def statements(database: Database, *, written: bool | None = None) -> Iterator[list[str]]:
-    """The SQL that is executed within a block, one entry for many rows of one statement.
+    """SQL statements sent while the block runs; a statement for many rows counts once.
 
     Args:
         database: The database.
-        written: Whether that of sessions that write, or that of those that read; None for
-            whatever any database is sent.
+        written: True for the statements of write sessions, False for those of read sessions, None
+            for those of all databases.
     """
     engines = {True: database._writer, False: database._readers, None: Engine}
     engine = engines[written]

@@ -1,4 +1,4 @@
-"""A damaged database: found at the start, named, and answered with a code when found later."""
+"""Damaged databases: detected at the start, or reported with a code when detected later."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DATABASE = "motorid.sqlite3"
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    """A data directory with a hundred runs in the database and the file of one."""
+    """Data directory with a hundred runs in the database and one run file."""
     settings = load_settings(data_dir=tmp_path / "data")
     storage = Storage(settings.data_dir, settings.node)
     storage.prepare()
@@ -39,7 +39,7 @@ def data(tmp_path: Path) -> Path:
 
 
 def overwrite(file: Path, begin: int, size: int) -> None:
-    """Put bytes into a file that no page of a database begins with."""
+    """Overwrite part of a file with a byte that begins no database page."""
     with file.open("r+b") as content:
         content.seek(begin)
         content.write(b"\xa5" * size)
@@ -57,14 +57,14 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
 
 @pytest.mark.parametrize("command", ["serve", "backup"])
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_damaged_database_is_named_with_the_way_back(
+def test_damaged_database_is_named_with_the_remedy(
     data: Path,
     damage: str,
     command: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """One line with the file and the command that restores; the directory is as it was."""
+    """One line names the file and the restore command; the run files are unchanged."""
     DAMAGES[damage](data / DATABASE)
     words = ["backup", str(data.parent / "saved.tar")] if command == "backup" else ["serve"]
     port = ["--port", "0", "--no-auth"] if command == "serve" else []
@@ -83,10 +83,10 @@ def test_damaged_database_is_named_with_the_way_back(
 
 
 @pytest.mark.parametrize("damage", ["garbage", "truncated", "empty", "missing"])
-def test_keys_of_a_damaged_database_are_refused_in_one_line(
+def test_key_list_of_a_damaged_database_fails_with_one_line(
     data: Path, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A new database would have no keys, and the next start would find it sound."""
+    """A silently recreated database would hide the damage from the next start."""
     DAMAGES[damage](data / DATABASE)
 
     assert main(["keys", "list", "--data-dir", str(data)]) == 1
@@ -95,14 +95,14 @@ def test_keys_of_a_damaged_database_are_refused_in_one_line(
     assert f"{data / DATABASE}: is " in shown
 
 
-def test_sound_or_new_database_has_no_damage(data: Path) -> None:
-    """Neither a file that is there and sound nor one that is to be made."""
+def test_intact_or_missing_database_passes_the_check(data: Path) -> None:
+    """A missing file passes, because the service creates it."""
     check_file(data / DATABASE)
     check_file(data / "none")
 
 
-def test_damage_that_is_found_later_is_a_problem_and_no_readiness(tmp_path: Path) -> None:
-    """JSON that is none in one row; the rest is answered, and the service lives."""
+def test_damage_found_later_is_a_problem_and_fails_readiness(tmp_path: Path) -> None:
+    """A row with invalid JSON answers 503; other tables are still served."""
     data = tmp_path / "data"
     key = make_key(data)
     with serving(data) as server:
@@ -128,15 +128,15 @@ def test_damage_that_is_found_later_is_a_problem_and_no_readiness(tmp_path: Path
     assert fits.status_code == 200
 
 
-def test_page_that_is_overwritten_while_the_service_runs_is_a_problem(tmp_path: Path) -> None:
-    """Every page but the first: the gate asks for the key, and finds the damage itself."""
+def test_overwritten_pages_of_a_running_service_are_a_problem(tmp_path: Path) -> None:
+    """Authentication is the first to read a damaged page."""
     data = tmp_path / "data"
     key = make_key(data)
     with serving(data) as server:
         headers = {"Authorization": f"Bearer {key}"}
         file = data / DATABASE
         overwrite(file, 4096, file.stat().st_size - 4096)
-        # SQLite keeps pages until the counter in the first one says that they changed.
+        # SQLite caches pages until the change counter in the first page changes.
         overwrite(file, 24, 4)
 
         answers = [
@@ -151,10 +151,10 @@ def test_page_that_is_overwritten_while_the_service_runs_is_a_problem(tmp_path: 
     assert alive.status_code == 200
 
 
-def test_address_is_shown_by_the_server_that_has_the_directory(
+def test_url_is_printed_only_with_the_lock_held(
     data: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever reads an address takes it that somebody is going to answer there."""
+    """A printed URL implies that the server is about to answer there."""
     monkeypatch.setattr("app.server.configure_logging", lambda level: None)
     first = Storage(data, load_settings(data_dir=data).node)
     first.lock.take()

@@ -1,4 +1,4 @@
-"""The tables as made by the versions, and what writing to them guarantees."""
+"""Schema migrations, and guarantees of write transactions."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from identification.errors import OptionError
 from tests.app.postgresql import MISSING, PostgresServer
 
 
-def test_versions_make_the_tables_that_the_code_knows(database: Database) -> None:
-    """Alembic's own comparison finds nothing to change."""
+def test_migrations_create_the_declared_tables(database: Database) -> None:
+    """Alembic's comparison of the database with the tables finds no difference."""
     engine = sqlalchemy.create_engine(database.url)
     with engine.connect() as connection:
         found = compare_metadata(MigrationContext.configure(connection), Tables.metadata)
@@ -32,8 +32,8 @@ def test_versions_make_the_tables_that_the_code_knows(database: Database) -> Non
     assert found == []
 
 
-def test_newest_version_is_the_one_the_code_asks_for() -> None:
-    """The last file of the chain; a new version must move the constant."""
+def test_newest_migration_is_the_required_version() -> None:
+    """A new migration requires a change of the constant."""
     config = alembic.config.Config()
     config.set_main_option("script_location", str(Path(app.migrations.__file__).parent))
 
@@ -41,7 +41,7 @@ def test_newest_version_is_the_one_the_code_asks_for() -> None:
 
 
 def test_migrating_again_changes_nothing(database: Database) -> None:
-    """Each start does it."""
+    """Each start migrates, so a second migration must keep all rows."""
     with database.writing() as session:
         session.execute(
             text("INSERT INTO keys VALUES ('k', 'w', 'name', 'digest', 1.0, NULL, NULL, NULL)")
@@ -53,8 +53,8 @@ def test_migrating_again_changes_nothing(database: Database) -> None:
         assert session.scalar(text("SELECT count(*) FROM keys")) == 1
 
 
-def test_versions_can_be_undone(database_url: str) -> None:
-    """Down to nothing and up again."""
+def test_migrations_can_be_reverted(database_url: str) -> None:
+    """A downgrade removes all tables, and an upgrade creates them again."""
     import alembic.command
 
     engine = sqlalchemy.create_engine(Database(database_url).url)
@@ -72,7 +72,7 @@ def test_versions_can_be_undone(database_url: str) -> None:
 
 
 def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
-    """WAL can corrupt a database before SQLite 3.51.3."""
+    """WAL mode can corrupt a database before SQLite 3.51.3."""
     database = Database(f"sqlite:///{tmp_path / 'x.sqlite3'}")
     with database.reading() as session:
         journal = session.scalar(text("PRAGMA journal_mode"))
@@ -84,8 +84,8 @@ def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
     assert (journal, keys, synchronous) == (expected, 1, 2)
 
 
-def test_write_that_fails_leaves_nothing(database: Database) -> None:
-    """All or nothing, also where the first statement was in order."""
+def test_failed_transaction_is_rolled_back(database: Database) -> None:
+    """The first, valid statement is rolled back with the second."""
     insert = text("INSERT INTO keys VALUES (:id, 'default', 'name', 'same', 1.0, NULL, NULL, NULL)")
 
     def write() -> None:
@@ -100,15 +100,15 @@ def test_write_that_fails_leaves_nothing(database: Database) -> None:
         assert session.scalar(text("SELECT count(*) FROM keys")) == 0
 
 
-def test_writers_take_turns_and_lose_nothing(database: Database) -> None:
-    """Eight threads read and write the same number 25 times each: 200."""
+def test_concurrent_writers_lose_no_update(database: Database) -> None:
+    """Eight threads increment a number 25 times each, to 200."""
     with database.writing() as session:
         session.execute(text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 0.0, NULL, NULL, NULL)"))
 
     def count() -> None:
         for _ in range(25):
             with database.writing() as session:
-                # Only the lock keeps writers of PostgreSQL apart; SQLite has one at a time.
+                # PostgreSQL needs the row lock; SQLite permits only one writer.
                 row = session.scalars(select(KeyRow).with_for_update()).one()
                 row.created_at += 1.0
 
@@ -122,8 +122,8 @@ def test_writers_take_turns_and_lose_nothing(database: Database) -> None:
         assert session.scalar(text("SELECT created_at FROM keys")) == 200.0
 
 
-def test_databases_are_known_by_plain_addresses() -> None:
-    """What people write, and what hosting services hand out; PostgreSQL is reached by psycopg."""
+def test_common_postgresql_urls_select_psycopg() -> None:
+    """Operators and hosting services use different URL schemes."""
     for address in ("postgresql://u:p@h/b", "postgres://u:p@h/b", "postgresql+psycopg2://u:p@h/b"):
         assert Database(address).url.drivername == "postgresql+psycopg"
 
@@ -137,10 +137,8 @@ def test_databases_are_known_by_plain_addresses() -> None:
         ("sqlite:////no/such/folder/x.sqlite3", "sqlite database .*not answer.*unable to open"),
     ],
 )
-def test_database_that_cannot_be_used_is_named_on_one_line_without_its_password(
-    address: str, words: str
-) -> None:
-    """Nothing listens on port 1; the command line shows the words to a user."""
+def test_unusable_database_is_named_without_its_password(address: str, words: str) -> None:
+    """The message is one line for the user of the command line."""
     with pytest.raises(OptionError, match=words) as caught:
         Database(address).migrate()
 
@@ -148,8 +146,8 @@ def test_database_that_cannot_be_used_is_named_on_one_line_without_its_password(
     assert "pa55" not in str(caught.value)
 
 
-def test_wrong_password_is_told_without_it(postgres: PostgresServer) -> None:
-    """The server's own words, which name the user."""
+def test_wrong_password_is_reported_without_it(postgres: PostgresServer) -> None:
+    """The message contains the server's reason."""
     address = postgres.url().replace(postgres.password, "wr0ng")
 
     with pytest.raises(OptionError, match="password authentication failed") as caught:
@@ -159,7 +157,7 @@ def test_wrong_password_is_told_without_it(postgres: PostgresServer) -> None:
 
 
 def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the extra `postgresql`, as Python says it of a module that is None."""
+    """The message names the extra `postgresql`."""
     monkeypatch.setitem(sys.modules, "psycopg", None)
 
     with pytest.raises(OptionError, match=r"not installed .*install motorid\[postgresql\]"):
@@ -167,7 +165,7 @@ def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_tables_of_a_newer_version_are_refused(database: Database) -> None:
-    """A downgrade would otherwise write rows that the newer tables do not take."""
+    """An older program would write rows that the newer tables reject."""
     with database.writing() as session:
         session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
 
@@ -175,8 +173,8 @@ def test_tables_of_a_newer_version_are_refused(database: Database) -> None:
         database.migrate()
 
 
-def test_servers_that_start_at_once_migrate_once(database_url: str) -> None:
-    """Four of them on an empty database: none fails, and the tables are there."""
+def test_concurrent_starts_migrate_once(database_url: str) -> None:
+    """Four servers on an empty database all succeed."""
     databases = [Database(database_url) for _ in range(4)]
     failures: list[Exception] = []
 
@@ -201,9 +199,9 @@ def test_servers_that_start_at_once_migrate_once(database_url: str) -> None:
 
 @pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
 def test_restart_of_postgresql_costs_one_call_at_most() -> None:
-    """What was committed before a crash of the server is there; the next call finds it back.
+    """Committed rows survive a crash of the server, and the next call reconnects.
 
-    A transaction that the crash cuts off is told as an error of the kind that is worth another try.
+    A transaction interrupted by the crash raises an error that permits a retry.
     """
     with PostgresServer.running() as server:
         database = Database(server.url())

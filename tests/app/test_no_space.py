@@ -1,4 +1,4 @@
-"""A full disk ends a command in one line that says so, with status 1, and never with SQL."""
+"""Full disks: a command ends with status 1 and one line, which never contains SQL."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SQL = "INSERT INTO keys (digest) VALUES (?)"
 
 
 def full_sqlite() -> sqlite3.OperationalError:
-    """What SQLite says: a database of one page more than it may have."""
+    """SQLite's error for a full disk, provoked by a limit of one page."""
     with sqlite3.connect(":memory:") as database:
         database.execute("PRAGMA max_page_count=1")
         with pytest.raises(sqlite3.OperationalError, match="disk is full") as caught:
@@ -35,7 +35,7 @@ def full_sqlite() -> sqlite3.OperationalError:
 
 
 def raising(error: BaseException) -> Any:
-    """A function that does nothing else."""
+    """Function that raises an error, whatever its arguments."""
 
     def function(*_: object, **__: object) -> None:
         raise error
@@ -44,30 +44,30 @@ def raising(error: BaseException) -> Any:
 
 
 def no_space() -> OSError:
-    """What the system says."""
+    """The operating system's error for a full disk."""
     return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @pytest.fixture
 def data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    """A data directory with a key."""
+    """Data directory with a key."""
     assert main(["keys", "create", "bench", "--data-dir", str(tmp_path / "data")]) == 0
     capsys.readouterr()
     return tmp_path / "data"
 
 
 def refusal(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line in which a command ends with status 1."""
+    """Error line of a command that ends with status 1."""
     assert main(words) == 1
     [line] = capsys.readouterr().err.splitlines()
     assert "internal error" not in line
     return line
 
 
-def test_key_that_finds_no_space_is_refused_without_its_hash(
+def test_key_creation_on_a_full_disk_shows_no_hash(
     data: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The statement and its parameters are nothing for a terminal or its log."""
+    """The message contains neither the SQL statement nor its parameters."""
     error = OperationalError(SQL, (DIGEST,), full_sqlite())
     monkeypatch.setattr(AccessService, "create_key", raising(error))
 
@@ -78,10 +78,10 @@ def test_key_that_finds_no_space_is_refused_without_its_hash(
     assert DIGEST not in line
 
 
-def test_database_without_space_for_its_tables_is_no_bad_option(
+def test_migration_on_a_full_disk_reports_the_disk(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It answers, and says why it cannot."""
+    """The message does not blame the option with the database URL."""
     error = OperationalError(SQL, (), full_sqlite())
     monkeypatch.setattr(Database, "_upgrade", raising(error))
 
@@ -92,7 +92,7 @@ def test_database_without_space_for_its_tables_is_no_bad_option(
 
 @pytest.mark.parametrize("error", [no_space(), full_sqlite()])
 @pytest.mark.parametrize("place", ["saved", "saved.tar"])
-def test_backup_that_finds_no_space_says_so(
+def test_backup_on_a_full_disk_reports_the_disk(
     data: Path,
     tmp_path: Path,
     place: str,
@@ -100,7 +100,7 @@ def test_backup_that_finds_no_space_says_so(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where it is written, or beside the data where the database is copied first."""
+    """The database copy may fail in SQLite or in the file system; no partial backup remains."""
     monkeypatch.setattr("app.backup.create._copy_of", raising(error))
 
     line = refusal(["backup", str(tmp_path / place), "--data-dir", str(data)], capsys)
@@ -110,14 +110,14 @@ def test_backup_that_finds_no_space_says_so(
 
 
 @pytest.mark.parametrize("kind", ["_Tar", "_Folder"])
-def test_place_of_a_backup_without_space_is_no_bad_option(
+def test_backup_target_on_a_full_disk_reports_the_disk(
     kind: str,
     data: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Not even the first entry could be made."""
+    """Not even the first entry of the target can be created."""
     monkeypatch.setattr(archive, kind, raising(no_space()))
     place = tmp_path / ("saved.tar" if kind == "_Tar" else "saved")
 
@@ -126,7 +126,7 @@ def test_place_of_a_backup_without_space_is_no_bad_option(
 
 @pytest.mark.parametrize("place", ["saved", "saved.tar"])
 @pytest.mark.parametrize("is_there", [True, False])
-def test_restore_that_finds_no_space_does_not_blame_the_backup(
+def test_restore_to_a_full_disk_does_not_blame_the_backup(
     data: Path,
     tmp_path: Path,
     place: str,
@@ -134,7 +134,7 @@ def test_restore_that_finds_no_space_does_not_blame_the_backup(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The backup could be read; what was restored of it is removed."""
+    """The restored files are removed."""
     main(["backup", str(tmp_path / place), "--data-dir", str(data)])
     capsys.readouterr()
     there = tmp_path / "there"
@@ -150,10 +150,10 @@ def test_restore_that_finds_no_space_does_not_blame_the_backup(
     assert not is_there or list(there.iterdir()) == []
 
 
-def test_data_directory_without_space_is_no_bad_option(
+def test_data_directory_on_a_full_disk_reports_the_disk(
     data: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What refuses it was caused by the disk, and that is what is said."""
+    """The message gives the cause of the option error, which is the disk."""
 
     def prepare(_: Storage) -> None:
         raise OptionError("data_dir: cannot be used") from no_space()
@@ -163,10 +163,10 @@ def test_data_directory_without_space_is_no_bad_option(
     assert "no space is left" in refusal(["keys", "list", "--data-dir", str(data)], capsys)
 
 
-def test_no_error_of_the_database_shows_sql(
+def test_no_database_error_shows_sql(
     data: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """PostgreSQL tells the values in a second line."""
+    """PostgreSQL gives the values in a second line, which is not shown."""
     reason = RuntimeError(f"a value is there already\nDETAIL: Key (digest)=({DIGEST})")
     error = IntegrityError(SQL, (DIGEST,), reason)
     monkeypatch.setattr(AccessService, "create_key", raising(error))
@@ -179,8 +179,8 @@ def test_no_error_of_the_database_shows_sql(
     assert DIGEST not in shown
 
 
-def test_parameters_of_a_statement_are_in_no_error(tmp_path: Path) -> None:
-    """The log has errors as they are, and among parameters are hashes."""
+def test_database_errors_contain_no_parameters(tmp_path: Path) -> None:
+    """Errors are logged, and the parameters include hashes of keys."""
     database = Database(load_settings(data_dir=tmp_path).sqlalchemy_url)
     access = AccessService(database)
 
@@ -204,6 +204,6 @@ def test_parameters_of_a_statement_are_in_no_error(tmp_path: Path) -> None:
         (RuntimeError("disk is full"), False),
     ],
 )
-def test_fullness_is_known_by_its_code(error: Exception, expected: bool) -> None:
-    """Words may be in any language."""
+def test_full_disk_is_recognised_by_error_code(error: Exception, expected: bool) -> None:
+    """The text of an error may be in any language."""
     assert is_full(error) == expected

@@ -1,4 +1,4 @@
-"""Positions in a list."""
+"""Pagination cursors."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from app.queries import cursor_of, position_of
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of a list."""
+    """Entry of a list."""
 
     id: str
     created_at: float
 
 
 @given(st.floats(0.0, 1e11), st.from_regex(r"run_[a-z2-7]{26}", fullmatch=True))
-def test_cursor_is_the_last_entry_of_its_page_to_the_last_bit(moment: float, name: str) -> None:
-    """Reading a cursor back gives exactly the time and id it was made of."""
+def test_cursor_round_trip_is_exact(moment: float, name: str) -> None:
+    """Decoding a cursor gives exactly the time and ID of the last entry."""
     rows = [Entry(name, moment), Entry("run_" + "z" * 26, 0.0)]
 
     cursor = cursor_of(rows, limit=1)
@@ -32,7 +32,7 @@ def test_cursor_is_the_last_entry_of_its_page_to_the_last_bit(moment: float, nam
 
 
 def test_last_page_has_no_cursor() -> None:
-    """As many entries as the page holds, or fewer."""
+    """A page with at most the requested number of entries is the last one."""
     rows = [Entry("run_" + "a" * 26, 1.0)]
 
     assert cursor_of(rows, limit=1) is None
@@ -41,8 +41,8 @@ def test_last_page_has_no_cursor() -> None:
 
 
 @given(st.text(max_size=100))
-def test_text_that_is_no_cursor_is_refused_and_never_crashes(text: str) -> None:
-    """Any text is a position or a named error."""
+def test_any_text_is_a_position_or_is_refused(text: str) -> None:
+    """Decoding an arbitrary text gives a position or a FieldRefused error."""
     try:
         position = position_of(text)
     except FieldRefused:
@@ -51,7 +51,7 @@ def test_text_that_is_no_cursor_is_refused_and_never_crashes(text: str) -> None:
 
 
 @pytest.mark.parametrize("cursor", ["bmFuIGE", "aW5mIGE", "MHgxcDk5OTkgYQ"])
-def test_position_at_no_time_is_refused(cursor: str) -> None:
-    """nan, inf and 0x1p9999 in base 64: no database compares with them."""
+def test_cursor_with_a_non_finite_time_is_refused(cursor: str) -> None:
+    """Databases cannot compare with nan, inf or an overflowing number."""
     with pytest.raises(FieldRefused, match="after: expected the `next`"):
         position_of(cursor)

@@ -1,4 +1,4 @@
-"""What the operator may set, and what the service refuses to start with."""
+"""Service settings and the combinations that are rejected."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.errors import OptionError
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "[::1]", "localhost"])
-def test_loopback_addresses_are_known(host: str) -> None:
+def test_loopback_addresses_are_recognised(host: str) -> None:
     """RFC 1122: 127/8; RFC 4291: ::1."""
     assert is_loopback(host)
     assert load_settings(host=host, no_auth=True).no_auth
@@ -19,16 +19,16 @@ def test_loopback_addresses_are_known(host: str) -> None:
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "10.0.0.1", "bench.example", "", "localhost."])
 def test_service_without_keys_off_loopback_is_refused(host: str) -> None:
-    """Whatever is not certainly loopback counts as a network."""
+    """Any host that is not certainly loopback counts as a network."""
     assert not is_loopback(host)
     with pytest.raises(OptionError, match=r"no_auth with host .*loopback"):
         load_settings(host=host, no_auth=True)
 
 
-def test_settings_come_from_the_environment_and_arguments_go_first(
+def test_arguments_override_the_environment(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """None as an argument counts as not given."""
+    """An argument of None counts as not given."""
     monkeypatch.setenv("MOTORID_PORT", "9001")
     monkeypatch.setenv("MOTORID_HOST", "127.0.0.2")
 
@@ -37,10 +37,10 @@ def test_settings_come_from_the_environment_and_arguments_go_first(
     assert (settings.port, settings.host) == (9002, "127.0.0.2")
 
 
-def test_setting_that_is_not_accepted_is_named_on_one_line(
+def test_invalid_setting_is_named_on_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The command line shows this to a user."""
+    """The command line shows this message to the user."""
     monkeypatch.setenv("MOTORID_PORT", "seventy")
 
     with pytest.raises(OptionError, match="^port: ") as caught:
@@ -50,21 +50,21 @@ def test_setting_that_is_not_accepted_is_named_on_one_line(
 
 
 def test_lease_must_outlast_heartbeats() -> None:
-    """A lease shorter than two heartbeats would be lost by one that is late."""
+    """One late heartbeat must not lose the lease."""
     with pytest.raises(OptionError, match="at least two heartbeats"):
         load_settings(lease_s=5.0, heartbeat_s=3.0)
 
 
 def test_pipeline_must_be_a_function_of_a_module() -> None:
-    """It is imported by name; anything else would fail in each fit instead of here."""
+    """An invalid name would otherwise fail in each fit."""
     with pytest.raises(OptionError, match="^pipeline: "):
         load_settings(pipeline="rm -rf /")
 
 
-def test_hosts_are_loopback_names_unless_said_otherwise() -> None:
-    """Closed by default on loopback, open on a network where keys are asked for.
+def test_default_hosts_are_loopback_names() -> None:
+    """On loopback only its names are accepted; on a network with keys, any name.
 
-    A health check on the same machine, as a container's, calls a loopback name.
+    Loopback names remain accepted, because health checks of the container use them.
     """
     assert load_settings().hosts == ("localhost", "127.0.0.1", "[::1]")
     assert load_settings(host="::1").hosts == ("localhost", "127.0.0.1", "[::1]")
@@ -77,7 +77,7 @@ def test_hosts_are_loopback_names_unless_said_otherwise() -> None:
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "[::1]"])
 def test_cluster_on_this_machine_needs_no_certificates(host: str) -> None:
-    """Who can reach a loopback address is on this machine already."""
+    """Only processes of this machine can reach a loopback address."""
     assert load_settings(engine="dask", dask_scheduler=f"tcp://{host}:8786").engine == "dask"
 
 
@@ -91,16 +91,16 @@ def test_cluster_on_this_machine_needs_no_certificates(host: str) -> None:
         ("tls://scheduler:8786", "dask_tls_ca_file is ''; .* expected a PEM file"),
     ],
 )
-def test_cluster_that_anyone_could_command_is_refused(address: str | None, words: str) -> None:
-    """A scheduler unpickles what it gets, so that reaching it is owning it."""
+def test_cluster_on_a_network_without_tls_is_refused(address: str | None, words: str) -> None:
+    """A Dask scheduler executes any code that it receives."""
     with pytest.raises(OptionError, match=words):
         load_settings(engine="dask", dask_scheduler=address)
 
 
-def test_settings_come_from_files_where_no_variable_says_otherwise(
+def test_secret_files_supply_settings_without_a_variable(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """As Docker and Kubernetes hand out secrets: one file each, with a line end."""
+    """Docker and Kubernetes provide one file per secret, with a line end."""
     (tmp_path / "motorid_database_url").write_text("postgresql://user:pa55@host/base\n")
     (tmp_path / "motorid_port").write_text("9001")
     monkeypatch.setenv("MOTORID_SECRETS_DIR", str(tmp_path))
@@ -116,23 +116,23 @@ def test_settings_come_from_files_where_no_variable_says_otherwise(
 
 
 def test_password_of_the_database_is_not_shown() -> None:
-    """Settings end up in tracebacks and logs."""
+    """Settings may appear in tracebacks and logs."""
     settings = load_settings(database_url="postgresql://user:pa55@host/base")
 
     assert "pa55" not in repr(settings)
     assert "pa55" not in str(settings)
 
 
-def test_every_setting_says_what_it_is() -> None:
-    """The page about HTTP is made from these sentences."""
+def test_every_setting_has_a_description() -> None:
+    """The table of settings in docs/operations.md consists of these descriptions."""
     for name, field in Settings.model_fields.items():
         assert field.description, name
         assert field.description[0].isupper(), name
         assert "." in field.description or "[" in field.description, name
 
 
-def test_database_lies_in_the_data_directory_unless_named(tmp_path: Path) -> None:
-    """One directory is the whole service."""
+def test_default_database_is_in_the_data_directory(tmp_path: Path) -> None:
+    """A configured URL takes precedence."""
     plain = load_settings(data_dir=tmp_path)
     named = load_settings(data_dir=tmp_path, database_url="postgresql://host/base")
 
@@ -140,8 +140,8 @@ def test_database_lies_in_the_data_directory_unless_named(tmp_path: Path) -> Non
     assert named.sqlalchemy_url == "postgresql://host/base"
 
 
-def test_variable_that_sets_nothing_is_told_with_the_nearest_name() -> None:
-    """Letters left out and added; variables of other commands and other programs are none."""
+def test_unknown_variable_is_reported_with_the_nearest_name() -> None:
+    """Variables of other commands and programs are not reported."""
     names = ["MOTORID_WORKER", "MOTORID_RETENTION", "motorid_port", "MOTORID_KEY", "PATH", "MOTOR"]
 
     assert unknown_variables(names) == {

@@ -1,4 +1,4 @@
-"""The data directory: private, locked, and swept of what nobody knows."""
+"""Data directory: permissions, lock, and removal of files without a row."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from identification.errors import OptionError
 
 @pytest.fixture
 def storage(tmp_path: Path) -> Storage:
-    """A data directory that is ready."""
+    """Prepared data directory."""
     made = Storage(tmp_path / "data", "bench")
     made.prepare()
     return made
 
 
 def aged(path: Path) -> Path:
-    """The same path, last changed a day ago."""
+    """Set the modification time of a path to a day ago and return the path."""
     past = time.time() - 86400
     os.utime(path, (past, past))
     return path
 
 
 def test_data_directory_has_one_server(tmp_path: Path) -> None:
-    """The second is refused while the first has it, and not afterwards."""
+    """A second server is rejected until the first has released the lock."""
     first, second = (Storage(tmp_path, "bench") for _ in range(2))
     first.prepare()
     first.lock.take()
@@ -46,7 +46,7 @@ def test_data_directory_has_one_server(tmp_path: Path) -> None:
 
 
 def test_servers_of_two_machines_may_share_a_directory(tmp_path: Path) -> None:
-    """The lock is that of a machine; the leases in the database part the work."""
+    """Each machine has its own lock; leases in the database divide the work."""
     first, second = (Storage(tmp_path, name) for name in ("one", "two"))
     first.prepare()
     second.prepare()
@@ -58,8 +58,8 @@ def test_servers_of_two_machines_may_share_a_directory(tmp_path: Path) -> None:
     second.lock.release()
 
 
-def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> None:
-    """Of known and unknown runs and fits, old and new, only the unknown old ones go."""
+def test_sweep_removes_only_old_files_without_a_row(storage: Storage) -> None:
+    """Known, recent and foreign files are kept."""
     runs = [new_id("run") for _ in range(3)]
     fits = [new_id("fit") for _ in range(2)]
     for run in runs:
@@ -84,8 +84,8 @@ def test_sweep_removes_what_no_row_names_and_nothing_else(storage: Storage) -> N
     assert foreign.exists()
 
 
-def test_uploads_of_a_server_that_is_gone_are_removed(storage: Storage) -> None:
-    """At a start nothing can be coming in yet."""
+def test_start_removes_uploads_of_an_earlier_server(storage: Storage) -> None:
+    """No upload can be in progress at the start."""
     storage.new_incoming().write_bytes(b"half")
 
     storage.sweep_incoming()
@@ -93,8 +93,8 @@ def test_uploads_of_a_server_that_is_gone_are_removed(storage: Storage) -> None:
     assert list(storage.incoming.iterdir()) == []
 
 
-def test_uploads_of_a_container_that_is_gone_are_removed(tmp_path: Path) -> None:
-    """Each container has a name of its own; the files of one that runs, and recent ones, stay."""
+def test_sweep_removes_old_uploads_of_ended_containers(tmp_path: Path) -> None:
+    """Each container has another name; uploads of running ones and recent uploads are kept."""
     gone, running, own = (Storage(tmp_path, name) for name in ("gone", "running", "own"))
     for storage in (gone, running, own):
         storage.prepare()
@@ -115,7 +115,7 @@ def test_uploads_of_a_container_that_is_gone_are_removed(tmp_path: Path) -> None
 
 
 def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
-    """Someone named another database; the files are all that is left to go back with."""
+    """An empty database indicates a wrong URL; the files may be the only remaining data."""
     run, fit = new_id("run"), new_id("fit")
     storage.run(run).write_bytes(b"")
     storage.attempt(fit, 1).mkdir(parents=True)
@@ -129,8 +129,8 @@ def test_nothing_is_swept_under_an_empty_database(storage: Storage) -> None:
 
 
 @pytest.mark.parametrize("text", ["../../victim", "..", "", "/etc", "fit_../../victim"])
-def test_text_that_is_no_id_makes_no_path(storage: Storage, text: str) -> None:
-    """Whatever row it stands in, nothing outside is touched."""
+def test_invalid_id_gives_no_path(storage: Storage, text: str) -> None:
+    """No function accepts a text that could point outside the data directory."""
     victim = storage.directory.parent / "victim"
     victim.mkdir()
 
@@ -146,14 +146,14 @@ def test_text_that_is_no_id_makes_no_path(storage: Storage, text: str) -> None:
 
 
 @pytest.mark.parametrize("attempt", [-1, "../../.."])
-def test_attempt_that_is_no_number_makes_no_path(storage: Storage, attempt: int) -> None:
-    """SQLite keeps a text in a column of numbers."""
+def test_invalid_attempt_gives_no_path(storage: Storage, attempt: int) -> None:
+    """SQLite can store a text in an integer column."""
     with pytest.raises(ValueError, match="no number of an attempt"):
         storage.remove_attempt(new_id("fit"), attempt)
 
 
-def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    """A file stands where the directory should be."""
+def test_unusable_data_directory_is_named(tmp_path: Path) -> None:
+    """The parent of the data directory is a file."""
     (tmp_path / "file").write_text("")
 
     with pytest.raises(OptionError, match="data_dir: .*cannot be used"):
@@ -162,14 +162,14 @@ def test_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("node", ["../../etc", "a/b", "..", "", "bench 4"])
 def test_name_of_the_machine_cannot_leave_the_directory(tmp_path: Path, node: str) -> None:
-    """A host name is set by someone else."""
+    """A host name is untrusted input."""
     storage = Storage(tmp_path, node)
 
     assert storage.incoming.resolve().parent == (tmp_path / "incoming").resolve()
 
 
-def test_place_is_the_same_at_each_start_and_another_in_another_directory(tmp_path: Path) -> None:
-    """By it a server knows fits that a former one held, and leaves those of others alone."""
+def test_place_is_stable_and_unique_per_directory(tmp_path: Path) -> None:
+    """A server takes over the fits held under its own place only."""
     places = []
     for directory in ("a", "a", "b"):
         storage = Storage(tmp_path / directory, "bench")
@@ -183,8 +183,8 @@ def test_place_is_the_same_at_each_start_and_another_in_another_directory(tmp_pa
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"not a name", b"a" * 10_000])
-def test_lock_file_that_was_damaged_gets_a_new_name(tmp_path: Path, content: bytes) -> None:
-    """The name is part of a path in the database, and the same at the start after that."""
+def test_damaged_lock_file_gets_a_new_identifier(tmp_path: Path, content: bytes) -> None:
+    """The new identifier is valid and remains the same at the next start."""
     storage, again = (Storage(tmp_path, "bench") for _ in range(2))
     storage.prepare()
     (tmp_path / "nodes" / "bench.lock").write_bytes(content)
@@ -196,8 +196,10 @@ def test_lock_file_that_was_damaged_gets_a_new_name(tmp_path: Path, content: byt
 
 
 @pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo])
-def test_lock_that_is_no_file_is_named(tmp_path: Path, make: Callable[[Path], None]) -> None:
-    """Nothing is waited for, and the operator may remove it."""
+def test_lock_that_is_no_regular_file_is_refused(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    """Opening it does not block; the message states that it can be removed."""
     storage = Storage(tmp_path, "bench")
     storage.prepare()
     make(tmp_path / "nodes" / "bench.lock")
@@ -206,8 +208,8 @@ def test_lock_that_is_no_file_is_named(tmp_path: Path, make: Callable[[Path], No
         storage.lock.take()
 
 
-def test_folders_in_the_place_of_files_are_swept(storage: Storage) -> None:
-    """A file system that was repaired leaves such; the start goes on."""
+def test_directories_in_place_of_files_are_swept(storage: Storage) -> None:
+    """A file system repair can leave such entries; they must not prevent the start."""
     (storage.new_incoming() / "below").mkdir(parents=True)
     run, fit = new_id("run"), new_id("fit")
     storage.run(run).mkdir()
@@ -224,7 +226,7 @@ def test_folders_in_the_place_of_files_are_swept(storage: Storage) -> None:
 
 
 def test_directory_is_writable_only_while_there_is_space(storage: Storage) -> None:
-    """Permissions alone say nothing about a full or a failing disk."""
+    """Permissions do not reveal a full or failing disk."""
     assert storage.is_writable()
     assert list(storage.incoming.iterdir()) == []
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
@@ -237,8 +239,8 @@ def test_directory_is_writable_only_while_there_is_space(storage: Storage) -> No
 
 
 @pytest.mark.parametrize("kind", ["run", "fit", "batch", "key"])
-def test_ids_are_known_by_their_form_and_never_repeat(kind: Kind) -> None:
-    """130 random bits: a thousand of them are different."""
+def test_ids_are_valid_and_unique(kind: Kind) -> None:
+    """An ID has 130 random bits."""
     made = {new_id(kind) for _ in range(1000)}
 
     assert len(made) == 1000
@@ -249,6 +251,6 @@ def test_ids_are_known_by_their_form_and_never_repeat(kind: Kind) -> None:
     "text", ["", "run", "run_", "run_" + "a" * 25, "run_" + "a" * 27, "run_" + "A" * 26,
              "fit_" + "a" * 26, "run_" + "a" * 25 + "\n", "run_" + "a" * 26 + "\n", "run_../" ]
 )  # fmt: skip
-def test_text_of_another_form_is_no_id(text: str) -> None:
-    """One letter more or less, other letters, another kind, a line end."""
+def test_text_of_another_form_is_no_valid_id(text: str) -> None:
+    """Length, alphabet, kind and the absence of a line end are checked."""
     assert not is_id("run", text)

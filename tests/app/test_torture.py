@@ -1,4 +1,4 @@
-"""Short versions of `make torture`, for what the jobs of the service promise."""
+"""Short torture tests of fits; `make torture` runs the long versions."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tests.app.postgresql import MISSING
 @pytest.mark.parametrize(
     ("database", "engine", "count"), [("sqlite", "local", 3), ("postgresql", "dask", 7)]
 )
-def test_kills_lose_nothing_and_double_nothing(
+def test_kills_lose_and_repeat_no_fit(
     tmp_path: Path, database: str, engine: str, count: int
 ) -> None:
-    """Each kind of process once; each fit that was accepted succeeds once, and nothing is left."""
+    """After one kill of each kind of process, every accepted fit succeeds exactly once."""
     if database == "postgresql" and MISSING:
         pytest.skip(MISSING)
 
@@ -29,14 +29,14 @@ def test_kills_lose_nothing_and_double_nothing(
 
 @pytest.mark.parametrize("engine", ["local", "dask"])
 def test_cancelled_fit_is_gone_within_a_second(tmp_path: Path, engine: str) -> None:
-    """From the call over HTTP to the end of the process and of what that started."""
+    """The time is from the HTTP call to the end of the process and its child."""
     outcome = kills.cancelled(tmp_path, engine, 1)
 
     assert outcome.passed, outcome.measured
 
 
-def test_two_workers_compute_two_fits_at_once(tmp_path: Path) -> None:
-    """Fits that only wait, for 1.4 s each, so that it does not matter how busy the machine is."""
+def test_two_workers_compute_two_fits_in_parallel(tmp_path: Path) -> None:
+    """Each fit only sleeps for 1.4 s, so the load of the machine does not matter."""
     settings = {"PIPELINE": "benchmarks.torture.pretended:identify"}
     kind = throughput.Kind("fits that wait", {}, fits=2, turns=1, seconds=0.0)
 

@@ -1,4 +1,4 @@
-"""The table of the torture tests can be made in parts."""
+"""The document of the torture tests is written section by section."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ ORDER = ("kills", "files", "load")
 
 
 def of(name: str, measured: str) -> str:
-    """A section with one line."""
+    """Section with one outcome."""
     return section(name, [Outcome("a test", "all", measured, True)], short=False, seconds=30.0)
 
 
-def test_section_names_the_command_that_makes_it() -> None:
-    """Whoever reads a figure can measure it again, as docs/benchmarks/ has it everywhere."""
+def test_section_names_the_command_that_writes_it() -> None:
+    """A reader can repeat the measurement."""
     words = section("files", [Outcome("a|b", "x", "1\n2", False)], short=True, seconds=600.0)
 
     assert "Made by `python -m benchmarks.torture --only files --short` in 10 minutes." in words
     assert r"| a\|b | x | 1 2 | **fail** |" in words
 
 
-def test_section_is_replaced_and_the_others_stay_as_they_are() -> None:
-    """The order is that of the modules, whichever was run first; words of others are kept."""
+def test_section_is_replaced_and_the_others_are_kept() -> None:
+    """Sections follow the order of the modules; other text in the document is kept."""
     text = ""
     for name, measured in (("load", "1"), ("audit", "2"), ("kills", "3"), ("load", "4")):
         text = with_section(text, name, of(name, measured), ORDER)

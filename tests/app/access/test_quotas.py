@@ -1,4 +1,4 @@
-"""What a workspace may keep and have waiting."""
+"""Workspace quotas on stored runs, bytes and waiting fits."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tests.app.rows import fit_row, run_row
 
 
 def keep(database: Database, *rows: object) -> None:
-    """Add rows."""
+    """Insert rows."""
     with database.writing() as session:
         session.add_all(rows)
 
 
 def test_runs_are_counted_within_their_workspace(database: Database) -> None:
-    """Two of two are kept by alice; bob has none yet."""
+    """The runs of alice do not count against the quota of bob."""
     keep(database, run_row("alice"), run_row("alice"))
     quotas = Quotas(runs=2)
 
@@ -31,7 +31,7 @@ def test_runs_are_counted_within_their_workspace(database: Database) -> None:
 
 
 def test_bytes_may_reach_the_quota_and_not_pass_it(database: Database) -> None:
-    """60 and 40 bytes are 100 of 100; one more is too many."""
+    """With 60 of 100 bytes stored, a run of 40 bytes is accepted and one of 41 is not."""
     keep(database, run_row("alice", size=60))
     quotas = Quotas(stored_bytes=100)
 
@@ -41,8 +41,8 @@ def test_bytes_may_reach_the_quota_and_not_pass_it(database: Database) -> None:
             quotas.check_run(session, "alice", 41)
 
 
-def test_only_fits_that_wait_count(database: Database) -> None:
-    """One queued, one running, one ended: two more may wait where three may."""
+def test_only_waiting_fits_count(database: Database) -> None:
+    """Running and ended fits do not count against the quota of waiting fits."""
     keep(database, *(fit_row("alice", status) for status in ("queued", "running", "failed")))
     quotas = Quotas(waiting_fits=3)
 
@@ -53,7 +53,7 @@ def test_only_fits_that_wait_count(database: Database) -> None:
 
 
 def test_no_quota_is_no_limit(database: Database) -> None:
-    """0 stands for none."""
+    """The default quota of 0 is unlimited."""
     keep(database, run_row("alice", size=10**15), fit_row("alice", "queued"))
 
     with database.writing() as session:
@@ -62,7 +62,7 @@ def test_no_quota_is_no_limit(database: Database) -> None:
 
 
 def race(attempts: int, attempt: Callable[[], None]) -> int:
-    """How many of some threads passed the quota."""
+    """Number of concurrent attempts that pass the quota."""
     passed: list[int] = []
 
     def once() -> None:
@@ -80,8 +80,8 @@ def race(attempts: int, attempt: Callable[[], None]) -> int:
     return len(passed)
 
 
-def test_two_cannot_take_the_last_place(database: Database) -> None:
-    """Sixteen threads at once, five places: five runs."""
+def test_concurrent_calls_cannot_exceed_the_quota(database: Database) -> None:
+    """Of sixteen concurrent insertions with a quota of five, five succeed."""
     quotas = Quotas(runs=5)
 
     def add() -> None:

@@ -1,4 +1,4 @@
-"""Keys and sessions."""
+"""API keys and browser sessions."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from identification.errors import OptionError
 
 @pytest.fixture
 def access(database: Database) -> AccessService:
-    """Keys of an empty database."""
+    """Access service on an empty database."""
     return AccessService(database)
 
 
-def test_key_opens_its_workspace(access: AccessService) -> None:
-    """And tells which key it was."""
+def test_key_gives_access_to_its_workspace(access: AccessService) -> None:
+    """Authentication returns the workspace and the ID of the key."""
     key, secret = access.create_key("bench 4", "motors")
 
     caller = access.caller_of_key(secret)
@@ -27,8 +27,8 @@ def test_key_opens_its_workspace(access: AccessService) -> None:
     assert (caller.workspace, caller.key_id) == ("motors", key.id)
 
 
-def test_revoked_key_opens_nothing_and_ends_its_sessions(access: AccessService) -> None:
-    """The other key stays as it was; revoking twice is refused."""
+def test_revoked_key_is_invalid_and_ends_its_sessions(access: AccessService) -> None:
+    """Other keys remain valid; a second revocation is rejected."""
     key, secret = access.create_key("lost")
     _, other = access.create_key("kept")
     token = access.open_session(secret, 60.0)
@@ -47,8 +47,8 @@ def test_revoked_key_opens_nothing_and_ends_its_sessions(access: AccessService) 
         access.revoke_key(key.id)
 
 
-def test_session_ends_by_itself_and_by_signing_out(access: AccessService) -> None:
-    """One of no length, and one that was closed."""
+def test_session_ends_by_expiry_and_by_logout(access: AccessService) -> None:
+    """Expired, closed and malformed session tokens are rejected."""
     _, secret = access.create_key("bench")
     over = access.open_session(secret, -1.0)
     closed = access.open_session(secret, 60.0)
@@ -59,8 +59,8 @@ def test_session_ends_by_itself_and_by_signing_out(access: AccessService) -> Non
             access.caller_of_session(token)
 
 
-def test_keys_are_listed_with_those_that_were_revoked(access: AccessService) -> None:
-    """In order of their making, and without any secret."""
+def test_list_includes_revoked_keys(access: AccessService) -> None:
+    """Keys are listed in order of creation, with the time of revocation."""
     made = [access.create_key(name)[0] for name in ("a", "b", "c")]
     before = time.time()
     access.revoke_key(made[1].id)
@@ -75,7 +75,7 @@ def test_keys_are_listed_with_those_that_were_revoked(access: AccessService) -> 
 
 
 def test_secrets_are_long_and_different(access: AccessService) -> None:
-    """256 random bits are 43 characters of base 64."""
+    """A key has 256 random bits, which are 43 characters of base64."""
     secrets = {access.create_key("k")[1] for _ in range(20)}
 
     assert len(secrets) == 20
@@ -83,8 +83,8 @@ def test_secrets_are_long_and_different(access: AccessService) -> None:
 
 
 @pytest.mark.parametrize("secret", ["", "motorid_", "x" * 10_000, "' OR '1'='1", "\x00", "\udcff"])
-def test_what_is_no_key_is_refused(access: AccessService, secret: str) -> None:
-    """Also what cannot be encoded or is endless."""
+def test_invalid_key_is_refused(access: AccessService, secret: str) -> None:
+    """This includes very long keys and keys that UTF-8 cannot encode."""
     access.create_key("bench")
 
     with pytest.raises(BadKey, match="not valid"):
@@ -92,21 +92,23 @@ def test_what_is_no_key_is_refused(access: AccessService, secret: str) -> None:
 
 
 @pytest.mark.parametrize("workspace", ["", "A", "a b", "../x", "a" * 64, "-a", "ä"])
-def test_workspace_is_a_plain_word(access: AccessService, workspace: str) -> None:
-    """Lower-case letters, digits, - and _."""
+def test_invalid_workspace_name_is_refused(access: AccessService, workspace: str) -> None:
+    """A workspace name has lower-case letters, digits, - and _."""
     with pytest.raises(OptionError, match="workspace is"):
         access.create_key("bench", workspace)
 
 
 @pytest.mark.parametrize("name", ["", "x" * 201, "a\nb", "a\x00"])
-def test_name_of_a_key_can_be_printed(access: AccessService, name: str) -> None:
-    """It is shown in a list, one a line."""
+def test_invalid_key_name_is_refused(access: AccessService, name: str) -> None:
+    """The list shows one key per line, so names must be printable and short."""
     with pytest.raises(OptionError, match="1 to 200 printable"):
         access.create_key(name)
 
 
-def test_key_opens_until_it_expires(access: AccessService, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two days: open after one, closed after three, its sessions with it."""
+def test_key_is_valid_until_it_expires(
+    access: AccessService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sessions of a key expire with it."""
     key, secret = access.create_key("visitor", days=2.0)
     token = access.open_session(secret, 10 * 86_400.0)
     made = key.created_at
@@ -123,7 +125,7 @@ def test_key_opens_until_it_expires(access: AccessService, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("days", [0.0, -1.0, float("nan"), float("inf"), 1e9])
-def test_time_of_a_key_is_some_days(access: AccessService, days: float) -> None:
-    """More than none and no more than a century."""
+def test_invalid_expiry_is_refused(access: AccessService, days: float) -> None:
+    """The number of days must be positive and at most a century."""
     with pytest.raises(OptionError, match="^days is"):
         access.create_key("bench", days=days)

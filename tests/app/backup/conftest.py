@@ -1,4 +1,4 @@
-"""A data directory to save."""
+"""Data directory for the backup tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.app.rows import fit_row, role_row, run_row
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    """A data directory with two runs, a result, a fit that waits, a key and a session."""
+    """Data directory with two runs, a result, a waiting fit, a key and a session."""
     made = load_settings(data_dir=tmp_path / "data")
     storage = Storage(made.data_dir, made.node)
     storage.prepare()

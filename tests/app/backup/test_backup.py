@@ -1,4 +1,4 @@
-"""Backup and restore: the same comes back, and what is not the same is refused."""
+"""Backup and restore: a restore reproduces the data, and a modified backup is rejected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLACES = ("saved", "saved.tar")
 
 
 def files(directory: Path) -> dict[str, bytes]:
-    """Content of each file of runs and results by its name."""
+    """Content of each file of runs and results by name."""
     return {
         path.relative_to(directory).as_posix(): path.read_bytes()
         for part in ("runs", "fits")
@@ -39,8 +39,8 @@ def rows(directory: Path) -> dict[str, list[object]]:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_what_was_saved_comes_back(settings: Settings, tmp_path: Path, place: str) -> None:
-    """Every row but those of browsers' sessions, every run, every output; no worker's log."""
+def test_restore_reproduces_the_data(settings: Settings, tmp_path: Path, place: str) -> None:
+    """All rows except browser sessions, all runs and all outputs are restored; logs are not."""
     there = load_settings(data_dir=tmp_path / "there")
 
     saved = back_up(settings, tmp_path / place)
@@ -53,8 +53,8 @@ def test_what_was_saved_comes_back(settings: Settings, tmp_path: Path, place: st
     assert there.data_dir.stat().st_mode & 0o077 == 0
 
 
-def test_sums_are_those_that_sha256sum_checks(settings: Settings, tmp_path: Path) -> None:
-    """GNU coreutils read the list."""
+def test_checksums_pass_sha256sum(settings: Settings, tmp_path: Path) -> None:
+    """GNU coreutils can verify the checksum file."""
     back_up(settings, tmp_path / "saved")
 
     checked = subprocess.run(
@@ -66,7 +66,7 @@ def test_sums_are_those_that_sha256sum_checks(settings: Settings, tmp_path: Path
 
 @pytest.mark.parametrize("place", PLACES)
 def test_backup_overwrites_nothing(settings: Settings, tmp_path: Path, place: str) -> None:
-    """Neither an older backup nor anything else."""
+    """A backup to an existing target is rejected."""
     back_up(settings, tmp_path / place)
 
     with pytest.raises(OptionError, match="there already.*overwrites nothing"):
@@ -74,7 +74,7 @@ def test_backup_overwrites_nothing(settings: Settings, tmp_path: Path, place: st
 
 
 def test_restore_overwrites_nothing(settings: Settings, tmp_path: Path) -> None:
-    """The data directory that is in use stays as it is."""
+    """A restore to a data directory in use is rejected and leaves it unchanged."""
     back_up(settings, tmp_path / "saved.tar")
     before = files(settings.data_dir)
 
@@ -85,7 +85,7 @@ def test_restore_overwrites_nothing(settings: Settings, tmp_path: Path) -> None:
 
 
 def changed(folder: Path, kind: str) -> None:
-    """Do something to a backup."""
+    """Apply a change to a copy of a backup."""
     run = next((folder / "runs").iterdir())
     if kind == "a bit":
         run.write_bytes(run.read_bytes()[:-1] + b"\x00")
@@ -124,10 +124,8 @@ def changed(folder: Path, kind: str) -> None:
         "broken database",
     ],
 )
-def test_backup_that_is_not_what_was_saved_is_refused(
-    settings: Settings, tmp_path: Path, kind: str
-) -> None:
-    """And nothing is left where it should have gone."""
+def test_modified_backup_is_refused(settings: Settings, tmp_path: Path, kind: str) -> None:
+    """The failed restore leaves no file at the target."""
     back_up(settings, tmp_path / "saved")
     changed(tmp_path / "saved", kind)
     there = load_settings(data_dir=tmp_path / "there")
@@ -138,8 +136,8 @@ def test_backup_that_is_not_what_was_saved_is_refused(
     assert not list(tmp_path.glob("there*"))
 
 
-def test_tar_that_was_cut_off_is_refused(settings: Settings, tmp_path: Path) -> None:
-    """At half its length."""
+def test_truncated_tar_is_refused(settings: Settings, tmp_path: Path) -> None:
+    """The archive is truncated to half its length."""
     file = tmp_path / "saved.tar"
     back_up(settings, file)
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
@@ -150,7 +148,7 @@ def test_tar_that_was_cut_off_is_refused(settings: Settings, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("name", ["../evil", "/etc/evil", "runs/../../evil"])
 def test_tar_cannot_write_elsewhere(tmp_path: Path, name: str) -> None:
-    """A tar may name any place; only names that the service gives are taken."""
+    """Only member names of the backup format are extracted, so no path leaves the target."""
     with tarfile.open(tmp_path / "bad.tar", "w") as tar:
         tar.addfile(tarfile.TarInfo(name))
 
@@ -160,7 +158,7 @@ def test_tar_cannot_write_elsewhere(tmp_path: Path, name: str) -> None:
 
 
 def test_sparse_member_is_refused_before_it_is_written(tmp_path: Path) -> None:
-    """It would claim 400 MB in a file of 10 kB, and fill the disk for nothing."""
+    """A sparse member of 400 MB in a file of 10 kB would fill the disk."""
     member = tarfile.TarInfo("motorid.sqlite3")
     member.size = 0
     member.pax_headers = {"GNU.sparse.size": "400000000", "GNU.sparse.map": "0,0"}
@@ -172,8 +170,8 @@ def test_sparse_member_is_refused_before_it_is_written(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sparse.tar"]
 
 
-def test_other_database_is_left_to_its_own_tools(tmp_path: Path) -> None:
-    """PostgreSQL has pg_dump."""
+def test_postgresql_is_left_to_pg_dump(tmp_path: Path) -> None:
+    """The error message names pg_dump."""
     settings = load_settings(data_dir=tmp_path, database_url="postgresql://host/base")
 
     with pytest.raises(OptionError, match="pg_dump"):
@@ -183,7 +181,7 @@ def test_other_database_is_left_to_its_own_tools(tmp_path: Path) -> None:
 
 
 def test_directory_without_a_database_is_refused(tmp_path: Path) -> None:
-    """A typing error makes no empty backup."""
+    """A misspelt data directory must not give an empty backup."""
     with pytest.raises(OptionError, match=r"no motorid\.sqlite3"):
         back_up(load_settings(data_dir=tmp_path), tmp_path / "saved")
 
@@ -193,6 +191,6 @@ def test_directory_without_a_database_is_refused(tmp_path: Path) -> None:
     ["", "x", "runs/x", "fits/x/1/result.json", "runs/run_" + "a" * 26 + "/x", "SHA256SUMS/x",
      "fits/fit_" + "a" * 26 + "/1/..", "fits/fit_" + "a" * 26 + "/../result.json"],
 )  # fmt: skip
-def test_names_that_the_service_does_not_give_are_none(name: str) -> None:
-    """Only ids, attempts and names of outputs make a path."""
+def test_names_outside_the_backup_format_are_invalid(name: str) -> None:
+    """A valid name consists of IDs, attempt numbers and names of outputs."""
     assert not is_name(name)

@@ -1,4 +1,4 @@
-"""A backup of a data directory whose disk has damaged something, and a backup that lacks a file."""
+"""Backups of damaged data directories, and incomplete backups."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.app.damaged import DAMAGES
 
 
 def attempt(settings: Settings) -> Path:
-    """The directory of the outputs, sealed as those of a fit are."""
+    """Directory of sealed outputs."""
     found = next(settings.data_dir.glob("fits/*/1"))
     seal(found)
     return found
@@ -25,10 +25,10 @@ def attempt(settings: Settings) -> Path:
 @pytest.mark.parametrize("place", ["saved", "saved.tar"])
 @pytest.mark.parametrize("name", ["result.json", "report.html"])
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_damaged_output_is_found_when_the_backup_is_made(
+def test_backup_detects_a_damaged_output(
     settings: Settings, tmp_path: Path, name: str, damage: str, place: str
 ) -> None:
-    """It is named, and nothing of the backup is left."""
+    """The error names the output, and no part of the backup remains."""
     path = attempt(settings) / name
     DAMAGES[damage](path)
 
@@ -40,10 +40,8 @@ def test_damaged_output_is_found_when_the_backup_is_made(
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_damaged_run_is_found_when_the_backup_is_made(
-    settings: Settings, tmp_path: Path, damage: str
-) -> None:
-    """It is named, with what brings it back."""
+def test_backup_detects_a_damaged_run(settings: Settings, tmp_path: Path, damage: str) -> None:
+    """The error names the run and the remedy."""
     path = next((settings.data_dir / "runs").iterdir())
     DAMAGES[damage](path)
 
@@ -53,10 +51,8 @@ def test_damaged_run_is_found_when_the_backup_is_made(
     assert caught.value.file == str(path)
 
 
-def test_damaged_database_is_found_when_the_backup_is_made(
-    settings: Settings, tmp_path: Path
-) -> None:
-    """SQLite copies pages whatever is on them."""
+def test_backup_detects_a_damaged_database(settings: Settings, tmp_path: Path) -> None:
+    """The backup API of SQLite copies damaged pages without an error."""
     with (settings.data_dir / "motorid.sqlite3").open("r+b") as file:
         file.seek(40960)
         file.write(b"\xa5" * 8192)
@@ -71,7 +67,7 @@ def test_damaged_database_is_found_when_the_backup_is_made(
 def test_backup_that_lacks_an_output_is_refused(
     settings: Settings, tmp_path: Path, output: str
 ) -> None:
-    """Also where it lacks the file in its own sums, as after someone took it out of both."""
+    """The output is required even if it was removed from the checksum file as well."""
     (attempt(settings) / "posterior.nc").write_bytes(b"CDF")
     attempt(settings)
     saved = tmp_path / "saved"
@@ -84,8 +80,8 @@ def test_backup_that_lacks_an_output_is_refused(
         restore(load_settings(data_dir=tmp_path / "there"), saved)
 
 
-def test_volume_with_lost_and_found_is_empty(settings: Settings, tmp_path: Path) -> None:
-    """The root of an ext4 file system has that directory from its first day."""
+def test_directory_with_lost_and_found_counts_as_empty(settings: Settings, tmp_path: Path) -> None:
+    """A new ext4 file system contains the directory lost+found."""
     back_up(settings, tmp_path / "saved.tar")
     (tmp_path / "volume" / "lost+found").mkdir(parents=True)
 

@@ -1,4 +1,4 @@
-"""A backup that fails or is killed leaves nothing, and the same command can be given again."""
+"""A failed or killed backup leaves no files and can be repeated."""
 
 from __future__ import annotations
 
@@ -31,15 +31,13 @@ with Storage(Path(sys.argv[1]), "other").scratch() as folder:
 
 
 def contents(directory: Path) -> set[str]:
-    """Names of all that lies in a directory."""
+    """Paths of all entries below a directory."""
     return {path.relative_to(directory).as_posix() for path in directory.rglob("*")}
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_run_whose_bytes_changed_is_not_saved_as_if_nothing_were(
-    settings: Settings, tmp_path: Path, place: str
-) -> None:
-    """A bad disk is told of when it is found, not when the backup is needed."""
+def test_backup_of_a_changed_run_fails(settings: Settings, tmp_path: Path, place: str) -> None:
+    """A defective disk is reported by the backup, not when the backup is needed."""
     run = next((settings.data_dir / "runs").iterdir())
     good = run.read_bytes()
     run.write_bytes(b"other")
@@ -54,8 +52,8 @@ def test_run_whose_bytes_changed_is_not_saved_as_if_nothing_were(
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_run_that_is_gone_is_told(settings: Settings, tmp_path: Path, place: str) -> None:
-    """Its row is still there, so no caller has deleted it."""
+def test_backup_of_a_missing_run_fails(settings: Settings, tmp_path: Path, place: str) -> None:
+    """The row still exists, so no client has deleted the run."""
     next((settings.data_dir / "runs").iterdir()).unlink()
     before = contents(tmp_path)
 
@@ -69,7 +67,7 @@ def test_run_that_is_gone_is_told(settings: Settings, tmp_path: Path, place: str
 def test_full_disk_leaves_no_part_of_a_backup(
     settings: Settings, tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was written would take the space that has to be made."""
+    """A partial backup would occupy the space that the user must free."""
     before = contents(tmp_path)
     calls: list[object] = []
 
@@ -87,8 +85,8 @@ def test_full_disk_leaves_no_part_of_a_backup(
     assert back_up(settings, tmp_path / place).runs == 2
 
 
-def test_directory_that_was_there_stays(settings: Settings, tmp_path: Path) -> None:
-    """It was empty, and is again."""
+def test_existing_target_directory_remains(settings: Settings, tmp_path: Path) -> None:
+    """A failed backup leaves the existing directory empty."""
     place = tmp_path / "saved"
     place.mkdir()
     next((settings.data_dir / "runs").iterdir()).unlink()
@@ -99,8 +97,8 @@ def test_directory_that_was_there_stays(settings: Settings, tmp_path: Path) -> N
     assert list(place.iterdir()) == []
 
 
-def test_copy_of_a_backup_that_was_killed_is_swept(tmp_path: Path) -> None:
-    """Once it is an hour old; until then it might be one that is about to be locked."""
+def test_database_copy_of_a_killed_backup_is_swept(tmp_path: Path) -> None:
+    """A younger copy remains, because its backup may not have locked it yet."""
     storage = Storage(tmp_path, "bench")
     storage.prepare()
     killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)])
@@ -114,8 +112,8 @@ def test_copy_of_a_backup_that_was_killed_is_swept(tmp_path: Path) -> None:
     assert storage.incoming.is_dir()
 
 
-def test_copy_of_a_backup_that_is_made_is_never_swept(tmp_path: Path) -> None:
-    """However long it takes: its process lives."""
+def test_database_copy_of_a_running_backup_is_never_swept(tmp_path: Path) -> None:
+    """The lock of the backup process protects the copy, however old it is."""
     storage = Storage(tmp_path, "bench")
     storage.prepare()
 
@@ -127,7 +125,7 @@ def test_copy_of_a_backup_that_is_made_is_never_swept(tmp_path: Path) -> None:
 
 
 def test_machine_called_backup_keeps_its_uploads(tmp_path: Path) -> None:
-    """Its directory lies beside those of backups."""
+    """A host name cannot give an upload directory the name of a backup directory."""
     storage = Storage(tmp_path, ".backup-1")
     storage.prepare()
 

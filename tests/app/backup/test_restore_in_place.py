@@ -1,4 +1,4 @@
-"""A restore into an empty directory that stays the same one, as a mount point has to."""
+"""Restore into an existing, empty directory, such as a mount point."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ PARTS = ["fits", "incoming", "motorid.sqlite3", "nodes", "runs"]
 
 @pytest.fixture
 def saved(settings: Settings, tmp_path: Path) -> Path:
-    """A backup."""
+    """Backup of the data directory."""
     back_up(settings, tmp_path / "saved.tar")
     return tmp_path / "saved.tar"
 
 
 @pytest.fixture
 def empty(tmp_path: Path) -> Path:
-    """An empty directory."""
+    """Empty directory."""
     made = tmp_path / "there"
     made.mkdir()
     return made
 
 
 def names(directory: Path) -> list[str]:
-    """What lies in a directory."""
+    """Names of the entries of a directory."""
     return sorted(path.name for path in directory.iterdir())
 
 
 def test_empty_directory_is_filled_and_stays_the_same(saved: Path, empty: Path) -> None:
-    """The volume of a container is mounted on it, and cannot be replaced."""
+    """A mount point, such as a container volume, cannot be replaced, so its inode remains."""
     before = empty.stat().st_ino
 
     assert restore(load_settings(data_dir=empty), saved).runs == 2
@@ -48,7 +48,7 @@ def test_empty_directory_is_filled_and_stays_the_same(saved: Path, empty: Path) 
 
 
 def test_link_to_an_empty_directory_stays_a_link(saved: Path, empty: Path, tmp_path: Path) -> None:
-    """What it names is filled."""
+    """The restore fills the directory that the link points to."""
     link = tmp_path / "link"
     link.symlink_to(empty)
 
@@ -60,7 +60,7 @@ def test_link_to_an_empty_directory_stays_a_link(saved: Path, empty: Path, tmp_p
 
 
 def test_link_to_nothing_stays_a_link(saved: Path, tmp_path: Path) -> None:
-    """What it names is made."""
+    """The restore creates the directory that the link points to."""
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "there")
 
@@ -71,7 +71,7 @@ def test_link_to_nothing_stays_a_link(saved: Path, tmp_path: Path) -> None:
 
 
 def test_bad_backup_leaves_the_directory_empty(saved: Path, empty: Path) -> None:
-    """And there, for another."""
+    """The directory remains available for another restore."""
     saved.write_bytes(saved.read_bytes()[:5000])
 
     with pytest.raises(InputError):
@@ -83,7 +83,7 @@ def test_bad_backup_leaves_the_directory_empty(saved: Path, empty: Path) -> None
 def test_move_that_fails_leaves_the_directory_empty(
     saved: Path, empty: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Half a data directory would be served."""
+    """The service would serve a partly restored directory."""
 
     def failing(_: Any) -> None:
         raise OSError(5, "Input/output error")
@@ -101,8 +101,8 @@ def test_move_that_fails_leaves_the_directory_empty(
     assert names(empty) == []
 
 
-def test_what_a_crash_left_is_refused_by_restore_and_service(saved: Path, empty: Path) -> None:
-    """The power went while entries were moved up: two of them are there."""
+def test_interrupted_restore_is_refused_by_restore_and_service(saved: Path, empty: Path) -> None:
+    """A crash during the move leaves some of the entries in the directory."""
     (empty / ".restoring").mkdir()
     for part in ("runs", "fits"):
         (empty / part).mkdir()
@@ -116,10 +116,10 @@ def test_what_a_crash_left_is_refused_by_restore_and_service(saved: Path, empty:
     assert names(empty) == [".restoring", "fits", "runs"]
 
 
-def test_nothing_that_came_meanwhile_is_overwritten(
+def test_restore_overwrites_no_file_created_meanwhile(
     saved: Path, empty: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Someone put a database there while the backup was read."""
+    """A database is created in the target directory while the backup is read."""
     original = module._fill
 
     def fill(directory: Path, backup: Path) -> Any:

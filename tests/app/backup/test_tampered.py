@@ -1,4 +1,4 @@
-"""A backup whose database someone has changed, sums and all, is refused."""
+"""Backups whose database was modified, together with its checksum, are rejected."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CHANGES = {
 
 
 def tampered(backup: Path, statements: str) -> None:
-    """Change the database of a backup, and its sum with it."""
+    """Modify the database of a backup and update its checksum."""
     file, sums = backup / "motorid.sqlite3", backup / "SHA256SUMS"
     old = hashlib.sha256(file.read_bytes()).hexdigest()
     database = sqlite3.connect(file)
@@ -51,7 +51,7 @@ def tampered(backup: Path, statements: str) -> None:
 
 @pytest.mark.parametrize("kind", CHANGES)
 def test_tampered_database_is_refused(settings: Settings, tmp_path: Path, kind: str) -> None:
-    """Ids become paths that retention removes, and a trigger does what no caller asked for."""
+    """Invalid IDs would become paths that retention deletes; triggers would alter statements."""
     back_up(settings, tmp_path / "saved")
     tampered(tmp_path / "saved", CHANGES[kind])
 
@@ -61,8 +61,8 @@ def test_tampered_database_is_refused(settings: Settings, tmp_path: Path, kind: 
     assert not list(tmp_path.glob("there*"))
 
 
-def test_backup_of_an_older_version_is_taken(settings: Settings, tmp_path: Path) -> None:
-    """It lacks an index, which the next start makes."""
+def test_backup_of_an_older_version_is_accepted(settings: Settings, tmp_path: Path) -> None:
+    """It lacks an index, which the next start of the service creates."""
     back_up(settings, tmp_path / "saved")
     tampered(tmp_path / "saved", "DROP INDEX ix_fits_motor")
 

@@ -1,4 +1,4 @@
-"""Batches are accepted whole or not at all, and quickly: others wait to write meanwhile."""
+"""Creation of batches: accepted or rejected as a whole, in a short transaction."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ ALICE = Caller("alice")
 
 
 class Sleeper:
-    """A supervisor that has nothing to do."""
+    """Supervisor that starts no fit."""
 
     def wake(self) -> None:
-        """Hear that there is a fit, and let it wait."""
+        """Ignore the new fit."""
 
 
 @pytest.fixture
 def batches(database: Database, tmp_path: Path) -> BatchService:
-    """The service, which lets a thousand fits wait."""
+    """Batch service with a quota of a thousand waiting fits."""
     storage = Storage(tmp_path / "data", "bench")
     return BatchService(database, storage, cast("Supervisor", Sleeper()), Quotas(0, 0, 1000))
 
 
 def motors(run_ids: Sequence[str], number: int) -> list[FitRequest]:
-    """Runs dealt out to motors, the last of each for validation."""
+    """Requests of motors that divide the runs among them; the last run of each is validation."""
     most = len(run_ids) // number
     dealt = [run_ids[first * most : (first + 1) * most] for first in range(number)]
     options = {"controllers": ["P:1"]}
@@ -54,7 +54,7 @@ def motors(run_ids: Sequence[str], number: int) -> list[FitRequest]:
 def test_statements_of_a_batch_do_not_grow_with_its_motors(
     database: Database, batches: BatchService, number: int
 ) -> None:
-    """Twenty find the 10,000 runs of 200 motors, and a handful write; one a run would be 10,000."""
+    """A batch of 200 motors with 10,000 runs needs fewer than 40 SQL statements."""
     requests = motors(keep_runs(database, "alice", 50 * number), number)
 
     with statements(database, written=True) as seen:
@@ -67,7 +67,7 @@ def test_statements_of_a_batch_do_not_grow_with_its_motors(
 def test_fits_of_a_batch_keep_their_order_and_runs(
     database: Database, batches: BatchService
 ) -> None:
-    """What was asked for is what is there."""
+    """The stored fits have the motors and runs of the request, in its order."""
     requests = motors(keep_runs(database, "alice", 40), 8)
 
     made = batches.create(ALICE, requests, "fleet", None)
@@ -82,10 +82,10 @@ def test_fits_of_a_batch_keep_their_order_and_runs(
 
 
 @pytest.mark.parametrize("missing", ["foreign", "unknown", "no id"])
-def test_missing_run_is_named_with_its_motor_and_nothing_is_kept(
+def test_missing_run_is_named_with_its_motor_and_nothing_is_stored(
     database: Database, batches: BatchService, missing: str
 ) -> None:
-    """The last of four motors names a run that is not in the workspace."""
+    """One run of the last of four motors is not in the workspace."""
     requests = motors(keep_runs(database, "alice", 40), 4)
     run = {
         "foreign": keep_runs(database, "bob", 1)[0],
@@ -99,10 +99,10 @@ def test_missing_run_is_named_with_its_motor_and_nothing_is_kept(
     assert batches.page(ALICE, after=None, limit=10) == ([], None)
 
 
-def test_run_that_goes_while_the_batch_waits_to_be_written_is_missed(
+def test_run_deleted_during_the_creation_is_missing(
     database: Database, batches: BatchService
 ) -> None:
-    """A deletion that was first holds the row, so that the batch sees what it left."""
+    """The batch waits for the lock of the concurrent deletion and then sees its effect."""
     ids = keep_runs(database, "alice", 4)
 
     with ThreadPoolExecutor(1) as pool:
@@ -115,10 +115,10 @@ def test_run_that_goes_while_the_batch_waits_to_be_written_is_missed(
     assert batches.page(ALICE, after=None, limit=10) == ([], None)
 
 
-def test_batch_of_more_runs_than_the_limit_is_refused_before_anything_is_asked(
+def test_limit_of_runs_is_checked_before_any_query(
     database: Database, batches: BatchService
 ) -> None:
-    """One run too many; as many as may be are only missing."""
+    """A batch at the limit passes this check and fails at its missing runs."""
     ids = [f"run{number}" for number in range(MOST_RUNS)]
     requests = motors(ids, 100)
 
@@ -131,8 +131,10 @@ def test_batch_of_more_runs_than_the_limit_is_refused_before_anything_is_asked(
     assert seen == []
 
 
-def test_same_key_at_the_same_time_is_one_batch(database: Database, batches: BatchService) -> None:
-    """Four callers with one Idempotency-Key; another request under it is refused."""
+def test_concurrent_requests_with_one_key_are_one_batch(
+    database: Database, batches: BatchService
+) -> None:
+    """Another request with the same Idempotency-Key is rejected."""
     requests = motors(keep_runs(database, "alice", 40), 4)
 
     with ThreadPoolExecutor(4) as pool:
@@ -144,10 +146,8 @@ def test_same_key_at_the_same_time_is_one_batch(database: Database, batches: Bat
         batches.create(ALICE, requests[:3], None, "key")
 
 
-def test_batch_for_which_the_queue_has_no_place_keeps_nothing(
-    database: Database, batches: BatchService
-) -> None:
-    """600 wait of 1000 that may, and 401 more would be too many."""
+def test_batch_beyond_the_quota_stores_nothing(database: Database, batches: BatchService) -> None:
+    """With 600 of 1000 fits waiting, a batch of 401 is rejected."""
     ids = keep_runs(database, "alice", 1202)
     batches.create(ALICE, motors(ids[:1200], 600), None, None)
 

@@ -1,4 +1,4 @@
-"""One word for many fits."""
+"""Combined state of the fits of a batch."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ from app.tables import BatchRow
         ({"succeeded": 3, "failed": 0}, "succeeded"),
     ],
 )
-def test_status_of_a_batch_is_that_of_its_fits_together(
-    counts: dict[str, int], status: str
-) -> None:
-    """docs/http.md, "Batches"."""
+def test_status_of_a_batch_follows_from_its_fits(counts: dict[str, int], status: str) -> None:
+    """The rules are those of docs/http.md, section "Batches"."""
     assert StoredBatch(BatchRow(id="batch"), counts).status == status

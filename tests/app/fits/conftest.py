@@ -1,4 +1,4 @@
-"""What tests of the supervisor share."""
+"""Shared fixture of the supervisor tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.app.fits.supervised import Bench
 
 @pytest.fixture
 def bench(database: Database, tmp_path: Path) -> Iterator[Bench]:
-    """A bench that is stopped afterwards."""
+    """Supervisor on a mock engine, stopped after the test."""
     made = Bench(database, tmp_path / "data")
     yield made
     made.supervisor.stop()

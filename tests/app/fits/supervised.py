@@ -1,4 +1,4 @@
-"""A supervisor with an engine that does what the test says, in place of processes."""
+"""Supervisor on a mock engine whose jobs are controlled by the test."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from app.tables import FitRow
 
 @dataclass
 class Running(AbstractRunning):
-    """A job of which the test says what it tells and how it ends."""
+    """Mock job whose messages and end are set by the test."""
 
     job: FitJob
     told: list[dict[str, Any]] = field(default_factory=list)
@@ -31,31 +31,31 @@ class Running(AbstractRunning):
     is_killed: bool = False
 
     def messages(self) -> list[dict[str, Any]]:
-        """What the test put in."""
+        """Return the messages set by the test, once."""
         told, self.told = self.told, []
         return told
 
     def exit(self) -> str | None:
-        """What the test said."""
+        """Return the end set by the test."""
         return self.end
 
     def log_tail(self) -> str:
-        """Nothing was printed."""
+        """Return an empty log."""
         return ""
 
     def kill(self) -> None:
-        """Remember it."""
+        """Record the kill."""
         self.is_killed = True
 
     def succeed(self) -> None:
-        """Leave a result and end."""
+        """Write a result and end successfully."""
         (Path(self.job.directory) / "result.json").write_text("{}")
         self.told.append({"done": True})
         self.end = "exit status 0"
 
 
 class Engine(AbstractEngine):
-    """Remembers what was started; may refuse to start."""
+    """Mock engine that records started jobs and can refuse to start."""
 
     def __init__(self) -> None:
         self.started: list[Running] = []
@@ -64,21 +64,21 @@ class Engine(AbstractEngine):
         self.most = 2
 
     def open(self) -> None:
-        """There is nothing to begin."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """There is nothing to end."""
+        """Do nothing."""
 
     def capacity(self) -> int:
-        """What the test said."""
+        """Return the capacity set by the test."""
         return self.most
 
     def threads(self, jobs: int) -> int:
-        """A share of eight."""
+        """Return an equal share of eight cores."""
         return 8 // max(1, min(jobs, self.most))
 
     def start(self, job: FitJob) -> AbstractRunning:
-        """Start nothing."""
+        """Record the job without a process, or refuse to start it."""
         if self.refusals:
             self.refusals -= 1
             raise OSError(11, "no process to be had")
@@ -89,7 +89,7 @@ class Engine(AbstractEngine):
 
 
 class Bench:
-    """A supervisor with what it needs."""
+    """Supervisor with a database, a data directory and a mock engine."""
 
     def __init__(self, database: Database, directory: Path, **settings: object) -> None:
         self.database = database
@@ -110,11 +110,11 @@ class Bench:
 
     @property
     def former(self) -> str:
-        """Name of a server that was here before."""
+        """Name of an earlier server at the same place."""
         return f"{self.storage.place}/former"
 
     def queue(self, **changes: object) -> str:
-        """Let a fit wait."""
+        """Store a queued fit and return its ID."""
         request = FitRequest(["run"], [], {"controllers": ["P:1"]})
         row = new_row(Caller("default"), request)
         for name, value in changes.items():
@@ -125,25 +125,25 @@ class Bench:
         return row.id
 
     def state(self, fit_id: str) -> FitRow:
-        """A fit as it is now."""
+        """Current row of a fit."""
         with self.database.reading() as session:
             row = session.get(FitRow, fit_id)
         assert row is not None
         return row
 
     def started(self, number: int) -> Running:
-        """The job that was started last, once there are so many."""
+        """Job number `number` of the engine; waits until it is started."""
         until(lambda: len(self.engine.started) >= number)
         return self.engine.started[number - 1]
 
     def ended(self, fit_id: str) -> FitRow:
-        """A fit once it has ended."""
+        """Row of a fit after it has ended."""
         until(lambda: self.state(fit_id).status in repository.ENDED)
         return self.state(fit_id)
 
 
 def until(condition: Callable[[], bool]) -> None:
-    """Wait for something that the supervisor's thread does."""
+    """Wait until a condition holds, which the supervisor's thread brings about."""
     deadline = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"

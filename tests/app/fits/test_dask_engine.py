@@ -1,4 +1,4 @@
-"""A cluster that is lost and comes back, and what must not happen meanwhile."""
+"""Dask engine during failures of its cluster."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FIT = "fit_" + "x" * 26
 
 
 class Bench:
-    """An engine with a cluster of its own and a data directory."""
+    """Dask engine with a data directory."""
 
     def __init__(self, directory: Path, address: str, **settings: object) -> None:
         self.storage = Storage(directory, "bench")
@@ -32,7 +32,7 @@ class Bench:
         self.engine = DaskEngine(chosen, self.storage)
 
     def start(self, seed: int, attempt: int, *, is_begun: bool = False) -> AbstractRunning:
-        """Start an attempt; with `is_begun` as Dask does it again after it lost a worker."""
+        """Start an attempt; `is_begun` simulates a task that Dask repeats after losing a worker."""
         directory = self.storage.attempt(FIT, attempt)
         directory.mkdir(parents=True)
         if is_begun:
@@ -41,7 +41,7 @@ class Bench:
 
 
 def until(condition: Callable[[], object]) -> None:
-    """Wait for something that another process does."""
+    """Wait until a condition holds, which another process brings about."""
     deadline = time.monotonic() + 30
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
@@ -50,15 +50,15 @@ def until(condition: Callable[[], object]) -> None:
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """A cluster that the test may break."""
+    """Cluster of one worker, which the test may kill."""
     with Cluster.running(tmp_path / "cluster") as made:
         yield made
 
 
-def test_lost_worker_and_lost_scheduler_lose_what_ran_and_nothing_else(
+def test_lost_worker_or_scheduler_loses_only_running_attempts(
     tmp_path: Path, cluster: Cluster
 ) -> None:
-    """Both attempts end as lost and not as crashed; each time the cluster is then used again."""
+    """Both attempts end as lost, not as crashed; after the restart the cluster is used again."""
     bench = Bench(tmp_path / "data", cluster.address)
     with opened(bench.engine):
         first = bench.start(SLOW, 1)
@@ -87,13 +87,13 @@ def test_lost_worker_and_lost_scheduler_lose_what_ran_and_nothing_else(
     assert not (bench.storage.attempt(FIT, 1) / "result.json").exists()
 
 
-def test_attempt_is_begun_once_and_a_cluster_that_begins_nothing_is_given_time(
+def test_attempt_starts_once_and_a_failing_cluster_is_paused(
     tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A task that Dask makes a second time is lost and touches nothing.
+    """A repeated task reports the attempt as lost and leaves its directory unchanged.
 
-    Then the data directory vanishes under the worker, as a volume does that is not mounted: the
-    attempt is lost before it began, and for a time there is no capacity.
+    If the worker does not find the directory, as with a missing volume, the attempt is lost
+    before it starts, and the capacity is 0 for a time.
     """
     bench = Bench(tmp_path / "data", cluster.address)
     with opened(bench.engine):
@@ -115,8 +115,8 @@ def test_attempt_is_begun_once_and_a_cluster_that_begins_nothing_is_given_time(
 
 
 @pytest.mark.skipif(OPENSSL is None, reason="openssl is not installed")
-def test_cluster_with_certificates_takes_jobs_from_who_has_one(tmp_path: Path) -> None:
-    """The same job over TLS; with a certificate of another authority there is no connection."""
+def test_tls_cluster_requires_a_certificate_of_its_authority(tmp_path: Path) -> None:
+    """A certificate of another authority gives no connection."""
     ours, others = (Certificates.made(tmp_path / name) for name in ("ours", "others"))
     with Cluster.running(tmp_path / "cluster", certificates=ours) as cluster:
         bench = Bench(tmp_path / "data", cluster.address, **files(ours))
@@ -133,7 +133,7 @@ def test_cluster_with_certificates_takes_jobs_from_who_has_one(tmp_path: Path) -
 
 
 def files(certificates: Certificates) -> dict[str, object]:
-    """The settings that name certificates."""
+    """Settings for the certificate files."""
     return {
         "dask_tls_ca_file": certificates.ca,
         "dask_tls_cert_file": certificates.certificate,
@@ -142,7 +142,7 @@ def files(certificates: Certificates) -> dict[str, object]:
 
 
 def test_engine_without_a_scheduler_has_no_capacity_and_can_be_closed(tmp_path: Path) -> None:
-    """Nothing listens on the port; opening does not wait, closing does not hang."""
+    """Opening does not wait for an unreachable scheduler, and closing does not hang."""
     bench = Bench(tmp_path, f"tcp://127.0.0.1:{free_port()}")
 
     began = time.monotonic()
@@ -155,8 +155,8 @@ def test_engine_without_a_scheduler_has_no_capacity_and_can_be_closed(tmp_path: 
     assert capacity == 0
 
 
-def test_cluster_is_not_imported_where_one_machine_computes() -> None:
-    """Its import takes a second of each start; a fresh interpreter is asked."""
+def test_local_engine_does_not_import_dask() -> None:
+    """The import would add a second to each start; a new interpreter is checked."""
     words = "import sys, app.composition, app.server; print('distributed' in sys.modules)"
 
     told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)

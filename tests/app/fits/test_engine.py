@@ -1,4 +1,4 @@
-"""What computes, started and ended for real: the same tests for each engine."""
+"""Compute engines with real processes: the same tests for both engines."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tests.app.service import PRETENDED, run_text
 
 
 def job(directory: Path, seed: int) -> FitJob:
-    """A job of the pretended pipeline."""
+    """Job that runs the mock pipeline."""
     (directory / "run").write_bytes(run_text(1))
     run = RunFile(str(directory / "run"), "a.csv", None)
     options = {"seed": seed, "controllers": ["P:1"], "temperatures": [25.0]}
@@ -45,7 +45,7 @@ def job(directory: Path, seed: int) -> FitJob:
 def engine(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[AbstractEngine]:
-    """Each engine in turn; what computes knows the pretended pipeline."""
+    """Local engine and Dask engine, each with the mock pipeline."""
     directory = tmp_path_factory.mktemp("engine")
     if request.param == "local":
         fork_server = ForkServer(
@@ -58,7 +58,7 @@ def engine(
 
     with Cluster.running(directory / "cluster") as cluster:
         settings = load_settings(engine="dask", dask_scheduler=cluster.address)
-        # The directories of all tests are below this one.
+        # The paths of jobs must be below the data directory of the Dask engine.
         storage = Storage(tmp_path_factory.getbasetemp(), "bench")
         with opened(DaskEngine(settings, storage)) as engine:
             yield engine
@@ -66,7 +66,7 @@ def engine(
 
 @contextmanager
 def opened(engine: AbstractEngine) -> Iterator[AbstractEngine]:
-    """An engine that can take a job."""
+    """Open an engine, wait until it has capacity, and close it after the block."""
     engine.open()
     try:
         deadline = time.monotonic() + 30
@@ -79,7 +79,7 @@ def opened(engine: AbstractEngine) -> Iterator[AbstractEngine]:
 
 
 def is_running(process: int) -> bool:
-    """Whether a process has not ended; one that only waits to be counted has."""
+    """Return True if a process has not ended; a zombie has ended."""
     try:
         state = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0]
     except (FileNotFoundError, ProcessLookupError):
@@ -88,7 +88,7 @@ def is_running(process: int) -> bool:
 
 
 def ended(running: AbstractRunning) -> tuple[str, list[dict[str, Any]]]:
-    """How a process ended, and everything that it told."""
+    """End of a job and all its messages."""
     told: list[dict[str, Any]] = []
     deadline = time.monotonic() + 60
     while (end := running.exit()) is None:
@@ -100,8 +100,8 @@ def ended(running: AbstractRunning) -> tuple[str, list[dict[str, Any]]]:
     return end, told
 
 
-def test_job_is_computed_in_a_group_of_its_own(tmp_path: Path, engine: AbstractEngine) -> None:
-    """It tells its progress in order and, last, that all is on the disk."""
+def test_job_reports_progress_and_completion(tmp_path: Path, engine: AbstractEngine) -> None:
+    """The stages are reported in order; `done` is the last message."""
     running = engine.start(job(tmp_path, QUICK))
 
     end, told = ended(running)
@@ -114,10 +114,10 @@ def test_job_is_computed_in_a_group_of_its_own(tmp_path: Path, engine: AbstractE
 
 
 @pytest.mark.parametrize(("seed", "end"), [(RAISES, "exit status 1"), (SILENT, "exit status 0")])
-def test_crash_is_told_from_an_end(
+def test_crash_sends_neither_done_nor_failed(
     tmp_path: Path, engine: AbstractEngine, seed: int, end: str
 ) -> None:
-    """A bug prints its trace for the log; neither says that it is done or why it failed."""
+    """After an exception the log contains the traceback."""
     running = engine.start(job(tmp_path, seed))
 
     found, told = ended(running)
@@ -134,20 +134,20 @@ def test_crash_is_told_from_an_end(
         (NO_SOLUTION, {"code": "computation"}),
     ],
 )
-def test_job_says_itself_why_it_failed(
+def test_job_reports_an_expected_error(
     tmp_path: Path, engine: AbstractEngine, seed: int, failed: dict[str, Any]
 ) -> None:
-    """The library's own error with its place; the process ends in good order."""
+    """The message carries the error with its source location; the process exits normally."""
     end, told = ended(engine.start(job(tmp_path, seed)))
 
     assert end == "exit status 0"
     assert failed.items() <= told[-1]["failed"].items()
 
 
-def test_killed_job_is_gone_within_a_second_with_what_it_started(
+def test_killed_job_ends_with_its_child_within_a_second(
     tmp_path: Path, engine: AbstractEngine
 ) -> None:
-    """The job wrote down its process and that of its child."""
+    """The mock fit writes the IDs of its process and of its child to a file."""
     running = engine.start(job(tmp_path, FAMILY))
     pids = tmp_path / "pids"
     deadline = time.monotonic() + 30
@@ -166,8 +166,8 @@ def test_killed_job_is_gone_within_a_second_with_what_it_started(
     assert running.exit() is not None
 
 
-def test_crash_of_one_job_leaves_the_others_alone(tmp_path: Path, engine: AbstractEngine) -> None:
-    """One is killed by a signal while another runs beside it."""
+def test_crash_of_one_job_does_not_affect_another(tmp_path: Path, engine: AbstractEngine) -> None:
+    """A job succeeds although another one is killed by a signal while it runs."""
     slow, killed = tmp_path / "slow", tmp_path / "killed"
     for directory in (slow, killed):
         directory.mkdir()
@@ -178,8 +178,8 @@ def test_crash_of_one_job_leaves_the_others_alone(tmp_path: Path, engine: Abstra
     assert ended(beside)[1][-1] == {"done": True}
 
 
-def test_job_comes_out_as_it_was_sent(tmp_path: Path) -> None:
-    """Runs with their mappings, options and all."""
+def test_job_survives_a_json_round_trip(tmp_path: Path) -> None:
+    """Runs, mappings and options are equal after encoding and decoding."""
     run = RunFile("/data/runs/x", "ä.csv", {"current_A": {"column": "i", "scale": 2.5}})
     saved = FitJob("fit", 3, str(tmp_path), (run,), (run, run), {"seed": 1}, "a:b")
 
@@ -193,7 +193,7 @@ def test_job_comes_out_as_it_was_sent(tmp_path: Path) -> None:
     [(4, None, 1, 4), (4, None, 2, 2), (4, None, 3, 1), (4, None, 90, 1), (1, None, 90, 4)]
     + [(9, None, 9, 1), (4, 3, 1, 3), (4, 3, 90, 3)],
 )
-def test_a_fit_has_its_share_of_four_cores_unless_told_otherwise(
+def test_threads_are_an_equal_share_of_the_cores_unless_set(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     workers: int,
@@ -201,7 +201,7 @@ def test_a_fit_has_its_share_of_four_cores_unless_told_otherwise(
     jobs: int,
     threads: int,
 ) -> None:
-    """Cores over jobs at once, rounded down, and at least one: threads beyond cores only wait."""
+    """The share is rounded down and at least one; more threads than cores would only wait."""
     monkeypatch.setattr("app.fits.engine.cores", lambda: 4)
     fork_server = ForkServer("app.fits.worker", temporary=tmp_path)
 
@@ -211,7 +211,7 @@ def test_a_fit_has_its_share_of_four_cores_unless_told_otherwise(
 def test_secrets_of_the_server_do_not_reach_the_computing_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The address of the database may hold a password."""
+    """The URL of the database may contain a password."""
     monkeypatch.setenv("MOTORID_DATABASE_URL", "postgresql://user:password@host/base")
 
     environment = child_environment(tmp_path)

@@ -1,4 +1,4 @@
-"""Streams of events, read from rows that the test moves."""
+"""Event streams of a fit, for given sequences of rows."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from app.tables import FitRow
 
 
 def row(status: str = "running", version: int = 3, fraction: float = 0.5) -> FitRow:
-    """A fit in some state."""
+    """Row of a fit in a given state."""
     made = new_row(Caller("default"), FitRequest(["run"], [], {"controllers": ["P:1"]}))
     made.status, made.version, made.fraction, made.stage = status, version, fraction, "fit"
     return made
 
 
 class Told(Listener):
-    """Sees one row after the other, without waiting."""
+    """Listener that returns given rows without waiting."""
 
     def __init__(self, rows: list[FitRow | None]) -> None:
         self.left = iter(rows)
 
     def look(self) -> FitRow | None:
-        """The next row; none where there is none left."""
+        """Return the next row, or None after the last one."""
         return next(self.left, None)
 
     async def wait(self, seconds: float) -> None:
-        """The next row is there already."""
+        """Return at once."""
 
 
 def heard(
@@ -43,10 +43,10 @@ def heard(
     keep_alive_s: float = 60.0,
     is_stopping: Callable[[], bool] = lambda: False,
 ) -> list[str]:
-    """Everything that a listener gets while the fit goes through some states."""
+    """Complete stream of a fit that passes through given states."""
 
     async def listen() -> list[str]:
-        """All parts of the stream."""
+        """Collect all parts of the stream."""
         stream = events.stream(
             Told(rows), version=version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
         )
@@ -55,8 +55,8 @@ def heard(
     return asyncio.run(listen())
 
 
-def test_each_change_is_told_once_and_the_end_last() -> None:
-    """Three versions, one of them seen twice."""
+def test_each_version_is_sent_once_and_the_end_last() -> None:
+    """A version that is read twice is sent once."""
     rows = [row(version=1), row(version=2), row(version=2), row("succeeded", 3, 1.0)]
 
     parts = heard([*rows])
@@ -72,20 +72,20 @@ def test_each_change_is_told_once_and_the_end_last() -> None:
     assert all(part.endswith("\n\n") for part in parts)
 
 
-def test_listener_that_has_a_version_hears_later_ones_only() -> None:
-    """Version 2 is known."""
+def test_listener_receives_only_later_versions() -> None:
+    """A listener with version 2 receives version 4 only."""
     parts = heard([row(version=2), row(version=4), None], version=2)
 
     assert [part.splitlines()[1] for part in parts[1:]] == ["id: 4"]
 
 
 def test_stream_ends_when_the_fit_is_removed() -> None:
-    """Nothing is said about what is gone."""
+    """No event is sent for a removed fit."""
     assert len(heard([None])) == 1
 
 
 def test_stream_ends_when_the_service_stops() -> None:
-    """In the middle of a fit."""
+    """The stream of a running fit ends without an `end` event."""
     looks = iter([False, False, True])
 
     parts = heard([row(version=1), row(version=2), row(version=3)], is_stopping=lambda: next(looks))
@@ -93,8 +93,8 @@ def test_stream_ends_when_the_service_stops() -> None:
     assert len(parts) == 3
 
 
-def test_silence_is_filled_with_comments() -> None:
-    """A line that begins with a colon, which listeners leave out."""
+def test_idle_stream_sends_comments() -> None:
+    """A line that begins with a colon is ignored by event listeners."""
     parts = heard([row(version=1)] * 5, version=1, keep_alive_s=0.0)
 
     assert parts[1:] == [": keep-alive\n\n"] * 5
@@ -104,13 +104,13 @@ def test_silence_is_filled_with_comments() -> None:
     ("header", "version"),
     [(None, 0), ("", 0), ("7", 7), (" 7 ", 7), ("-1", 0), ("x", 0), ("9" * 30, 0), ("٣", 0)],
 )
-def test_last_event_id_of_another_form_counts_as_none(header: str | None, version: int) -> None:
-    """The header comes from outside."""
+def test_invalid_last_event_id_counts_as_none(header: str | None, version: int) -> None:
+    """The header is untrusted input."""
     assert events.last_version(header) == version
 
 
-def test_only_the_end_of_an_ended_fit_keeps_a_listener_away() -> None:
-    """A listener that missed the last change, or whose fit runs, is welcome."""
+def test_only_a_received_final_state_ends_reconnection() -> None:
+    """A listener reconnects if it missed the final state or if the fit still runs."""
     assert events.has_heard_the_end(row("failed", 5), 5)
     assert not events.has_heard_the_end(row("failed", 5), 4)
     assert not events.has_heard_the_end(row("running", 5), 5)

@@ -1,4 +1,4 @@
-"""Outputs of a fit: sealed with their hashes, and compared with them when they are read."""
+"""Output files of a fit: sealed with checksums that every read verifies."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ CONTENT = {"result.json": b'{"parameters": {}}', "report.html": b"<p>x", "poster
 
 @pytest.fixture
 def attempt(tmp_path: Path) -> Path:
-    """The directory of an attempt that succeeded."""
+    """Directory of a successful attempt."""
     for name, content in CONTENT.items():
         (tmp_path / name).write_bytes(content)
     seal(tmp_path)
     return tmp_path
 
 
-def test_sealed_outputs_come_back_as_they_were_written(attempt: Path) -> None:
-    """Byte by byte, and the sums are those of GNU coreutils."""
+def test_sealed_outputs_are_read_unchanged(attempt: Path) -> None:
+    """GNU coreutils can verify the checksum file."""
     for name, content in CONTENT.items():
         with open_output(attempt, name) as file:
             assert file.read() == content
@@ -36,22 +36,18 @@ def test_sealed_outputs_come_back_as_they_were_written(attempt: Path) -> None:
 
 @pytest.mark.parametrize("name", CONTENT)
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_output_that_is_not_what_was_written_is_not_opened(
-    attempt: Path, name: str, damage: str
-) -> None:
-    """Whatever has become of it; the others open."""
+def test_damaged_output_is_not_opened(attempt: Path, name: str, damage: str) -> None:
+    """The other outputs can still be opened."""
     DAMAGES[damage](attempt / name)
 
-    with pytest.raises(OSError):  # noqa: PT011  each damage has an error of its own
+    with pytest.raises(OSError):  # noqa: PT011  each damage causes a different error
         open_output(attempt, name)
     for other in CONTENT.keys() - {name}:
         open_output(attempt, other).close()
 
 
-def test_output_without_permission_is_an_error_of_the_system(
-    attempt: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Pretended, since the permissions of a file do not bind root."""
+def test_unreadable_output_is_an_os_error(attempt: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error is simulated, because file permissions do not apply to root."""
 
     def refuse(path: Path) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
@@ -63,16 +59,16 @@ def test_output_without_permission_is_an_error_of_the_system(
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_sums_that_are_lost_lose_no_output(attempt: Path, damage: str) -> None:
-    """What cannot be compared is given as it is."""
+def test_lost_checksums_lose_no_output(attempt: Path, damage: str) -> None:
+    """Without a readable checksum file, outputs are read without verification."""
     DAMAGES[damage](attempt / "SHA256SUMS")
 
     assert read_result(attempt) == {"parameters": {}}
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2]", "[" * 100_000, '{"a": "\udcff"}'])
-def test_result_without_sums_is_at_least_an_object(attempt: Path, text: str) -> None:
-    """A result of an older version has no sums."""
+def test_result_without_checksums_must_be_a_json_object(attempt: Path, text: str) -> None:
+    """Results of older versions have no checksums."""
     (attempt / "SHA256SUMS").unlink()
     (attempt / "result.json").write_bytes(text.encode("utf-8", "surrogateescape"))
 
@@ -80,8 +76,8 @@ def test_result_without_sums_is_at_least_an_object(attempt: Path, text: str) -> 
         read_result(attempt)
 
 
-def test_sums_say_which_outputs_there_have_to_be(attempt: Path) -> None:
-    """A fit without a posterior has two; every fit has a result and a report."""
+def test_checksums_list_the_expected_outputs(attempt: Path) -> None:
+    """Result and report are always expected, the posterior only if the checksums list it."""
     assert expected_outputs(attempt) == CONTENT.keys()
     (attempt / "posterior.nc").unlink()
     seal(attempt)

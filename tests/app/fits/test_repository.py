@@ -1,4 +1,4 @@
-"""Fencing: what an attempt that is no longer the current one may write, which is nothing."""
+"""Optimistic locking of fits: only the current attempt can write."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OPTIONS = {"seed": 0, "controllers": list(FitOptions().controllers)}
 
 
 def queue(database: Database, number: int = 1) -> list[str]:
-    """Let some fits wait."""
+    """Insert some queued fits."""
     rows = [new_row(CALLER, FitRequest([f"run{n}"], [], OPTIONS)) for n in range(number)]
     for position, row in enumerate(rows):
         row.position = position
@@ -33,7 +33,7 @@ def queue(database: Database, number: int = 1) -> list[str]:
 
 
 def take(database: Database, owner: str, now: float = 0.0) -> FitRow | None:
-    """Claim the fit that waits longest, for ten seconds."""
+    """Claim the fit that has waited longest, with a lease of ten seconds."""
     with database.writing() as session:
         row = repository.next_queued(session)
         if row is None or not repository.claim(session, row, owner, now, now + 10.0):
@@ -43,7 +43,7 @@ def take(database: Database, owner: str, now: float = 0.0) -> FitRow | None:
 
 
 def state(database: Database, fit_id: str) -> FitRow:
-    """A fit as it is now."""
+    """Current row of a fit."""
     with database.reading() as session:
         row = session.get(FitRow, fit_id)
     assert row is not None
@@ -51,27 +51,27 @@ def state(database: Database, fit_id: str) -> FitRow:
 
 
 def finished(session: Session, fit_id: str, attempt: int) -> bool:
-    """Try to end a fit with success."""
+    """Try to end a fit as succeeded."""
     return repository.finish(session, fit_id, attempt, status="succeeded", now=9.0)
 
 
 def renewed(session: Session, fit_id: str, attempt: int) -> bool:
-    """Try to tell of progress."""
+    """Try to renew a lease and store progress."""
     return repository.renew(
         session, fit_id, attempt, lease_until=99.0, progress={"stage": "x", "fraction": 0.5}
     )
 
 
 def put_back(session: Session, fit_id: str, attempt: int) -> bool:
-    """Try to let a fit wait again."""
+    """Try to requeue a fit."""
     return repository.put_back(session, fit_id, attempt, failures=1)
 
 
 @pytest.mark.parametrize("write", [finished, renewed, put_back])
-def test_attempt_that_was_given_up_can_write_nothing(
+def test_replaced_attempt_cannot_write(
     database: Database, write: Callable[[Session, str, int], bool]
 ) -> None:
-    """The first attempt lost its lease; the second is not disturbed by what the first does."""
+    """The first attempt cannot change the row; the second, which replaced it, can."""
     [fit] = queue(database)
     take(database, "first")
     with database.writing() as session:
@@ -90,10 +90,10 @@ def test_attempt_that_was_given_up_can_write_nothing(
 
 
 @pytest.mark.parametrize("write", [finished, renewed, put_back])
-def test_nothing_is_written_about_a_fit_that_was_cancelled(
+def test_cancelled_fit_accepts_no_write(
     database: Database, write: Callable[[Session, str, int], bool]
 ) -> None:
-    """Cancelled is not left, whatever the process still says."""
+    """A cancelled fit stays cancelled, whatever its process still reports."""
     [fit] = queue(database)
     take(database, "first")
     with database.writing() as session:
@@ -107,8 +107,8 @@ def test_nothing_is_written_about_a_fit_that_was_cancelled(
         assert not repository.cancel(session, fit, 6.0)
 
 
-def test_each_fit_is_claimed_once_however_many_ask(database: Database) -> None:
-    """Six threads take twenty fits: each fit once, and each in its first attempt."""
+def test_each_fit_is_claimed_once_by_concurrent_servers(database: Database) -> None:
+    """Six threads claim twenty fits once each, as first attempts."""
     fits = queue(database, 20)
     taken: list[str] = []
 
@@ -126,8 +126,8 @@ def test_each_fit_is_claimed_once_however_many_ask(database: Database) -> None:
     assert sorted(taken) == sorted(fits)
 
 
-def test_fits_are_taken_in_the_order_in_which_they_came(database: Database) -> None:
-    """Same time, as within a batch: by their position."""
+def test_fits_are_claimed_in_order(database: Database) -> None:
+    """Fits of a batch have equal creation times and are ordered by position."""
     fits = queue(database, 5)
 
     taken = [take(database, "owner") for _ in fits]
@@ -149,7 +149,7 @@ def test_fits_are_taken_in_the_order_in_which_they_came(database: Database) -> N
 def test_fit_is_taken_over_when_its_server_is_gone(
     database: Database, owner: str, now: float, *, is_expired: bool
 ) -> None:
-    """Another place's after its lease of ten seconds, this place's former server's at once."""
+    """A fit of another place needs an expired lease; one of a former server here does not."""
     queue(database)
     take(database, owner)
 
@@ -159,8 +159,8 @@ def test_fit_is_taken_over_when_its_server_is_gone(
     assert bool(rows) == is_expired
 
 
-def test_heartbeat_alone_is_no_news(database: Database) -> None:
-    """The version, by which listeners know what they have, moves with progress only."""
+def test_heartbeat_does_not_change_the_version(database: Database) -> None:
+    """The version, by which listeners detect changes, increases with progress only."""
     [fit] = queue(database)
     take(database, "owner")
     version = state(database, fit).version
@@ -175,8 +175,8 @@ def test_heartbeat_alone_is_no_news(database: Database) -> None:
     assert state(database, fit).version == version + 1
 
 
-def test_removing_a_fit_removes_what_it_says_about_its_runs(database: Database) -> None:
-    """No row about the fit stays."""
+def test_removing_a_fit_removes_its_assignment_of_runs(database: Database) -> None:
+    """No row of the fit remains in either table."""
     [fit] = queue(database)
     with database.reading() as session:
         assert repository.run_ids(session, [fit])[fit]["training"] == ["run"]
@@ -190,10 +190,8 @@ def test_removing_a_fit_removes_what_it_says_about_its_runs(database: Database) 
 
 
 @pytest.mark.parametrize("number", [1, 600])
-def test_runs_of_a_page_of_fits_are_read_in_few_queries_and_without_objects(
-    database: Database, number: int
-) -> None:
-    """Two queries for 600 fits, and the runs in their order; objects cost six times the time."""
+def test_runs_of_many_fits_need_two_queries_and_no_objects(database: Database, number: int) -> None:
+    """Two queries read the runs of 600 fits; ORM objects would take six times as long."""
     training, validation = [f"run{n}" for n in (3, 1, 2)], ["run0"]
     request = FitRequest(training, validation, {"controllers": ["P:1"]})
     made = [(new_row(Caller("alice"), request), request) for _ in range(number)]

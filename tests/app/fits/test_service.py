@@ -1,4 +1,4 @@
-"""Outputs of fits that are removed at that moment."""
+"""Fits that are deleted while their outputs are read."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ READ: dict[str, Callable[[FitService, str], Any]] = {
 
 @pytest.fixture
 def fits(bench: Bench) -> FitService:
-    """The calls about the fits of a bench."""
+    """Fit service of a bench."""
     return FitService(bench.database, bench.storage, bench.supervisor, Quotas())
 
 
 def succeeded(bench: Bench, *, batch_id: str | None = None) -> FitRow:
-    """A fit that succeeded, with its outputs."""
+    """Succeeded fit with its outputs."""
     row = fit_row("default", "succeeded", ended_at=1.0, batch_id=batch_id)
     with bench.database.writing() as session:
         session.add(row)
@@ -47,7 +47,7 @@ def succeeded(bench: Bench, *, batch_id: str | None = None) -> FitRow:
 def at_its(
     turn: int, bench: Bench, act: Callable[[], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Let something happen just before a path of an output is used for the n-th time."""
+    """Call a function just before the n-th use of an output path."""
     attempt, left = bench.storage.attempt, iter(range(1, 100))
 
     def disturbed(fit_id: str, number: int) -> Path:
@@ -61,10 +61,10 @@ def at_its(
 @pytest.mark.parametrize(
     ("what", "turn"), [("fit", 1), ("fit", 2), ("report", 1), ("posterior", 1)]
 )
-def test_fit_that_is_removed_while_it_is_read_is_not_found(
+def test_fit_deleted_while_it_is_read_is_not_found(
     bench: Bench, fits: FitService, what: str, turn: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between its row and each of its files: neither half an answer nor one about the service."""
+    """The error is neither an incomplete response nor a fault of the service."""
     row = succeeded(bench)
     at_its(turn, bench, lambda: fits.delete(CALLER, row.id), monkeypatch)
 
@@ -73,10 +73,8 @@ def test_fit_that_is_removed_while_it_is_read_is_not_found(
 
 
 @pytest.mark.parametrize("what", ["fit", "report"])
-def test_output_that_is_lost_is_a_fault_of_the_service(
-    bench: Bench, fits: FitService, what: str
-) -> None:
-    """The fit is there and its files are not: nobody removed it."""
+def test_lost_output_is_a_fault_of_the_service(bench: Bench, fits: FitService, what: str) -> None:
+    """The row of the fit still exists, so no client has deleted it."""
     row = succeeded(bench)
     bench.storage.remove_fit(row.id)
 
@@ -84,8 +82,8 @@ def test_output_that_is_lost_is_a_fault_of_the_service(
         READ[what](fits, row.id)
 
 
-def test_fit_without_a_posterior_says_so(bench: Bench, fits: FitService) -> None:
-    """The other outputs are there."""
+def test_missing_posterior_is_not_ready(bench: Bench, fits: FitService) -> None:
+    """The fit reports that it has no posterior; its result can be read."""
     row = succeeded(bench)
     (bench.storage.attempt(row.id, row.attempt) / "posterior.nc").unlink()
 
@@ -95,7 +93,7 @@ def test_fit_without_a_posterior_says_so(bench: Bench, fits: FitService) -> None
 
 
 def in_batch(bench: Bench) -> tuple[BatchService, str, list[FitRow]]:
-    """A batch of two fits that succeeded."""
+    """Batch of two succeeded fits."""
     batch = BatchRow(
         id=new_id("batch"),
         workspace="default",
@@ -112,10 +110,10 @@ def in_batch(bench: Bench) -> tuple[BatchService, str, list[FitRow]]:
 
 
 @pytest.mark.parametrize("turn", [1, 2])
-def test_batch_that_is_removed_while_its_table_is_made_is_not_found(
+def test_batch_deleted_while_its_table_is_made_is_not_found(
     bench: Bench, turn: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before its first and before its second result is read."""
+    """The batch is deleted before its first or second result is read."""
     batches, batch_id, _ = in_batch(bench)
     at_its(turn, bench, lambda: batches.delete(CALLER, batch_id), monkeypatch)
 
@@ -123,10 +121,10 @@ def test_batch_that_is_removed_while_its_table_is_made_is_not_found(
         batches.table(CALLER, batch_id, "csv")
 
 
-def test_fit_that_is_removed_while_the_table_is_made_is_left_out(
+def test_fit_deleted_while_the_table_is_made_is_left_out(
     bench: Bench, fits: FitService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One of two: the table is that of a batch with one."""
+    """The table has one row for the remaining one of two fits."""
     batches, batch_id, rows = in_batch(bench)
     at_its(1, bench, lambda: fits.delete(CALLER, rows[0].id), monkeypatch)
 

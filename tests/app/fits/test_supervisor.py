@@ -1,4 +1,4 @@
-"""What the supervisor makes of jobs that succeed, fail, crash, hang or cannot be started."""
+"""Supervisor: jobs that succeed, fail, crash, hang or cannot be started."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.app.fits.supervised import Bench, until
 
 
 def test_fit_succeeds_when_its_job_is_done(bench: Bench) -> None:
-    """Progress is written while it runs, the end when it is over."""
+    """Progress is stored while the job runs, the final state when it ends."""
     fit = bench.queue()
     running = bench.started(1)
     running.told.append({"progress": {"stage": "posterior", "fraction": 0.25}})
@@ -28,17 +28,17 @@ def test_fit_succeeds_when_its_job_is_done(bench: Bench) -> None:
     assert (row.status, row.attempt, row.failures) == ("succeeded", 1, 0)
     assert row.lease_until is None
     assert row.ended_at is not None
-    # Counted once the row is written, by which the end is seen here.
+    # The counter increases after the row is written, which ended() has seen.
     until(lambda: bench.metrics.registry.get_sample_value("motorid_fit_seconds_count") == 1)
 
 
 @pytest.mark.parametrize(
     "told", [[], [{"progress": {"stage": "fit", "fraction": 1.0}}], [{"done": True}]]
 )
-def test_job_that_ends_without_its_result_is_tried_three_times(
+def test_job_without_a_result_is_attempted_three_times(
     bench: Bench, told: list[dict[str, Any]]
 ) -> None:
-    """Whether it was silent or claims to be done with nothing on the disk."""
+    """A job crashes if it ends silently, or reports `done` without files on disk."""
     fit = bench.queue()
     for number in (1, 2, 3):
         running = bench.started(number)
@@ -56,8 +56,8 @@ def test_job_that_ends_without_its_result_is_tried_three_times(
     until(lambda: not bench.storage.fit(fit).exists())
 
 
-def test_job_that_says_why_it_failed_is_not_tried_again(bench: Bench) -> None:
-    """The same input fails in the same way."""
+def test_reported_failure_is_not_retried(bench: Bench) -> None:
+    """The same input would fail in the same way."""
     fit = bench.queue()
     running = bench.started(1)
     running.told.append({"failed": {"code": "computation", "detail": "no solution"}})
@@ -70,7 +70,7 @@ def test_job_that_says_why_it_failed_is_not_tried_again(bench: Bench) -> None:
 
 
 def test_end_of_the_engine_is_not_counted_against_the_fit(bench: Bench) -> None:
-    """Lost five times, more than the crashes that are allowed; then it succeeds."""
+    """A fit that was lost with its engine five times still succeeds."""
     fit = bench.queue()
     for number in range(1, 6):
         bench.started(number).end = LOST
@@ -82,7 +82,7 @@ def test_end_of_the_engine_is_not_counted_against_the_fit(bench: Bench) -> None:
 
 
 def test_cancelled_fit_is_killed_and_leaves_nothing(bench: Bench) -> None:
-    """Within a look around of the supervisor after it was woken."""
+    """The job is killed within a second after the supervisor was woken."""
     fit = bench.queue()
     running = bench.started(1)
 
@@ -97,21 +97,21 @@ def test_cancelled_fit_is_killed_and_leaves_nothing(bench: Bench) -> None:
     assert bench.state(fit).status == "cancelled"
 
 
-def test_result_that_comes_after_the_cancelling_is_dropped(bench: Bench) -> None:
-    """The job was done in the moment in which it was cancelled."""
+def test_result_after_the_cancellation_is_discarded(bench: Bench) -> None:
+    """The job succeeds at the moment of the cancellation."""
     fit = bench.queue()
     running = bench.started(1)
     with bench.database.writing() as session:
         repository.cancel(session, fit, time.time())
-        # Before the cancelling can be seen: its outputs still have a place.
+        # The directory still exists, because the cancellation is not committed yet.
         running.succeed()
     until(lambda: not bench.storage.attempt(fit, 1).exists())
 
     assert bench.state(fit).status == "cancelled"
 
 
-def test_job_that_takes_too_long_is_ended(database: Database, tmp_path: Path) -> None:
-    """A limit of a tenth of a second."""
+def test_job_beyond_the_time_limit_is_killed(database: Database, tmp_path: Path) -> None:
+    """The time limit is 0.1 s."""
     bench = Bench(database, tmp_path / "data", fit_wall_s=0.1)
     fit = bench.queue()
 
@@ -122,8 +122,8 @@ def test_job_that_takes_too_long_is_ended(database: Database, tmp_path: Path) ->
     assert bench.engine.started[0].is_killed
 
 
-def test_crash_that_told_its_reason_is_known_by_it(database: Database, tmp_path: Path) -> None:
-    """An exit status says nothing to a user; that there was no memory does."""
+def test_reported_cause_of_a_crash_is_shown(database: Database, tmp_path: Path) -> None:
+    """A cause such as "out of memory" helps a user more than an exit status."""
     bench = Bench(database, tmp_path / "data", max_attempts=1)
     fit = bench.queue()
     running = bench.started(1)
@@ -139,8 +139,8 @@ def test_crash_that_told_its_reason_is_known_by_it(database: Database, tmp_path:
     }
 
 
-def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
-    """Two of three; the third begins when one has ended."""
+def test_parallel_jobs_are_limited_by_the_capacity(bench: Bench) -> None:
+    """With a capacity of two, the third job starts when another one has ended."""
     for _ in range(3):
         bench.queue()
     first = bench.started(2)
@@ -153,7 +153,7 @@ def test_no_more_jobs_run_than_there_are_workers(bench: Bench) -> None:
 
 
 def test_fits_share_the_cores_among_those_that_run_or_wait(bench: Bench) -> None:
-    """Of eight: all for one that is alone, half for the second, and half when a third waits too."""
+    """Of eight cores a single fit gets all; with more fits each gets half."""
     bench.queue()
     assert bench.started(1).job.threads == 8
 
@@ -165,8 +165,8 @@ def test_fits_share_the_cores_among_those_that_run_or_wait(bench: Bench) -> None
     assert bench.started(3).job.threads == 4
 
 
-def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> None:
-    """Queued, no failure counted, the process killed."""
+def test_stopped_supervisor_requeues_its_fits(bench: Bench) -> None:
+    """The process is killed, and the stop does not count as a failure."""
     fit = bench.queue()
     running = bench.started(1)
 
@@ -179,7 +179,7 @@ def test_stopped_supervisor_puts_its_fits_back_without_blame(bench: Bench) -> No
 
 
 def test_job_that_cannot_be_started_waits(bench: Bench) -> None:
-    """No process was to be had once; the attempt that never began is not counted at all."""
+    """A refused start does not count as an attempt."""
     bench.engine.refusals = 1
     fit = bench.queue()
     bench.started(1).succeed()
@@ -197,10 +197,10 @@ def test_job_that_cannot_be_started_waits(bench: Bench) -> None:
     ],
     ids=["system", "value"],
 )
-def test_job_that_cannot_be_started_fails_and_keeps_no_other_waiting(
+def test_job_that_cannot_be_started_fails_without_blocking_others(
     bench: Bench, error: Exception, reason: str
 ) -> None:
-    """The one behind it is begun while it is tried three times; then it says why it failed."""
+    """The next fit starts between its three attempts; the error gives the last cause."""
     bench.engine.most = 0
     bad, good = bench.queue(), bench.queue()
     bench.engine.refused[bad] = error
@@ -220,8 +220,8 @@ def test_job_that_cannot_be_started_fails_and_keeps_no_other_waiting(
     assert bench.ended(good).status == "succeeded"
 
 
-def test_shortage_of_the_machine_is_no_fault_of_a_fit(bench: Bench) -> None:
-    """No process is to be had four times, more than the refusals that a fit may cause."""
+def test_resource_shortage_does_not_count_against_a_fit(bench: Bench) -> None:
+    """Four refusals exceed the limit of three that applies to other errors."""
     bench.engine.refusals = 4
     fit = bench.queue()
     bench.started(1).succeed()
@@ -237,8 +237,8 @@ def test_shortage_of_the_machine_is_no_fault_of_a_fit(bench: Bench) -> None:
     + [{"stage": "x" * 101, "fraction": 0.5, "status": "succeeded"}]
     + [{"stage": "fit", "fraction": float("nan")}],
 )
-def test_progress_that_is_none_stops_nothing(bench: Bench, progress: object) -> None:
-    """The job goes on to its end, and so does the one beside it."""
+def test_invalid_progress_is_ignored(bench: Bench, progress: object) -> None:
+    """The job and a parallel one both succeed."""
     fit, other = bench.queue(), bench.queue()
     bench.started(2)
     for running in bench.engine.started:
@@ -250,8 +250,8 @@ def test_progress_that_is_none_stops_nothing(bench: Bench, progress: object) -> 
     assert [bench.ended(one).status for one in (fit, other)] == ["succeeded"] * 2
 
 
-def test_fits_wait_while_the_engine_can_take_none(bench: Bench) -> None:
-    """Its scheduler is away, say; no attempt is spent on it."""
+def test_fits_wait_while_the_engine_has_no_capacity(bench: Bench) -> None:
+    """No attempt is counted, for example while a Dask scheduler is unreachable."""
     bench.engine.most = 0
     fit = bench.queue()
     time.sleep(0.3)
@@ -263,10 +263,10 @@ def test_fits_wait_while_the_engine_can_take_none(bench: Bench) -> None:
     assert bench.started(1).job.attempt == 1
 
 
-def test_success_is_kept_where_the_answer_to_its_commit_was_lost(
+def test_success_survives_a_lost_commit_confirmation(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The row says succeeded, the connection broke: the second try must not remove the result."""
+    """The commit succeeds but the connection breaks: the retry must not remove the result."""
     from sqlalchemy.exc import OperationalError
 
     real = repository.finish
@@ -291,10 +291,10 @@ def test_success_is_kept_where_the_answer_to_its_commit_was_lost(
     assert (bench.storage.attempt(fit, 1) / "result.json").is_file()
 
 
-def test_supervisor_survives_a_database_that_does_not_answer(
+def test_supervisor_survives_an_unreachable_database(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It fails for some looks around, then the fit goes on as if nothing had been."""
+    """After three failed polls the next fit succeeds."""
     from sqlalchemy.exc import OperationalError
 
     real = bench.database.reading

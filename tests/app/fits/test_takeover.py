@@ -1,4 +1,4 @@
-"""Fits that another server holds, or held before it ended."""
+"""Fits held by another server, or by an earlier one."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tests.app.fits.supervised import Bench
 def test_fit_of_another_server_of_this_machine_is_left_alone(
     bench: Bench, database: Database, tmp_path: Path
 ) -> None:
-    """Two on one database, each with its directory: one fit, begun once, as its first attempt."""
+    """Two servers with separate data directories on one database do not share a fit."""
     fit = bench.queue()
     running = bench.started(1)
     other = Bench(database, tmp_path / "other")
-    time.sleep(1.2)  # two looks around
+    time.sleep(1.2)  # two polls
     other.supervisor.stop()
 
     assert other.engine.started == []
@@ -25,8 +25,8 @@ def test_fit_of_another_server_of_this_machine_is_left_alone(
     assert (bench.state(fit).attempt, bench.state(fit).owner) == (1, bench.owner)
 
 
-def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> None:
-    """Its lease would run for an hour; it is begun at once, as its second attempt."""
+def test_fit_of_a_former_server_is_taken_over_at_once(bench: Bench) -> None:
+    """The second attempt starts although the lease has an hour left."""
     fit = bench.queue(
         status="running", attempt=1, owner=bench.former, lease_until=time.time() + 3600
     )
@@ -37,8 +37,8 @@ def test_fit_of_a_former_server_of_this_machine_is_taken_up(bench: Bench) -> Non
     assert bench.state(fit).failures == 0
 
 
-def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench) -> None:
-    """Fifty kills of the server during one fit are no coincidence."""
+def test_fit_that_repeatedly_kills_its_server_is_given_up(bench: Bench) -> None:
+    """After fifty kills of the server during one fit, the fit fails."""
     fit = bench.queue(
         status="running", attempt=51, interruptions=50, owner=bench.former, lease_until=0.0
     )
@@ -48,8 +48,8 @@ def test_fit_that_takes_its_server_down_again_and_again_is_given_up(bench: Bench
     assert (row.status, row.error and row.error["code"]) == ("failed", "interrupted")
 
 
-def test_only_a_kill_of_the_server_is_counted(bench: Bench) -> None:
-    """Sixty attempts that ended with their engine count nothing; the kill of the server counts."""
+def test_only_server_kills_count_as_interruptions(bench: Bench) -> None:
+    """Attempts lost with their engine do not count; the kill of the server does."""
     fit = bench.queue(status="running", attempt=60, owner=bench.former, lease_until=0.0)
 
     bench.started(1).end = LOST
@@ -60,12 +60,12 @@ def test_only_a_kill_of_the_server_is_counted(bench: Bench) -> None:
 
 
 def test_fit_whose_server_was_killed_often_runs_alone(bench: Bench) -> None:
-    """Ten kills make it suspect: it waits for the fit that runs, and others wait for it."""
+    """After ten kills a fit waits for running fits, and others wait for it."""
     bench.queue()
     beside = bench.started(1)
     suspect = bench.queue(interruptions=10)
     bench.queue()
-    time.sleep(1.2)  # one look around
+    time.sleep(1.2)  # one poll
     assert len(bench.engine.started) == 1
 
     beside.succeed()
@@ -77,8 +77,8 @@ def test_fit_whose_server_was_killed_often_runs_alone(bench: Bench) -> None:
     bench.started(3)
 
 
-def test_fit_that_was_claimed_and_never_started_is_found(bench: Bench) -> None:
-    """As after an error between the two: this server holds it and no process computes it."""
+def test_claimed_fit_without_a_process_is_restarted(bench: Bench) -> None:
+    """An error between claim and start leaves such a fit with this server as owner."""
     fit = bench.queue(status="running", attempt=1, failures=1, owner=bench.owner, lease_until=1e12)
 
     running = bench.started(1)

@@ -1,4 +1,4 @@
-"""The watcher, with a database that the test changes: what listeners hear, and what it costs."""
+"""Watcher of fits: notifications to listeners, and the number of queries."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.app.statements import statements
 
 
 def stored(database: Database, number: int = 1) -> list[FitRow]:
-    """Some fits that run."""
+    """Some running fits."""
     rows = [fit_row("default", "running") for _ in range(number)]
     with database.writing() as session:
         session.add_all(rows)
@@ -32,23 +32,23 @@ def stored(database: Database, number: int = 1) -> list[FitRow]:
 
 
 def advance(database: Database, row: FitRow) -> None:
-    """Move a fit to its next version."""
+    """Increase the version of a fit."""
     with database.writing() as session:
         statement = update(FitRow).where(FitRow.id == row.id)
         session.execute(statement.values(version=FitRow.version + 1, fraction=0.5))
 
 
 def watched(made: Watcher, scenario: Callable[[], Awaitable[None]]) -> None:
-    """Go through a scenario while the watcher runs."""
+    """Run a scenario concurrently with the watcher."""
 
     async def both() -> None:
-        """Run the watcher beside the scenario."""
+        """Run the watcher during the scenario."""
         running = asyncio.create_task(made.run())
         try:
             await scenario()
             assert not running.done()
         finally:
-            # A look that has begun ends first, and with it all use of the database.
+            # Wait for a poll in progress, which still uses the database.
             running.cancel()
             await asyncio.wait([running])
 
@@ -56,7 +56,7 @@ def watched(made: Watcher, scenario: Callable[[], Awaitable[None]]) -> None:
 
 
 async def until(listener: Listener, condition: Callable[[FitRow | None], bool]) -> FitRow | None:
-    """What a listener sees once it is what was waited for."""
+    """Wait until a row of a listener meets a condition; return the row."""
     deadline = time.monotonic() + 10
     while not condition(row := listener.look()):
         assert time.monotonic() < deadline, "it was not told"
@@ -66,26 +66,26 @@ async def until(listener: Listener, condition: Callable[[FitRow | None], bool]) 
 
 @pytest.fixture
 def access(database: Database) -> AccessService:
-    """Keys of the test's database."""
+    """Access service of the test database."""
     return AccessService(database)
 
 
 @pytest.fixture
 def made(database: Database, access: AccessService) -> Watcher:
-    """A watcher that lets a key listen three times."""
+    """Watcher that permits three listeners per key."""
     return Watcher(database, access, most_streams=3)
 
 
 def test_a_hundred_listeners_cost_as_many_queries_as_one(
     database: Database, access: AccessService
 ) -> None:
-    """A look each 0.3 s: in a second four of a query each, and at most two for keys."""
+    """A poll every 0.3 s sends one query, plus at most two per second for keys."""
     rows = stored(database, 50)
     keys = [access.create_key(f"bench {number}")[0].id for number in range(10)]
     made = Watcher(database, access, most_streams=64)
 
     async def listen() -> None:
-        """Two listeners to each fit, under ten keys."""
+        """Register two listeners per fit, with ten keys."""
         with ExitStack() as stack, statements(database) as sent:
             for number in range(100):
                 stack.enter_context(made.listen(rows[number % 50], keys[number % 10]))
@@ -96,12 +96,12 @@ def test_a_hundred_listeners_cost_as_many_queries_as_one(
     watched(made, listen)
 
 
-def test_nobody_who_listens_costs_nothing(made: Watcher, database: Database) -> None:
-    """The last one left: no query more."""
+def test_no_listener_means_no_query(made: Watcher, database: Database) -> None:
+    """After the last listener has left, no query is sent."""
     (row,) = stored(database)
 
     async def leave() -> None:
-        """Listen, and leave again."""
+        """Register a listener and remove it."""
         with made.listen(row, None):
             pass
         with statements(database) as sent:
@@ -111,8 +111,8 @@ def test_nobody_who_listens_costs_nothing(made: Watcher, database: Database) -> 
     watched(made, leave)
 
 
-def test_listeners_of_one_fit_are_told_the_same_row(made: Watcher, database: Database) -> None:
-    """Both hear of its next version; who listens to another fit is not woken."""
+def test_listeners_of_one_fit_share_its_row(made: Watcher, database: Database) -> None:
+    """Both receive the next version; a listener of another fit is not woken."""
     row, other = stored(database, 2)
 
     async def change() -> None:
@@ -130,8 +130,8 @@ def test_listeners_of_one_fit_are_told_the_same_row(made: Watcher, database: Dat
     watched(made, change)
 
 
-def test_change_between_look_and_wait_is_not_waited_for(made: Watcher, database: Database) -> None:
-    """The listener was busy sending what it had seen."""
+def test_change_between_look_and_wait_ends_the_wait(made: Watcher, database: Database) -> None:
+    """The fit changes while the listener is busy sending."""
     (row,) = stored(database)
 
     async def change() -> None:
@@ -147,8 +147,8 @@ def test_change_between_look_and_wait_is_not_waited_for(made: Watcher, database:
     watched(made, change)
 
 
-def test_removed_fit_is_told_as_none(made: Watcher, database: Database) -> None:
-    """The listener leaves on its own."""
+def test_removed_fit_gives_none(made: Watcher, database: Database) -> None:
+    """The listener then ends its stream."""
     (row,) = stored(database)
 
     async def remove() -> None:
@@ -161,10 +161,10 @@ def test_removed_fit_is_told_as_none(made: Watcher, database: Database) -> None:
     watched(made, remove)
 
 
-def test_listener_under_a_revoked_key_hears_no_more(
+def test_listener_with_a_revoked_key_receives_none(
     made: Watcher, database: Database, access: AccessService
 ) -> None:
-    """Within some seconds; who listens to the same fit under another key goes on."""
+    """A listener of the same fit with another key is not affected."""
     (row,) = stored(database)
     lost, kept = (access.create_key(name)[0].id for name in ("lost", "kept"))
 
@@ -178,10 +178,10 @@ def test_listener_under_a_revoked_key_hears_no_more(
     watched(made, revoke)
 
 
-def test_database_that_fails_for_a_while_ends_nothing(
+def test_listener_survives_failed_polls(
     made: Watcher, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three looks fail; what changed meanwhile is told by the fourth."""
+    """After three failed polls the fourth reports the change."""
     (row,) = stored(database)
     failures = iter([OperationalError("", {}, Exception("away"))] * 3)
     changes = repository.changes
@@ -203,12 +203,12 @@ def test_database_that_fails_for_a_while_ends_nothing(
     watched(made, fail)
 
 
-def test_key_listens_no_more_often_than_it_may(made: Watcher) -> None:
-    """Three of three: the fourth is refused until one leaves; another key is not concerned."""
+def test_listeners_per_key_are_limited(made: Watcher) -> None:
+    """The fourth listener is rejected until one leaves; other keys are not affected."""
     row = fit_row("default", "running")
 
     async def listen() -> None:
-        """Listen, and look at what is told."""
+        """Register listeners and check the result."""
         with ExitStack() as stack:
             streams = [ExitStack() for _ in range(3)]
             for stream in streams:
@@ -223,11 +223,11 @@ def test_key_listens_no_more_often_than_it_may(made: Watcher) -> None:
 
 
 def test_listeners_without_a_key_are_not_counted(made: Watcher) -> None:
-    """A service that asks for no key has nobody to count."""
+    """A service without keys has no limit of listeners."""
     row = fit_row("default", "running")
 
     async def listen() -> None:
-        """Listen, and look at what is told."""
+        """Register listeners and check the result."""
         with ExitStack() as stack:
             seen = [stack.enter_context(made.listen(row, None)).look() for _ in range(100)]
         assert seen == [row] * 100
@@ -235,13 +235,13 @@ def test_listeners_without_a_key_are_not_counted(made: Watcher) -> None:
     asyncio.run(listen())
 
 
-def test_row_that_a_listener_brings_is_told_where_it_is_newer(made: Watcher) -> None:
-    """The one who comes has just read it; an older one changes nothing."""
+def test_newer_row_of_a_new_listener_is_shared(made: Watcher) -> None:
+    """A new listener supplies the row that it has read; an older row is ignored."""
     known, newer = fit_row("default", "running"), fit_row("default", "running")
     newer.id, newer.version = known.id, 2
 
     async def listen() -> None:
-        """Listen, and look at what is told."""
+        """Register listeners and check the result."""
         with made.listen(known, None) as first, made.listen(newer, None):
             assert first.look() is newer
             with made.listen(known, None) as late:
@@ -250,10 +250,10 @@ def test_row_that_a_listener_brings_is_told_where_it_is_newer(made: Watcher) -> 
     asyncio.run(listen())
 
 
-def test_changes_of_many_fits_are_found_in_portions(
+def test_changes_of_many_fits_are_read_in_portions(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Five fits, two a query: one changed, one is gone, the others are not named."""
+    """Only the changed and the removed fit of five are returned, with two fits per query."""
     monkeypatch.setattr(repository, "portions", partial(portions, most=2))
     rows = stored(database, 5)
     advance(database, rows[1])

@@ -1,4 +1,4 @@
-"""Tasks for a fork server; each is named by the task itself."""
+"""Tasks for the tests of the fork server; the content of a task selects its behaviour."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
-    """Do what the task says."""
+    """Behave as the task requests."""
     if "echo" in task:
         os.write(answer, json.dumps({"echo": task["echo"]}).encode() + b"\n")
     if "signal" in task:
@@ -30,5 +30,5 @@ def handle(task: dict[str, Any], answer: int) -> None:
     if "junk" in task:
         os.write(answer, task["junk"].encode() + b"\n")
     if "fills" in task:
-        # As much as a pipe takes, and more than anybody has read when the task is over.
+        # Fill the pipe, so that the exit message has no space.
         os.write(answer, b"x" * 65_536)

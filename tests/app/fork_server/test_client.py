@@ -1,4 +1,4 @@
-"""Tasks in children of a fork server: what they tell, how they end, what is left of them."""
+"""Tasks in children of the fork server: messages, exit and cleanup."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from app.fork_server.client import ForkServer, Task
 
 @pytest.fixture(scope="module")
 def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """A fork server of small tasks."""
+    """Fork server for the test tasks."""
     made = ForkServer(
         "tests.app.fork_server.tasks", temporary=tmp_path_factory.mktemp("fork_server")
     )
@@ -27,7 +27,7 @@ def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer
 
 
 def heard(task: Task) -> list[dict[str, Any]]:
-    """Everything that a task tells until it has ended."""
+    """All messages of a task until it has ended."""
     told: list[dict[str, Any]] = []
     deadline = time.monotonic() + 30
     while not task.has_ended and time.monotonic() < deadline:
@@ -37,14 +37,14 @@ def heard(task: Task) -> list[dict[str, Any]]:
 
 
 def first(task: Task) -> dict[str, Any]:
-    """What a task tells first."""
+    """First message of a task."""
     while not (told := task.messages(wait_s=30.0)):
         assert not task.has_ended
     return told[0]
 
 
 def are_gone(pids: list[int]) -> bool:
-    """Whether processes end within seconds."""
+    """Return True if all processes end within ten seconds."""
     deadline = time.monotonic() + 10
     while any(Path(f"/proc/{pid}").exists() for pid in pids) and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -64,15 +64,15 @@ def are_gone(pids: list[int]) -> bool:
     ],
     ids=["well", "error", "signal", "half a line", "long", "huge task", "junk"],
 )
-def test_task_tells_what_it_has_to_and_how_it_ended(
+def test_messages_of_a_task_end_with_its_exit_code(
     fork_server: ForkServer, task: dict[str, Any], told: list[dict[str, Any]]
 ) -> None:
-    """The last message is the exit, by the numbers of the system; what is no message is dropped."""
+    """Invalid messages are dropped; a signal gives a negative exit code."""
     assert heard(fork_server.fork(task)) == told
 
 
-def test_kill_ends_a_task_with_what_it_started_at_once(fork_server: ForkServer) -> None:
-    """The task wrote down its process and that of its child."""
+def test_kill_ends_a_task_with_its_children(fork_server: ForkServer) -> None:
+    """The task reports the IDs of its process and of its child."""
     task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
 
@@ -85,8 +85,8 @@ def test_kill_ends_a_task_with_what_it_started_at_once(fork_server: ForkServer) 
     assert are_gone(pids)
 
 
-def test_what_a_task_started_ends_with_it(fork_server: ForkServer) -> None:
-    """The task ends by itself and leaves a child behind."""
+def test_children_of_a_task_end_with_it(fork_server: ForkServer) -> None:
+    """The task exits and leaves a child behind, which is killed."""
     task = fork_server.fork({"family": "is left"})
     pids = first(task)["pids"]
 
@@ -95,15 +95,15 @@ def test_what_a_task_started_ends_with_it(fork_server: ForkServer) -> None:
     assert are_gone(pids)
 
 
-def test_many_tasks_are_told_apart(fork_server: ForkServer) -> None:
-    """Thirty at once, each with its own number."""
+def test_parallel_tasks_do_not_mix(fork_server: ForkServer) -> None:
+    """Each of thirty parallel tasks returns its own number."""
     tasks = [fork_server.fork({"echo": number}) for number in range(30)]
 
     assert [heard(task)[0]["echo"] for task in tasks] == list(range(30))
 
 
-def test_end_of_the_fork_server_is_told_from_an_end_of_the_task(fork_server: ForkServer) -> None:
-    """No exit is told; the children are gone, and the next task runs in a new fork server."""
+def test_end_of_the_fork_server_gives_no_exit_message(fork_server: ForkServer) -> None:
+    """Its children end, and the next task runs in a new fork server."""
     task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
     assert fork_server.pid is not None
@@ -116,8 +116,8 @@ def test_end_of_the_fork_server_is_told_from_an_end_of_the_task(fork_server: For
     assert heard(fork_server.fork({"echo": 1}))[0] == {"echo": 1}
 
 
-def test_stopped_fork_server_takes_its_children_with_it(tmp_path: Path) -> None:
-    """Process, child and grandchild; nothing has to be waited for."""
+def test_stopped_fork_server_kills_its_descendants(tmp_path: Path) -> None:
+    """Fork server, child and grandchild end without delay."""
     fork_server = ForkServer("tests.app.fork_server.tasks", temporary=tmp_path)
     task = fork_server.fork({"family": "stays"})
     pids = first(task)["pids"]
@@ -134,7 +134,7 @@ def test_stopped_fork_server_takes_its_children_with_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("message", [b"F", b"Fabc", b"K", b"Kabc", b"{}", b"\xff" * 300])
 def test_fork_server_survives_any_message(fork_server: ForkServer, message: bytes) -> None:
-    """A task that runs meanwhile ends by itself, in the same process, with what it has to tell."""
+    """Running and later tasks are not affected, and the process remains the same."""
     task = fork_server.fork({"family": "stays"})
     first(task)
     process = fork_server.pid
@@ -152,8 +152,8 @@ def test_fork_server_survives_any_message(fork_server: ForkServer, message: byte
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\xff" * 1000, b"[" * 100_000, b"3"])
-def test_task_that_cannot_be_read_ends_alone(fork_server: ForkServer, content: bytes) -> None:
-    """The child reads the task, so that nothing in it reaches the fork server."""
+def test_malformed_task_affects_only_its_child(fork_server: ForkServer, content: bytes) -> None:
+    """The child parses the task, so its content cannot affect the fork server."""
     beside = fork_server.fork({"family": "stays"})
     first(beside)
     process = fork_server.pid
@@ -172,8 +172,8 @@ def test_task_that_cannot_be_read_ends_alone(fork_server: ForkServer, content: b
     beside.kill()
 
 
-def test_end_of_a_task_that_nobody_reads_keeps_no_other_waiting(fork_server: ForkServer) -> None:
-    """Its pipe is full when it ends, so that there is no room for how it ended."""
+def test_full_pipe_of_an_ended_task_blocks_no_other(fork_server: ForkServer) -> None:
+    """The exit message waits until the pipe has space."""
     unread = [fork_server.fork({"fills": 1}) for _ in range(3)]
     time.sleep(0.5)
 
@@ -183,8 +183,8 @@ def test_end_of_a_task_that_nobody_reads_keeps_no_other_waiting(fork_server: For
     assert [heard(task) for task in unread] == [[{"exit": 0}]] * 3
 
 
-def test_task_is_heard_where_thousands_of_files_are_open(fork_server: ForkServer) -> None:
-    """As in a server with many connections: `select` refuses descriptors from 1024 on."""
+def test_task_works_with_a_thousand_open_files(fork_server: ForkServer) -> None:
+    """A busy server has descriptors above 1024, which `select` cannot handle."""
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     if limits[1] < 1200:
         pytest.skip("the system allows too few open files")

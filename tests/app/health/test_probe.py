@@ -1,4 +1,4 @@
-"""The health check of the container, against a service that is ready and against what is not."""
+"""Health check of the container, with ready, unready and unreachable services."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tests.app.service import serving
 
 
 class Unready(BaseHTTPRequestHandler):
-    """Answers as a service does whose database is gone."""
+    """Handler that answers like a service without a database."""
 
     def do_GET(self) -> None:
-        """503 with a word why."""
+        """Answer 503 with the reason."""
         self.send_response(503)
         self.end_headers()
         self.wfile.write(b'{"status":"not ready"}')
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Suppress the log."""
 
 
 @contextmanager
@@ -38,8 +38,8 @@ def unready_server() -> Iterator[int]:
         thread.join()
 
 
-def test_service_is_ready_on_the_port_that_is_set_whatever_names_it_has(tmp_path: Path) -> None:
-    """The variables that the service has; its list of names does not hold the probe's address."""
+def test_probe_uses_the_port_and_works_with_any_allowed_hosts(tmp_path: Path) -> None:
+    """The probe reads the variables of the service; its address need not be an allowed host."""
     with serving(tmp_path, "--no-auth", ALLOWED_HOSTS="motor.example") as server:
         port = str(urlsplit(server.url).port)
         told = unready({"MOTORID_HOST": "127.0.0.1", "MOTORID_PORT": port})
@@ -47,16 +47,16 @@ def test_service_is_ready_on_the_port_that_is_set_whatever_names_it_has(tmp_path
     assert told is None
 
 
-def test_what_is_not_ready_is_said_with_its_answer() -> None:
-    """On one line, with the status and the words of the service."""
+def test_unready_service_is_reported_with_its_response() -> None:
+    """One line gives the status and the reason of the service."""
     with unready_server() as port:
         told = unready({"MOTORID_PORT": str(port)})
 
     assert told == '/readyz answers 503: {"status":"not ready"}'
 
 
-def test_where_nothing_answers_the_address_is_named() -> None:
-    """A port that was free a moment ago; and one that is no number."""
+def test_unreachable_address_is_named() -> None:
+    """This holds for a closed port and for a port that is no number."""
     port = free_port()
 
     assert str(unready({"MOTORID_PORT": str(port)})).startswith(

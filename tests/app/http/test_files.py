@@ -1,4 +1,4 @@
-"""Answers that are files, sent to a client within the process."""
+"""File responses, sent to a client within the process."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from app.errors import BadRequest, RangeOutside
 from app.http.files import OpenFileResponse
 
 CONTENT = bytes(range(256)) * 1000
-"""More than is read at once."""
+"""Content larger than one read block."""
 
 
 def sent(response: OpenFileResponse, **headers: str) -> httpx.Response:
-    """What a client gets."""
+    """Response that a client receives."""
 
     async def get() -> httpx.Response:
-        """Ask once."""
+        """Send one request."""
         transport = httpx.ASGITransport(app=response)
         async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
             return await client.get("/", headers=headers)
@@ -29,7 +29,7 @@ def sent(response: OpenFileResponse, **headers: str) -> httpx.Response:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """A file with that content."""
+    """File with the test content."""
     path = tmp_path / "draws"
     path.write_bytes(CONTENT)
     return path
@@ -37,14 +37,12 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def response(path: Path) -> OpenFileResponse:
-    """The answer that is that file."""
+    """File response for the test file."""
     return OpenFileResponse(path.open("rb"), media_type="application/x-netcdf", filename="a.nc")
 
 
-def test_file_that_is_removed_meanwhile_is_sent_whole(
-    path: Path, response: OpenFileResponse
-) -> None:
-    """It lost its name after it was opened, and another took that."""
+def test_file_deleted_meanwhile_is_sent_completely(path: Path, response: OpenFileResponse) -> None:
+    """The open file is sent, although its path now names another file."""
     path.unlink()
     path.write_bytes(b"another")
 
@@ -68,10 +66,10 @@ def test_file_that_is_removed_meanwhile_is_sent_whole(
         ("bytes=10-999999", CONTENT[10:]),
     ],
 )
-def test_part_of_a_file_that_is_removed_meanwhile_is_sent(
+def test_range_of_a_file_deleted_meanwhile_is_sent(
     path: Path, response: OpenFileResponse, asked: str, expected: bytes
 ) -> None:
-    """206 and those bytes."""
+    """The response is 206 with the requested bytes."""
     path.unlink()
 
     answer = sent(response, Range=asked)
@@ -80,8 +78,8 @@ def test_part_of_a_file_that_is_removed_meanwhile_is_sent(
 
 
 @pytest.mark.parametrize("asked", ["bytes", "bytes=", "bytes=x-y", "lines=1-2", "bytes=5-2", "=,"])
-def test_range_that_cannot_be_read_is_refused(response: OpenFileResponse, asked: str) -> None:
-    """Before anything is sent, and the file is closed."""
+def test_malformed_range_is_refused(response: OpenFileResponse, asked: str) -> None:
+    """The error is raised before anything is sent, and the file is closed."""
     with pytest.raises(BadRequest, match="expected `bytes=FIRST-LAST`"):
         sent(response, Range=asked)
 
@@ -90,7 +88,7 @@ def test_range_that_cannot_be_read_is_refused(response: OpenFileResponse, asked:
 
 @pytest.mark.parametrize("asked", ["bytes=256000-", "bytes=9999999-99999999", "bytes=-0"])
 def test_range_outside_the_file_is_refused(response: OpenFileResponse, asked: str) -> None:
-    """The error says how many bytes there are."""
+    """The error gives the size of the file."""
     with pytest.raises(RangeOutside, match="expected a range within its 256000 bytes") as refusal:
         sent(response, Range=asked)
 

@@ -1,4 +1,4 @@
-"""The table from errors to statuses."""
+"""Mapping from error classes to HTTP statuses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLASSES = [
 
 
 def made(kind: type[errors.ServiceError]) -> errors.ServiceError:
-    """An error of a class."""
+    """Error of a class."""
     if kind is errors.FieldRefused:
         return errors.FieldRefused("text", "field")
     if kind is errors.RunRefused:
@@ -31,10 +31,10 @@ def made(kind: type[errors.ServiceError]) -> errors.ServiceError:
 
 
 @pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
-def test_every_error_of_the_service_has_a_status_and_a_word(
+def test_every_service_error_has_a_status_and_a_code(
     kind: type[errors.ServiceError],
 ) -> None:
-    """Each leaf of the tree reaches a status from 400 on, with a code of its own."""
+    """Each leaf class has a status of at least 400 and a unique code."""
     answer = problem_of(made(kind))
 
     body = json.loads(bytes(answer.body))
@@ -45,8 +45,8 @@ def test_every_error_of_the_service_has_a_status_and_a_word(
     assert sum(other.code == kind.code for other in CLASSES) == 1
 
 
-def test_tree_in_the_text_is_the_tree_in_the_code() -> None:
-    """Each class stands in the drawing at the top of its file."""
+def test_documented_error_tree_is_complete() -> None:
+    """The drawing in the module docstring names each class."""
     drawing = inspect.getdoc(errors)
 
     assert drawing is not None
@@ -55,7 +55,7 @@ def test_tree_in_the_text_is_the_tree_in_the_code() -> None:
 
 
 def test_every_error_of_a_run_file_is_unprocessable() -> None:
-    """The library knows no statuses; all leaves below InputError are the caller's fault."""
+    """Every subclass of InputError is a fault of the request and maps to 422."""
     leaves = [
         kind
         for _, kind in inspect.getmembers(library, inspect.isclass)
@@ -67,8 +67,8 @@ def test_every_error_of_a_run_file_is_unprocessable() -> None:
         assert problem_of(kind("text")).status_code == 422, kind
 
 
-def test_problem_says_where_the_fault_is() -> None:
-    """File, row and column as fields, and in the words."""
+def test_problem_gives_the_source_location() -> None:
+    """File, row and column are members and part of the detail."""
     error = NotANumber("'x' is not a number", file="a.csv", row=7, column="current_A")
 
     body = json.loads(bytes(problem_of(error).body))
@@ -78,21 +78,21 @@ def test_problem_says_where_the_fault_is() -> None:
     assert body["detail"] == "a.csv, row 7, column current_A: 'x' is not a number"
 
 
-def test_problem_without_a_place_has_no_empty_fields() -> None:
-    """RFC 9457: members that do not apply are left out."""
+def test_problem_without_a_location_omits_its_members() -> None:
+    """RFC 9457: members that do not apply are omitted."""
     body = json.loads(bytes(problem_of(OptionError("hold is 'x'")).body))
 
     assert {"file", "row", "column", "errors"} & body.keys() == set()
 
 
-def test_challenge_and_time_to_wait_are_said() -> None:
+def test_challenge_and_retry_time_are_headers() -> None:
     """RFC 9110: 401 carries WWW-Authenticate, 503 may carry Retry-After."""
     assert "www-authenticate" in problem_of(errors.BadKey("no key")).headers
     assert "retry-after" in problem_of(errors.Unavailable("later")).headers
 
 
 def test_table_lists_no_class_that_its_parent_covers() -> None:
-    """An entry equal to that of the nearest parent would only be noise."""
+    """A class with the status of its base class needs no entry."""
     for kind, status in STATUS.items():
         parents = [STATUS[parent] for parent in kind.__mro__[1:] if parent in STATUS]
         assert not parents or parents[0] != status, kind

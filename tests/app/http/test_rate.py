@@ -1,4 +1,4 @@
-"""The token bucket of a key, against the arithmetic of one."""
+"""Token bucket of a key, compared with its defining inequality."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from app.http.rate import Bucket
 
 
-def test_burst_is_let_through_and_the_next_call_waits() -> None:
-    """Five at once; at two a second the sixth comes after half a second."""
+def test_burst_passes_and_the_next_call_waits() -> None:
+    """After a burst of five at 2 tokens/s, the sixth call must wait 0.5 s."""
     bucket = Bucket(rate_per_s=2.0, burst=5, left=5.0, filled=0.0)
 
     assert [bucket.take(0.0) for _ in range(5)] == [None] * 5
@@ -21,7 +21,7 @@ def test_burst_is_let_through_and_the_next_call_waits() -> None:
 
 
 def test_bucket_holds_no_more_than_its_burst() -> None:
-    """After a day of silence there are five calls, not 172,800."""
+    """After a day without calls the bucket holds five tokens, not 172,800."""
     bucket = Bucket(rate_per_s=2.0, burst=5, left=0.0, filled=0.0)
 
     assert [bucket.take(86_400.0) is None for _ in range(6)] == [True] * 5 + [False]
@@ -32,10 +32,10 @@ def test_bucket_holds_no_more_than_its_burst() -> None:
     rate=st.floats(0.1, 50.0),
     burst=st.integers(1, 50),
 )
-def test_no_span_of_time_sees_more_calls_than_burst_and_rate(
+def test_calls_never_exceed_burst_plus_rate_times_time(
     waits: list[float], rate: float, burst: int
 ) -> None:
-    """From its start to any moment t a token bucket passes at most burst + rate * t calls."""
+    """In any time t from the start, a token bucket passes at most burst + rate * t calls."""
     bucket = Bucket(rate, burst, float(burst), 0.0)
     now, passed = 0.0, 0
     for wait in waits:
@@ -46,8 +46,8 @@ def test_no_span_of_time_sees_more_calls_than_burst_and_rate(
 
 
 @given(rate=st.floats(0.1, 50.0), burst=st.integers(1, 50))
-def test_wait_that_is_told_is_long_enough(rate: float, burst: int) -> None:
-    """Whoever waits as long as he is told is let through."""
+def test_reported_wait_is_sufficient(rate: float, burst: int) -> None:
+    """A call after the reported wait is accepted."""
     bucket = Bucket(rate, burst, 0.0, 0.0)
 
     wait = bucket.take(0.0)

@@ -1,4 +1,4 @@
-"""Numbers and times as the pages show them."""
+"""Numbers and times as formatted for the web pages."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ RUN = RunOut.model_json_schema()["examples"][0]
 FIT = FitSummary.model_json_schema()["examples"][0]
 
 
-def test_run_is_shown_with_units_and_without_what_it_has_not() -> None:
-    """The example of the interface, less its temperature."""
+def test_run_is_shown_with_units() -> None:
+    """A channel that the run does not have is a dash."""
     channels = {name: span for name, span in RUN["channels"].items() if name != "temperature_degC"}
 
     shown = run_view(RunOut.model_validate(RUN | {"channels": channels}))
@@ -25,7 +25,7 @@ def test_run_is_shown_with_units_and_without_what_it_has_not() -> None:
 
 
 def test_warnings_of_a_run_name_the_column() -> None:
-    """Beside a table of files it is the column that a reader looks for."""
+    """A warning about a channel begins with its column."""
     dead = {"code": "constant_channel", "message": "never moves", "column": "current_A"}
     whole = {"code": "no_temperature", "message": "no temperature"}
 
@@ -43,13 +43,13 @@ def test_warnings_of_a_run_name_the_column() -> None:
         ("2026-11-21T14:30:00.120000Z", "2 h 30 min"),
     ],
 )
-def test_time_a_fit_took_is_shown_in_fitting_units(ended: str | None, took: str) -> None:
-    """It began at 12:00:00.12."""
+def test_duration_of_a_fit_is_shown_in_suitable_units(ended: str | None, took: str) -> None:
+    """The start time of the example is 12:00:00.12."""
     assert fit_view(FitSummary.model_validate(FIT | {"ended_at": ended}), {})["took"] == took
 
 
-def test_runs_of_a_fit_are_shown_by_name_where_it_is_known() -> None:
-    """By id otherwise."""
+def test_runs_of_a_fit_are_shown_by_name_if_known() -> None:
+    """A run with an unknown name is shown by its ID."""
     fit = FitSummary.model_validate(FIT | {"validation": ["run_x"]})
 
     shown = fit_view(fit, {FIT["training"][0]: "a.csv"})
@@ -58,7 +58,7 @@ def test_runs_of_a_fit_are_shown_by_name_where_it_is_known() -> None:
 
 
 def test_option_that_was_not_given_is_a_dash() -> None:
-    """No time limit, no known value, no nameplate; 0 and False are values."""
+    """None and empty values are dashes; 0 and False are shown."""
     given: dict[str, object] = {"time_limit": None, "known": [], "nameplate": ""}
     options = given | {"seed": 0, "force": False}
 
@@ -69,8 +69,8 @@ def test_option_that_was_not_given_is_a_dash() -> None:
     }  # fmt: skip
 
 
-def test_parameter_shows_two_digits_of_its_spread() -> None:
-    """1.09999 with a standard deviation of 5e-5 has digits to 1e-5 and no more."""
+def test_parameter_shows_two_digits_of_its_standard_deviation() -> None:
+    """With a standard deviation of 5e-5, the value is rounded to 1e-6."""
     entry = {"median": 1.0999912, "q05": 1.0999112, "q95": 1.1000672, "sd": 5e-5, "unit": "ohm"}
     result = {"parameters": {"Ra25": entry | {"identified": True}}}
 
@@ -80,7 +80,7 @@ def test_parameter_shows_two_digits_of_its_spread() -> None:
 
 
 def test_unknown_numbers_and_warnings_of_both_forms_are_shown() -> None:
-    """Null is a dash; a warning is a sentence or an entry that holds one."""
+    """Null is a dash; a warning is a string or an entry with a message."""
     entry = {"median": None, "q05": None, "q95": None, "sd": None, "unit": "H", "identified": False}
     result = {
         "parameters": {"L": entry},

@@ -1,4 +1,4 @@
-"""Fields of the page with several values, taken apart as the command line does."""
+"""Multi-value fields of the page, split as on the command line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(NODE is None, reason="no node on this machine")
 
 
 def known_words(text: str) -> list[str]:
-    """What the page would send for a text in the field of known values."""
+    """Values that the page sends for a text in the field of known values."""
     script = (
         f"import {{ knownWords }} from {json.dumps(WORDS.as_uri())};"
         f"console.log(JSON.stringify(knownWords({json.dumps(text)})))"
@@ -43,10 +43,10 @@ def known_words(text: str) -> list[str]:
     ],
 )
 def test_known_values_may_have_blanks_around_their_signs(text: str) -> None:
-    """All are 5 % of Kt and the default spread of L, as in one word each."""
+    """Blanks around = and +- do not split a value."""
     assert known_values(known_words(text)) == known_values(["Kt25=0.048+-5%", "L=2.9e-3"])
 
 
 def test_an_empty_field_is_no_value() -> None:
-    """Blanks are none either."""
+    """A field with blanks only gives no value."""
     assert known_words("  ") == []

@@ -1,4 +1,4 @@
-"""What is removed because of its age, and what is never."""
+"""Retention: data that expire, and data that are never removed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OLD, YOUNG = NOW - 31 * DAY, NOW - 29 * DAY
 
 @pytest.fixture
 def storage(tmp_path: Path) -> Storage:
-    """A data directory that is ready."""
+    """Prepared data directory."""
     made = Storage(tmp_path / "data", "bench")
     made.prepare()
     return made
@@ -34,12 +34,12 @@ def storage(tmp_path: Path) -> Storage:
 
 @pytest.fixture
 def retention(database: Database, storage: Storage) -> Retention:
-    """Thirty days."""
+    """Retention of thirty days."""
     return Retention(database, storage, Metrics(), 30.0)
 
 
 def keep(database: Database, storage: Storage, *rows: object) -> None:
-    """Add rows, and the files that belong to them."""
+    """Insert rows and write the files that belong to them."""
     with database.writing() as session:
         for row in rows:
             session.add(row)
@@ -53,14 +53,14 @@ def keep(database: Database, storage: Storage, *rows: object) -> None:
 
 
 def left(storage: Storage) -> tuple[set[str], set[str]]:
-    """Names of the runs and of the fits that have files."""
+    """Names of the runs and fits that have files."""
     return tuple({p.name for p in (storage.directory / n).iterdir()} for n in ("runs", "fits"))  # type: ignore[return-value]
 
 
-def test_old_fit_goes_with_its_run_and_all_their_files(
+def test_old_fit_is_removed_with_its_run_and_files(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """Ended 31 days ago where 30 are kept; nothing else needs its run."""
+    """A fit that ended 31 days ago expires after 30 days, and so does its run."""
     run, fit = run_row("a", created_at=OLD), fit_row("a", "succeeded", ended_at=OLD)
     keep(database, storage, run, fit, role_row(fit, run))
 
@@ -69,10 +69,10 @@ def test_old_fit_goes_with_its_run_and_all_their_files(
 
 
 @pytest.mark.parametrize("status", ["queued", "running"])
-def test_what_has_not_ended_is_never_removed(
+def test_unfinished_fit_is_never_removed(
     database: Database, storage: Storage, retention: Retention, status: str
 ) -> None:
-    """A fit that waits since ever, and the run that it needs."""
+    """The run that an old waiting or running fit needs is kept as well."""
     run, fit = run_row("a", created_at=OLD), fit_row("a", status)
     fit.created_at = OLD
     keep(database, storage, run, fit, role_row(fit, run))
@@ -84,7 +84,7 @@ def test_what_has_not_ended_is_never_removed(
 def test_run_stays_as_long_as_a_fit_names_it(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """An old run of an old and of a young fit: the old fit goes alone."""
+    """An old run of an old and a recent fit is kept; the old fit is removed."""
     run = run_row("a", created_at=OLD)
     old, young = (fit_row("a", "succeeded", ended_at=at) for at in (OLD, YOUNG))
     keep(database, storage, run, old, young, role_row(old, run), role_row(young, run))
@@ -93,10 +93,10 @@ def test_run_stays_as_long_as_a_fit_names_it(
     assert left(storage) == ({run.id}, {young.id})
 
 
-def test_run_that_came_again_counts_from_then(
+def test_repeated_upload_renews_a_run(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """Whoever was told today that a run is known may fit it tomorrow."""
+    """The age of a run counts from its latest upload."""
     again, once = run_row("a", created_at=OLD, sent_at=NOW), run_row("a", created_at=OLD)
     keep(database, storage, again, once)
 
@@ -104,10 +104,10 @@ def test_run_that_came_again_counts_from_then(
     assert left(storage) == ({again.id}, set())
 
 
-def test_batch_goes_at_once_or_not_at_all(
+def test_batch_is_removed_as_a_whole(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """One whose fits are all old goes; one of which a fit is young, or runs, stays whole."""
+    """A batch with a recent or running fit keeps all its fits."""
     batches = [
         BatchRow(id=new_id("batch"), workspace="a", created_at=OLD, request_sha256="")
         for _ in range(3)
@@ -127,10 +127,10 @@ def test_batch_goes_at_once_or_not_at_all(
     assert left(storage)[1] == {fit.id for fit in fits[2:]}
 
 
-def test_old_things_go_in_portions_and_are_looked_for_without_a_writer(
+def test_removal_is_in_portions_and_searches_without_a_write_lock(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """60 fits, with the rows of whose runs the writer is held, and 240 runs."""
+    """60 fits are removed in three transactions, 240 runs in two."""
     with database.writing() as session:
         session.add_all(fit_row("a", "succeeded", ended_at=OLD) for _ in range(60))
         session.add_all(run_row("a", created_at=OLD) for _ in range(240))
@@ -143,18 +143,18 @@ def test_old_things_go_in_portions_and_are_looked_for_without_a_writer(
     assert not looked or database.url.get_backend_name() == "postgresql"
 
 
-def test_nothing_is_removed_where_no_age_is_set(database: Database, storage: Storage) -> None:
-    """0 days, the default, keeps everything that has a row."""
+def test_default_retention_removes_nothing(database: Database, storage: Storage) -> None:
+    """The default of 0 days keeps everything that has a row."""
     run, fit = run_row("a", created_at=1.0), fit_row("a", "failed", ended_at=1.0)
     keep(database, storage, run, fit)
 
     assert Retention(database, storage, Metrics(), 0.0).sweep() == Removed()
 
 
-def test_files_without_a_row_go_once_they_are_old(
+def test_old_files_without_a_row_are_removed(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """What a crash between a file and its row left; a young one may still get its row."""
+    """A crash can leave a file without a row; a recent file may still get its row."""
     keep(database, storage, run_row("a"))
     old, young = (storage.run(new_id("run")) for _ in range(2))
     for path in (old, young):
@@ -165,8 +165,10 @@ def test_files_without_a_row_go_once_they_are_old(
     assert (old.exists(), young.exists()) == (False, True)
 
 
-def test_many_go_in_portions(database: Database, storage: Storage, retention: Retention) -> None:
-    """500 fits and their runs are more than one transaction removes."""
+def test_many_items_are_removed_in_portions(
+    database: Database, storage: Storage, retention: Retention
+) -> None:
+    """500 fits with their runs exceed the size of one transaction."""
     rows: list[object] = []
     for _ in range(500):
         run, fit = run_row("a", created_at=OLD), fit_row("a", "failed", ended_at=OLD)
@@ -178,7 +180,7 @@ def test_many_go_in_portions(database: Database, storage: Storage, retention: Re
 
 
 class Clocks:
-    """The clocks of a machine, moved by hand."""
+    """Wall clock and monotonic clock, set by the test."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.wall, self.steady = NOW, 1000.0
@@ -186,15 +188,15 @@ class Clocks:
         monkeypatch.setattr(time, "monotonic", lambda: self.steady)
 
     def pass_by(self, seconds: float, jump: float = 0.0) -> None:
-        """Let time go by; the wall clock jumps besides."""
+        """Advance both clocks, and the wall clock by an additional jump."""
         self.steady += seconds
         self.wall += seconds + jump
 
 
-def test_old_things_go_in_the_interval_that_is_set(
+def test_removal_follows_the_interval(
     database: Database, storage: Storage, retention: Retention, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every hour: not after 59 minutes, but after 61."""
+    """With an interval of an hour, nothing is removed after 59 minutes."""
     clocks = Clocks(monkeypatch)
     housekeeper = Housekeeper(AccessService(database), retention, sweep_s=3600.0)
     keep(database, storage, run_row("a", created_at=OLD))
@@ -208,14 +210,14 @@ def test_old_things_go_in_the_interval_that_is_set(
 
 
 @pytest.mark.parametrize("jump", [365 * DAY, -365 * DAY])
-def test_clock_that_jumps_makes_nothing_old(
+def test_clock_jump_does_not_expire_data(
     database: Database,
     storage: Storage,
     retention: Retention,
     monkeypatch: pytest.MonkeyPatch,
     jump: float,
 ) -> None:
-    """A year ahead a young run would be old; set right within a day, it is still there."""
+    """A recent run survives a jump of a year that is corrected within a day."""
     clocks = Clocks(monkeypatch)
     housekeeper = Housekeeper(AccessService(database), retention, sweep_s=3600.0)
     run = run_row("a", created_at=YOUNG)
@@ -233,10 +235,10 @@ def test_clock_that_jumps_makes_nothing_old(
     assert left(storage)[0] == {run.id}
 
 
-def test_uses_of_keys_are_written_down(
+def test_uses_of_keys_are_stored_later(
     database: Database, retention: Retention, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not by the call itself, which would wait for a write, but within a minute."""
+    """A call does not wait for the write; the housekeeper stores the time within a minute."""
     clocks = Clocks(monkeypatch)
     access = AccessService(database)
     housekeeper = Housekeeper(access, retention, sweep_s=3600.0)

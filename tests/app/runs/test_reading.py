@@ -1,4 +1,4 @@
-"""Reading of uploads in processes with resource limits, and the queue of uploads."""
+"""Parsing of uploads in processes with resource limits, and the queue of uploads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LIMITS = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=60.0)
 
 @pytest.fixture(scope="module")
 def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """Where runs are read."""
+    """Fork server of the parser processes."""
     made = ForkServer("app.runs.parser", temporary=tmp_path_factory.mktemp("reader"))
     yield made
     made.stop()
@@ -31,20 +31,20 @@ def fork_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer
 
 @pytest.fixture
 def reader(fork_server: ForkServer) -> RunReader:
-    """A reader with the limits of the service."""
+    """Reader with generous resource limits."""
     return RunReader(fork_server, LIMITS, 1_000_000)
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """A run file of 60 samples."""
+    """Run file of 60 samples."""
     path = tmp_path / "run"
     path.write_bytes(run_text(1))
     return path
 
 
-def test_run_is_read_and_told_about(reader: RunReader, run: Path) -> None:
-    """60 samples at 1 kHz, as the file was made, with the ranges of its channels."""
+def test_reader_returns_a_summary_of_the_run(reader: RunReader, run: Path) -> None:
+    """The summary has the number of samples, the duration and the channels."""
     found = reader.read(run, "a.csv", None)
 
     assert (found["rows"], found["duration_s"]) == (60, pytest.approx(0.059))
@@ -56,8 +56,8 @@ def test_run_is_read_and_told_about(reader: RunReader, run: Path) -> None:
     }
 
 
-def test_fault_comes_back_with_its_place(reader: RunReader, run: Path) -> None:
-    """Row 3 holds a word."""
+def test_error_has_its_source_location(reader: RunReader, run: Path) -> None:
+    """Row 3 contains a word in place of a number."""
     lines = run_text(1).split(b"\n")
     lines[2] = lines[2].replace(b",", b",x,", 1).rsplit(b",", 1)[0]
     run.write_bytes(b"\n".join(lines))
@@ -68,8 +68,8 @@ def test_fault_comes_back_with_its_place(reader: RunReader, run: Path) -> None:
     assert (caught.value.reason, caught.value.row) == ("not_a_number", 3)
 
 
-def test_many_runs_are_read_at_once_and_none_is_mixed_up(reader: RunReader, tmp_path: Path) -> None:
-    """Twelve files of 60 to 71 samples from twelve threads."""
+def test_parallel_readings_do_not_mix(reader: RunReader, tmp_path: Path) -> None:
+    """Each of twelve files of different lengths gives its own number of samples."""
     found: dict[int, int] = {}
 
     def read(rows: int) -> None:
@@ -86,8 +86,8 @@ def test_many_runs_are_read_at_once_and_none_is_mixed_up(reader: RunReader, tmp_
     assert found == {rows: rows for rows in range(60, 72)}
 
 
-def test_reading_beyond_its_memory_is_refused_by_name(fork_server: ForkServer, run: Path) -> None:
-    """A million rows of 5 numbers are 40 MB; no more is allowed than the loaded libraries fill."""
+def test_reading_beyond_the_memory_limit_is_refused(fork_server: ForkServer, run: Path) -> None:
+    """The limit leaves no memory for the 40 MB of a million rows with 5 numbers."""
     plain = RunReader(fork_server, LIMITS, 1_000_000)
     assert plain.read(run, "first.csv", None)["rows"] == 60
     used = int(Path(f"/proc/{fork_server.pid}/statm").read_text().split()[0]) * os.sysconf(
@@ -106,7 +106,7 @@ def test_reading_beyond_its_memory_is_refused_by_name(fork_server: ForkServer, r
 
 
 def test_reader_may_open_few_files_and_write_none(fork_server: ForkServer, run: Path) -> None:
-    """The limits of the process itself, as the kernel tells them while it reads a long run."""
+    """The kernel reports the limits of the parser process while it reads a long run."""
     run.write_bytes(run_text(1, 300_000))
     task = fork_server.fork(
         {
@@ -130,7 +130,7 @@ def test_reader_may_open_few_files_and_write_none(fork_server: ForkServer, run: 
 
 
 def _limits_of_the_child_of(parent: int | None) -> dict[str, str]:
-    """Soft limits of the one child of a process, once it has set them."""
+    """Soft limits of the only child of a process, after it has set them."""
     deadline = time.monotonic() + 20.0
     while time.monotonic() < deadline:
         time.sleep(0.02)
@@ -141,14 +141,14 @@ def _limits_of_the_child_of(parent: int | None) -> dict[str, str]:
             except (FileNotFoundError, ProcessLookupError):
                 continue
             found = {line[:26].strip(): line[26:47].strip() for line in text.splitlines()[1:]}
-            # The limit of time is the last one that is set.
+            # The time limit is set last.
             if found["Max cpu time"] != "unlimited":
                 return found
     raise AssertionError("no child was found")
 
 
-def test_reading_beyond_its_time_is_ended(fork_server: ForkServer, run: Path) -> None:
-    """Twenty milliseconds for a hundred thousand rows."""
+def test_reading_beyond_the_time_limit_is_ended(fork_server: ForkServer, run: Path) -> None:
+    """The limit of 20 ms is too short for a hundred thousand rows."""
     run.write_bytes(run_text(1, 100_000))
     limits = ProcessLimits(memory_bytes=2_000_000_000, cpu_s=60, wall_s=0.02)
 
@@ -158,24 +158,24 @@ def test_reading_beyond_its_time_is_ended(fork_server: ForkServer, run: Path) ->
     assert caught.value.reason == "reader_time"
 
 
-def test_more_rows_than_are_taken_are_refused(fork_server: ForkServer, run: Path) -> None:
-    """Sixty samples where fifty are the limit."""
+def test_too_many_rows_are_refused(fork_server: ForkServer, run: Path) -> None:
+    """Sixty samples exceed a limit of fifty."""
     with pytest.raises(RunRefused, match="50"):
         RunReader(fork_server, LIMITS, max_rows=50).read(run, "a.csv", None)
 
 
-def test_upload_beyond_the_queue_is_refused_and_those_in_it_are_read() -> None:
-    """One is read, two wait, and the fourth is told a time; afterwards there is room again."""
+def test_full_queue_refuses_a_further_upload() -> None:
+    """With one upload read and two waiting, a fourth is rejected with a retry time."""
     release = threading.Event()
     read: list[int] = []
 
     def reading(number: int) -> None:
-        """A reading that takes as long as the test says."""
+        """Simulate a reading that ends when the test releases it."""
         assert release.wait(30.0)
         read.append(number)
 
     async def load() -> None:
-        """Three uploads one after the other, then a fourth."""
+        """Queue three uploads, then a fourth."""
         queue = ReadingQueue(readers=1, most_waiting=2)
         async with anyio.create_task_group() as group:
             for number in range(3):
@@ -194,11 +194,11 @@ def test_upload_beyond_the_queue_is_refused_and_those_in_it_are_read() -> None:
     assert read == [0, 1, 2, 4]
 
 
-def test_time_to_come_back_follows_the_time_of_a_reading() -> None:
-    """Ten readings of 0.3 s let the mean rise, and fifty that wait make 11 s."""
+def test_retry_time_follows_the_mean_reading_time() -> None:
+    """Fifty waiting uploads with a mean of 0.23 s give a retry time of at least 11 s."""
 
     async def load() -> float:
-        """Read, then fill the queue."""
+        """Read some uploads, then fill the queue."""
         queue = ReadingQueue(readers=1, most_waiting=50)
         release = threading.Event()
         for _ in range(10):

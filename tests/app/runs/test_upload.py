@@ -1,4 +1,4 @@
-"""Forms taken apart while they come in."""
+"""Streaming parser of upload forms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CONTENT = b"time_s,voltage_V\r\n0,1\r\n--b\r\n\r\n--boundar\r\n" + bytes(range(2
 
 
 def body(content: bytes = CONTENT) -> bytes:
-    """A form with a motor and a file."""
+    """Form with a motor and a file."""
     return (
         b'--boundary\r\nContent-Disposition: form-data; name="motor"\r\n\r\nmotor 17\r\n'
         b'--boundary\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n'
@@ -25,7 +25,7 @@ def body(content: bytes = CONTENT) -> bytes:
 
 
 def received(target: Path, content: bytes, limit: int = 10_000) -> Upload:
-    """What becomes of a body that comes in one piece."""
+    """Upload from a body that arrives as a whole."""
     with UploadForm(b"boundary", target, limit) as form:
         form.feed(content)
         return form.finish()
@@ -33,10 +33,8 @@ def received(target: Path, content: bytes, limit: int = 10_000) -> Upload:
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cuts=st.lists(st.integers(0, len(body())), max_size=8), number=st.integers(0, 10**9))
-def test_form_is_the_same_wherever_the_network_cut_it(
-    tmp_path: Path, cuts: list[int], number: int
-) -> None:
-    """Bytes, hash, size, name and fields do not depend on the pieces."""
+def test_form_does_not_depend_on_the_chunks(tmp_path: Path, cuts: list[int], number: int) -> None:
+    """Bytes, hash, size, name and fields are the same for any division into chunks."""
     target = tmp_path / f"{number}"
     target.unlink(missing_ok=True)
     ends = sorted({0, *cuts, len(body())})
@@ -53,8 +51,8 @@ def test_form_is_the_same_wherever_the_network_cut_it(
 
 
 @pytest.mark.parametrize("end", range(0, len(body()) - 2, 7))
-def test_form_that_breaks_off_leaves_no_file(tmp_path: Path, end: int) -> None:
-    """Cut at every seventh byte: a named error, and nothing on the disk."""
+def test_truncated_form_leaves_no_file(tmp_path: Path, end: int) -> None:
+    """A form truncated at any seventh byte is rejected."""
     with pytest.raises(BadRequest, match="the form is incomplete"):
         received(tmp_path / "x", body()[:end])
 
@@ -62,7 +60,7 @@ def test_form_that_breaks_off_leaves_no_file(tmp_path: Path, end: int) -> None:
 
 
 def test_limit_is_exact(tmp_path: Path) -> None:
-    """A file of the limit is taken, one byte more is not and leaves nothing."""
+    """A file of 100 bytes passes a limit of 100; one of 101 is rejected and removed."""
     assert received(tmp_path / "x", body(b"x" * 100), limit=100).size == 100
 
     with pytest.raises(BodyTooLarge, match="more than 100 bytes"):
@@ -72,14 +70,14 @@ def test_limit_is_exact(tmp_path: Path) -> None:
 
 
 def test_file_is_private(tmp_path: Path) -> None:
-    """Only the owner reads what a bench sent."""
+    """Only the owner can read an uploaded file."""
     received(tmp_path / "x", body())
 
     assert (tmp_path / "x").stat().st_mode & 0o777 == 0o600
 
 
-def test_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
-    """A name that is taken, or a link laid in its place."""
+def test_existing_file_is_never_overwritten(tmp_path: Path) -> None:
+    """The target is created exclusively."""
     (tmp_path / "x").write_text("someone's")
 
     with pytest.raises(FileExistsError):
@@ -88,8 +86,8 @@ def test_file_that_is_there_is_never_written_over(tmp_path: Path) -> None:
     assert (tmp_path / "x").read_text() == "someone's"
 
 
-def test_field_that_nobody_knows_is_named(tmp_path: Path) -> None:
-    """A misspelt `mapping` would otherwise be a silent loss."""
+def test_unknown_field_is_refused(tmp_path: Path) -> None:
+    """A misspelt `mapping` would otherwise be ignored silently."""
     with pytest.raises(FieldRefused, match="unknown field; expected file, motor, mapping"):
         received(tmp_path / "x", body().replace(b'name="motor"', b'name="mappings"'))
 
@@ -110,7 +108,7 @@ def test_field_that_nobody_knows_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_name_of_a_file_becomes_a_label(sent: str, shown: str) -> None:
-    """Its last part, printable, of at most 200 characters, with its ending kept."""
+    """The label is the last component, printable, with its suffix, at most 200 characters."""
     assert label(sent) == shown
 
 
@@ -121,13 +119,13 @@ def test_name_of_a_file_becomes_a_label(sent: str, shown: str) -> None:
         ('Multipart/Form-Data; charset=utf-8; boundary="a b"', b"a b"),
     ],
 )
-def test_boundary_is_read_from_the_type(kind: str, boundary: bytes) -> None:
-    """RFC 2046: any case, other parameters, quoted or not."""
+def test_boundary_is_read_from_the_content_type(kind: str, boundary: bytes) -> None:
+    """RFC 2046: the type in any case, other parameters, the boundary quoted or not."""
     assert boundary_of(kind) == boundary
 
 
 @pytest.mark.parametrize("kind", ["", "text/csv", "multipart/mixed; boundary=x", ";"])
-def test_other_type_than_a_form_is_refused(kind: str) -> None:
-    """What the call takes is said."""
+def test_other_media_type_is_refused(kind: str) -> None:
+    """The error names the expected media type."""
     with pytest.raises(WrongMediaType, match="expected multipart/form-data"):
         boundary_of(kind)
