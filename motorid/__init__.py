@@ -1,1 +1,1 @@
-"""What a script needs to use the service from outside: see `motorid.client`."""
+"""Client of the service for scripts: see `motorid.client`."""

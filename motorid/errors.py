@@ -37,15 +37,15 @@ class ClientError(Exception):
 
 
 class Unreachable(ClientError):
-    """The service did not respond within the time over which calls are repeated."""
+    """No response of the service within the time over which calls are repeated."""
 
 
 class WaitedTooLong(ClientError):
-    """A fit or batch did not end within the time limit; it continues at the service."""
+    """Fit or batch that did not end within the time limit; it continues at the service."""
 
 
 class FitFailed(ClientError):
-    """A fit ended without a result.
+    """Fit that ended without a result.
 
     Args:
         fit_id: ID of the fit.
@@ -67,7 +67,7 @@ class FitFailed(ClientError):
 
 
 class Problem(ClientError):
-    """The service refused a call.
+    """Refusal of a call by the service.
 
     Args:
         status: HTTP status.
@@ -89,11 +89,11 @@ class Problem(ClientError):
 
 
 class BadKey(Problem):
-    """The call carried missing or invalid key."""
+    """Missing or invalid key."""
 
 
 class NotFound(Problem):
-    """No such item in the workspace of the key."""
+    """Item missing in the workspace of the key."""
 
 
 class Refused(Problem):

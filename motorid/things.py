@@ -89,7 +89,7 @@ class Fit:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the state is final."""
+        """True if the state is final."""
         return self.status in ENDED
 
 
@@ -130,5 +130,5 @@ class Batch:
 
     @property
     def has_ended(self) -> bool:
-        """Whether all its fits have ended."""
+        """True if all its fits have ended."""
         return self.status in ENDED

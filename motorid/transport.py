@@ -67,7 +67,7 @@ class Transport:
         Args:
             method: HTTP method.
             path: Path below ``/api/v1``.
-            content: Creates the request body, anew for each attempt: a file is read from its start.
+            content: Function that creates the request body, anew for each attempt.
             repeat: Whether the call may be repeated.
             **words: Further arguments of `httpx.Client.request`.
 

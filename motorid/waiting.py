@@ -31,8 +31,8 @@ def until_ended(
     """Poll a fit or a batch until it has ended, and return it.
 
     Args:
-        look: Requests the current state.
-        told: Stage and fraction of a state.
+        look: Function that requests the current state.
+        told: Function that returns the stage and the fraction of a state.
         timeout_s: Time limit [s]; None for no limit.
         progress: Called when stage or fraction change.
 
@@ -63,8 +63,9 @@ def until_cancelled(look: Callable[[], _Waited], cancel: Callable[[], None]) -> 
     """Cancel a fit or a batch, poll it until it has ended, and return it.
 
     Args:
-        look: Requests the current state.
-        cancel: Sends one cancellation.  If its response is lost, the next state shows the effect.
+        look: Function that requests the current state.
+        cancel: Function that sends one cancellation.  If its response is lost, the next state shows
+            the effect.
 
     Raises:
         Unreachable: The service did not respond.
