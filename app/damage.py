@@ -35,7 +35,7 @@ def is_damaged(error: BaseException) -> bool:
 
 
 def corrupt(reason: str) -> sqlite3.DatabaseError:
-    """SQLite's error for a damaged page, for damage that only the reader of a value can detect."""
+    """SQLite's error for a damaged page, for damage that appears only when a value is decoded."""
     error = sqlite3.DatabaseError(reason)
     error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     return error

@@ -79,7 +79,7 @@ def _strange_schema(database: sqlite3.Connection) -> Iterator[str]:
     indexes = {str(i.name) for table in Tables.metadata.tables.values() for i in table.indexes}
     missing = set(tables)
     for kind, name in database.execute("SELECT type, name FROM sqlite_master"):
-        # SQLite creates indexes for keys; an older motorid may have created fewer of its own.
+        # SQLite creates indexes for keys; an older motorid may lack some of the others.
         is_index = kind == "index" and (name in indexes or name.startswith("sqlite_autoindex_"))
         if not is_index and (kind != "table" or name not in missing):
             yield f"{DATABASE} has an unexpected {kind} {name[:100]!r}"

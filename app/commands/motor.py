@@ -42,7 +42,7 @@ _MOST_DRAWS = 2000
 
 @dataclass(frozen=True)
 class Show:
-    """What goes to standard output.
+    """Content of standard output.
 
     Args:
         as_json: Print only a JSON document for scripts.

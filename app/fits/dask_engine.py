@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 class DaskEngine(AbstractEngine):
-    """Runs jobs as tasks of a Dask cluster.
+    """Engine that runs jobs as tasks of a Dask cluster.
 
     Args:
         settings: Address of the scheduler, its certificates, maximum number of parallel fits, and
@@ -106,10 +106,10 @@ class DaskEngine(AbstractEngine):
         return running
 
     def has_line(self, line: object) -> bool:
-        """Whether the connection over which a task was submitted still exists.
+        """Return True if the connection over which a task was submitted still exists.
 
-        Dask silently drops a task that is submitted while the connection breaks, and the earlier
-        tasks end with the connection.
+        Dask silently drops a task that is submitted while the connection breaks, and the
+        earlier tasks end with the connection.
         """
         return _line(self._client) is line
 

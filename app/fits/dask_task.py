@@ -40,7 +40,7 @@ _lock = threading.Lock()
 
 
 def compute(fields: dict[str, Any], data_dir: str) -> None:
-    """Compute a job in a process of its own.
+    """Compute a job in a separate process.
 
     Args:
         fields: Fields of the job, with paths as the service sees them.

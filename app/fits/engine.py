@@ -54,7 +54,7 @@ class AbstractRunning(abc.ABC):
 
 
 class AbstractEngine(abc.ABC):
-    """Starts jobs and limits their number."""
+    """Compute engine: starts jobs and limits their number."""
 
     @abc.abstractmethod
     def open(self) -> None:
@@ -89,7 +89,7 @@ class AbstractEngine(abc.ABC):
 
 
 class LocalEngine(AbstractEngine):
-    """Computes each job in one process on this machine, in a process group of its own.
+    """Engine that computes each job in one process with its own group on this machine.
 
     Args:
         fork_server: Fork server whose module is `app.fits.worker`.

@@ -41,7 +41,7 @@ def last_version(header: str | None) -> int:
 
 
 def has_heard_the_end(row: FitRow, version: int) -> bool:
-    """Whether a reconnecting client has already received the final state."""
+    """Return True if a reconnecting client has already received the final state."""
     return row.status in ENDED and version >= row.version
 
 

@@ -82,7 +82,7 @@ class FitQueue:
             return repository.held(session, self._owner)
 
     def has_ended(self, fit_id: str) -> bool:
-        """Whether a fit is in a final state or was deleted."""
+        """Return True if a fit is in a final state or was deleted."""
         with self._database.reading() as session:
             return repository.has_ended(session, fit_id)
 

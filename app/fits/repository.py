@@ -1,8 +1,7 @@
 """Database queries of fits.
 
-Every update of a running fit is conditional
-on the attempt number (optimistic locking), so a slow process whose attempt was replaced cannot
-overwrite the state of its successor.
+Every update of a running fit is conditional on the attempt number (optimistic locking), so a slow
+process whose attempt was replaced cannot overwrite the state of its successor.
 """
 
 from __future__ import annotations
@@ -175,7 +174,7 @@ def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
 
 
 def has_ended(session: Session, fit_id: str) -> bool:
-    """Whether a fit is in a final state or was deleted."""
+    """Return True if a fit is in a final state or was deleted."""
     query = select(FitRow.status).where(FitRow.id == fit_id)
     return session.scalars(query).one_or_none() in (None, *ENDED)
 

@@ -82,7 +82,7 @@ class Postponed:
 
 
 class Starter:
-    """Starts queued fits one after the other."""
+    """Component that starts queued fits one after the other."""
 
     def __init__(self, queue: FitQueue, engine: AbstractEngine, postponed: Postponed) -> None:
         self._queue = queue
@@ -134,7 +134,7 @@ class Starter:
 
 
 def _is_shortage(error: Exception) -> bool:
-    """Whether the error is a resource shortage, which any other fit would meet as well."""
+    """Return True for a resource shortage, which any other fit would meet as well."""
     if not isinstance(error, OSError):
         return isinstance(error, MemoryError)
     return error.errno in _SHORTAGES or isinstance(error, TimeoutError) or is_full(error)

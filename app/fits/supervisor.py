@@ -84,7 +84,7 @@ class Attempt:
 
 
 class Supervisor:
-    """Runs as many fits in parallel as the engine has capacity for."""
+    """Supervisor of fits; runs as many in parallel as the engine has capacity for."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class Supervisor:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the thread runs."""
+        """True if the thread runs."""
         return self._thread.is_alive()
 
     def _run(self) -> None:

@@ -82,7 +82,7 @@ class Listener:
 
 
 class Watcher:
-    """Polls the database for all listeners; used only in the thread of the event loop.
+    """Poller of the database for all listeners; used only in the thread of the event loop.
 
     Args:
         database: Database of the fits.

@@ -98,7 +98,7 @@ def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
 def checkpoint_of(job: FitJob) -> Checkpoint:
     """Checkpoint files of an attempt: its own and those of earlier attempts, newest first.
 
-    Each attempt writes a file of its own, so an abandoned attempt that still runs cannot overwrite
+    Each attempt writes a separate file, so an abandoned attempt that still runs cannot overwrite
     the checkpoint of its successor.  The files lie outside the attempt directories, which are
     deleted with their attempts, and are deleted when the fit ends.
     """

@@ -64,7 +64,7 @@ def confine(limits: ProcessLimits) -> None:
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(kind, (most, most))
-    # SIGXCPU, which the parent can tell from a crash, comes 1 s before SIGKILL.
+    # SIGXCPU, which the parent can distinguish from a crash, comes 1 s before SIGKILL.
     resource.setrlimit(resource.RLIMIT_CPU, (limits.cpu_s, limits.cpu_s + 1))
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, limits.wall_s)

@@ -57,7 +57,7 @@ class _Child:
 
 
 class _RequestLoop:
-    """Processes requests, forks children and reaps them."""
+    """Event loop that processes requests, forks children and reaps them."""
 
     def __init__(self, requests: socket.socket, handle: Handler) -> None:
         self._requests = requests

@@ -19,7 +19,7 @@ _STATES = ("queued", "running", "succeeded", "failed", "cancelled")
 
 
 class HealthService:
-    """Checks the database, the storage and the supervisor, and collects metrics."""
+    """Readiness checks of the database, the storage and the supervisor, and all metrics."""
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, metrics: Metrics

@@ -5,7 +5,7 @@ file descriptor, and a service without free descriptors can answer no one.  Ther
 
 - the headers of a request must arrive within a time limit (`connection_class`);
 - the body, except that of an upload, must arrive within the same limit (`BodyDeadline`);
-- when most descriptors are in use, requests on new connections are told to retry (`CrowdCheck`),
+- when most descriptors are in use, requests on new connections are rejected (`CrowdCheck`),
   except health checks, and the last descriptors are reserved for the service itself.
 """
 

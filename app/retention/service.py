@@ -44,7 +44,7 @@ class Removed:
 
 
 class Retention:
-    """Limits the growth of the database and the data directory.
+    """Removal of expired data, which limits the database and the data directory.
 
     Args:
         database: Database of the service.

@@ -38,7 +38,7 @@ _START_S = 60.0
 
 
 class RunReader:
-    """Parses runs in child processes.
+    """Reader that parses runs in child processes.
 
     Args:
         fork_server: Fork server whose module is `app.runs.parser`.
@@ -112,7 +112,7 @@ class RunReader:
 
 
 class ReadingQueue:
-    """Limits the number of uploads parsed in parallel and waiting; used by one event loop.
+    """Limiter of the uploads parsed in parallel and waiting; used by one event loop.
 
     Args:
         readers: Number of uploads parsed in parallel.

@@ -82,7 +82,7 @@ def label(name: str) -> str:
 
 
 class UploadForm:
-    """Parses a form while it arrives.
+    """Parser of a form while it arrives.
 
     As a context manager, it deletes the written file if an exception occurs.
 

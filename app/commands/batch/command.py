@@ -175,7 +175,7 @@ class _Batch:
 
 
 class _BatchProgress:
-    """Combines the progress of single fits into the progress of the batch."""
+    """Progress of the batch, combined from the progress of single fits."""
 
     def __init__(self, progress: console.Progress, batch: _Batch) -> None:
         self._progress = progress

@@ -118,7 +118,7 @@ def fit_all_at(
 
 
 def _has_place(fresh: Sequence[tuple[MotorJob, object]], job: MotorJob, most: int) -> bool:
-    """Whether one more motor fits into a batch; the first one always does."""
+    """Return True if one more motor fits into a batch; the first one always does."""
     motors = [job.motor, *(one.motor for one, _ in fresh)]
     runs = sum(len(motor.training) + len(motor.validation) for motor in motors)
     return not fresh or (len(motors) <= most and runs <= MOST_RUNS)

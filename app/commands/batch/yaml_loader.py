@@ -12,7 +12,7 @@ _LONGEST_SCALAR = 10_000
 
 
 class ManifestLoader(yaml.SafeLoader):
-    """Rejects aliases, very long scalars and duplicate keys, and reports the line.
+    """Loader that rejects aliases, very long scalars and duplicate keys with their line.
 
     Nested aliases in a few lines can expand beyond any memory.  A base-60 integer such as
     ``1:1:1`` takes a conversion time quadratic in its length.  Of two equal keys, PyYAML silently
