@@ -13,7 +13,7 @@ from fastapi import APIRouter, Query, Request, Response
 from app.errors import BodyTooSlow
 from app.http.dependencies import After, CallerDep, ServicesDep
 from app.http.problems import responses
-from app.runs.schemas import UPLOAD_BODY, RunList, RunOut
+from app.runs.schemas import UPLOAD_BODY, PreviewOut, RunList, RunOut
 from app.runs.upload import Upload, UploadForm, boundary_of
 
 __all__ = ["router"]
@@ -59,6 +59,27 @@ async def upload_run(
     response.status_code = 201 if is_new else 200
     response.headers["Location"] = f"/api/v1/runs/{row.id}"
     return RunOut.of(row)
+
+
+@router.post(
+    "/preview",
+    summary="Examine a run without storing it",
+    responses=responses(400, 403, 408, 413, 415, 422, 507),
+    openapi_extra=UPLOAD_BODY,
+)
+async def preview_run(request: Request, services: ServicesDep, _: CallerDep) -> PreviewOut:
+    """Examine a run file in the form field `file`: columns, excitation, contradictions, precision.
+
+    Nothing is stored. A file that cannot be parsed is an answer with status 200 whose
+    `accepted` is false and whose `errors` give the row and column of the error.
+    """
+    services.reading.check()
+    upload = await _receive(request, services)
+    try:
+        found = await services.reading.run(services.runs.preview, upload)
+    finally:
+        upload.path.unlink(missing_ok=True)
+    return PreviewOut.model_validate(found)
 
 
 @router.get("", summary="List runs", responses=responses(422))

@@ -21,23 +21,32 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """Parse a run file and report its content or the error.
 
     Args:
-        task: `path`, `name`, `mapping`, `max_rows` and `limits`.
+        task: `path`, `name`, `mapping`, `max_rows`, `limits`, and `is_preview` to examine the file
+            as `motorid check` does.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
+    limits = Limits(rows=task["max_rows"])
     try:
-        run = read_run(
-            task["path"],
-            name=task["name"],
-            mapping=task["mapping"],
-            limits=Limits(rows=task["max_rows"]),
-        )
+        if task["is_preview"]:
+            _preview(task, limits, Answers(answer))
+            return
+        run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
         found = {"run": _summary(run)}
     except RunFileError as error:
         found = {"error": _problem(error)}
     except MemoryError:
         found = {"error": {"reason": "reader_memory"}}
     Answers(answer).send(found)
+
+
+def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
+    """Send the preview of a file, first without the precision, whose computation may fail."""
+    from identification.preview import examine
+
+    found = examine([task["path"]], task["mapping"], names=[task["name"]], limits=limits)
+    answers.send({"preview": found.content()})
+    answers.send({"preview": found.with_prospects().content()})
 
 
 def _problem(error: RunFileError) -> dict[str, Any]:

@@ -61,23 +61,38 @@ class RunReader:
             RunRefused: The file is not a valid run, or parsing it exceeds the limits.
             Unavailable: The file cannot be parsed now.
         """
-        found = self._ask(
-            {
-                "path": str(path),
-                "name": name,
-                "mapping": mapping,
-                "max_rows": self._max_rows,
-                "limits": dataclasses.asdict(self._limits),
-            }
-        )
-        if "run" in found:
-            return dict(found["run"])
+        return self._ask("run", path, name, mapping)
+
+    def preview(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Examine a run file as `motorid check` does.
+
+        Raises:
+            RunRefused: Examining the file exceeds the limits.
+            Unavailable: The file cannot be examined now.
+        """
+        return self._ask("preview", path, name, mapping)
+
+    def _ask(
+        self, kind: str, path: Path, name: str, mapping: Mapping[str, Any] | None
+    ) -> dict[str, Any]:
+        """Run the parser on a file; return its answer of this kind."""
+        task = {
+            "path": str(path),
+            "name": name,
+            "mapping": mapping,
+            "max_rows": self._max_rows,
+            "limits": dataclasses.asdict(self._limits),
+            "is_preview": kind == "preview",
+        }
+        found = self._messages(task)
+        if kind in found:
+            return dict(found[kind])
         if "message" in found.get("error", {}):
             raise RunRefused(**found["error"])
         raise self._refusal(name, found.get("error", {}).get("reason") or found.get("exit"))
 
-    def _ask(self, task: dict[str, Any]) -> dict[str, Any]:
-        """Run the parser; return its merged messages, including the exit code."""
+    def _messages(self, task: dict[str, Any]) -> dict[str, Any]:
+        """Merged messages of the parser, including its exit code."""
         deadline = time.monotonic() + _START_S + self._limits.wall_s
         try:
             reading = self._fork_server.fork(task)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from app.tables import RunRow
 from app.texts import moment, with_example
 
-__all__ = ["RunList", "RunOut", "UPLOAD_BODY"]
+__all__ = ["PreviewOut", "RunList", "RunOut", "UPLOAD_BODY"]
 
 _EXAMPLE: dict[str, Any] = {
     "id": "run_n2dq4hoyzmxrj6tcf7k3wvb5ea",
@@ -118,6 +118,26 @@ class RunOut(BaseModel):
                 "created_at": moment(row.created_at),
             }
         )
+
+
+class PreviewOut(BaseModel):
+    """What a fit would make of a run file; docs/cli.md describes `motorid check`."""
+
+    accepted: bool = Field(description="Whether a fit would accept the file as it is.")
+    runs: list[dict[str, Any]] = Field(
+        description="The run with its channels (column, unit, scale, offset), gaps, excitation and "
+        "warnings; empty if the file cannot be read."
+    )
+    errors: list[dict[str, Any]] = Field(description="Why the file cannot be read.")
+    findings: list[dict[str, Any]] = Field(
+        description="Contradictions and suspicions, each with the mapping that corrects it."
+    )
+    parameters: dict[str, dict[str, Any]] = Field(
+        description="Precision of the nominal parameters that a fit of this run can reach, and "
+        "what to record to improve it; empty if it was not computed."
+    )
+    notes: list[str] = Field(description="What the run cannot show.")
+    mapping: dict[str, Any] = Field(description="Mapping of the channels as understood.")
 
 
 class RunList(BaseModel):

@@ -74,6 +74,19 @@ class RunService:
             self._metrics.uploaded_bytes.inc(upload.size)
         return row, is_new
 
+    def preview(self, upload: Upload) -> dict[str, Any]:
+        """Examine an upload without storing it, as `motorid check` does.
+
+        Args:
+            upload: Received form.
+
+        Raises:
+            RunRefused: Examining the file exceeds the limits.
+            FieldRefused: The mapping is invalid.
+        """
+        mapping = _mapping(upload.fields.get("mapping"))
+        return self._reader.preview(upload.path, upload.name, mapping)
+
     def _store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
         motor = checked_label("motor", upload.fields.get("motor"))
         mapping = _mapping(upload.fields.get("mapping"))

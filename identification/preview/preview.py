@@ -3,7 +3,8 @@
     preview(["cold.csv", "hot.csv"]).content()
 
 Nothing is fitted but the nominal model, on segments; nothing is written.  A file that cannot be
-read does not keep the others from being examined.
+read does not keep the others from being examined.  `examine` leaves out the precision, the only
+part that takes more than a moment.
 """
 
 from __future__ import annotations
@@ -11,19 +12,20 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
 from identification.errors import IdentificationError, RunFileError
+from identification.ingest.file import Limits
 from identification.ingest.mapping import MappingLike
 from identification.ingest.read import read_run
 from identification.ingest.run import Run, Source
 from identification.preview.excitation import Excitation, excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
 
-__all__ = ["Preview", "preview"]
+__all__ = ["Preview", "examine", "preview"]
 
 _SI: Final = {
     "time_s": "s",
@@ -54,6 +56,17 @@ class Preview:
     excitation: tuple[Excitation, ...]
     prospects: tuple[Prospect, ...]
     notes: tuple[str, ...]
+
+    def with_prospects(self) -> Preview:
+        """The preview with the expected precision, unless runs contradict."""
+        if not self.runs or any(f.severity == "refuse" for f in self.findings):
+            return self
+        try:
+            prospects = prospects_of(self.runs, joined(self.excitation))
+        except IdentificationError as error:
+            note = f"the expected precision cannot be computed: {error}"
+            return replace(self, notes=(*self.notes, note))
+        return replace(self, prospects=tuple(prospects))
 
     @property
     def is_accepted(self) -> bool:
@@ -106,17 +119,35 @@ class Preview:
 
 
 def preview(files: Sequence[str | os.PathLike[str]], mapping: MappingLike | None = None) -> Preview:
-    """Read and examine run files without fitting them.
+    """Examine run files and compute the expected precision.
 
     Args:
         files: Run files of one motor.
         mapping: Columns of the channels; see `read_run`.
     """
+    return examine(files, mapping).with_prospects()
+
+
+def examine(
+    files: Sequence[str | os.PathLike[str]],
+    mapping: MappingLike | None = None,
+    *,
+    names: Sequence[str | None] = (),
+    limits: Limits | None = None,
+) -> Preview:
+    """Read and examine run files.
+
+    Args:
+        files: Run files of one motor.
+        mapping: Columns of the channels; see `read_run`.
+        names: Name of each run; default: the file names.
+        limits: Size limits of the files.
+    """
     runs: list[Run] = []
     errors: list[RunFileError] = []
-    for file in files:
+    for file, name in zip(files, names or (None,) * len(files), strict=True):
         try:
-            runs.append(read_run(file, mapping=mapping))
+            runs.append(read_run(file, name=name, mapping=mapping, limits=limits))
         except RunFileError as error:
             errors.append(error)
     if not runs:
@@ -124,17 +155,8 @@ def preview(files: Sequence[str | os.PathLike[str]], mapping: MappingLike | None
     verdict = check_runs(runs)
     fastest = max(float(abs(run.speed).max()) for run in runs)
     each = tuple(excitation_of(run, fastest) for run in runs)
-    total = joined(each)
-    prospects: Sequence[Prospect] = ()
-    notes = _notes(runs, total)
-    if not verdict.refused:
-        try:
-            prospects = prospects_of(runs, total)
-        except IdentificationError as error:
-            notes.append(f"the expected precision cannot be computed: {error}")
-    return Preview(
-        tuple(runs), tuple(errors), verdict.findings, each, tuple(prospects), tuple(notes)
-    )
+    notes = tuple(_notes(runs, joined(each)))
+    return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes)
 
 
 def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:

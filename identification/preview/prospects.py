@@ -94,7 +94,8 @@ def prospects_of(runs: Sequence[Run], excitation: Excitation) -> list[Prospect]:
         bound = precision[parameter.name]
         # A bound far beyond the criterion is only rounding of an undetermined direction.
         sd = bound.sd / gain if bound.sd < _NO_INFORMATION * bound.limit else np.inf
-        lacking = sd / bound.limit
+        # An estimate of zero, such as of a friction at its bound, cannot be identified.
+        lacking = sd / bound.limit if bound.limit > 0.0 else np.inf
         advice = ""
         if parameter.name in _SLOPES and not lacking < 1.0:
             base = relative.get(_SLOPES[parameter.name], np.inf)
