@@ -89,6 +89,7 @@ class InputError(IdentificationError):
         row: Line of that file, counted from 1 with the header line.
         column: Name of the column as in the file.
         value: The offending text or number.
+        further: Other errors of the same file, so that one reading shows all of them.
     """
 
     def __init__(
@@ -99,12 +100,14 @@ class InputError(IdentificationError):
         row: int | None = None,
         column: str | None = None,
         value: object = None,
+        further: Sequence[InputError] = (),
     ) -> None:
         self.message = message
         self.file = file
         self.row = row
         self.column = column
         self.value = value
+        self.further = tuple(further)
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -114,7 +117,10 @@ class InputError(IdentificationError):
             place.append(f"row {self.row}")
         if self.column is not None:
             place.append(f"column {self.column}")
-        return f"{', '.join(place)}: {self.message}" if place else self.message
+        text = f"{', '.join(place)}: {self.message}" if place else self.message
+        for number, other in enumerate(self.further, 2):
+            text += f"; ({number}) {other}"
+        return text
 
 
 class ContradictoryRuns(InputError):

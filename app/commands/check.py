@@ -51,11 +51,13 @@ def check(
         print_json(content)
     else:
         _print(content, files, save_mapping)
-    count = len(found.errors) + sum(f.severity == "refuse" for f in found.findings)
+    refused = [finding for finding in found.findings if finding.severity == "refuse"]
+    count = sum(1 + len(error.further) for error in found.errors) + len(refused)
     if count:
-        first = found.errors[0] if found.errors else f"{found.findings[0]}"
-        more = f" (and {count - 1} more, see above)" if count > 1 else ""
-        raise InputError(f"{first}{more}")
+        first = str(refused[0]) if refused else ""
+        for error in found.errors[:1]:
+            first = _located(error.file, error.row, error.column) + error.message
+        raise InputError(first + (f" (and {count - 1} more, see above)" if count > 1 else ""))
 
 
 def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None) -> None:
@@ -63,16 +65,8 @@ def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None
     for run in content["runs"]:
         _print_run(console, run)
     for error in content["errors"]:
-        place = ", ".join(
-            text
-            for text in (
-                error["file"],
-                _named("row", error["row"]),
-                _named("column", error["column"]),
-            )
-            if text
-        )
-        console.print(f"Not readable: {place}: {error['message']}", style="red", soft_wrap=True)
+        place = _located(error["file"], error["row"], error["column"])
+        console.print(f"Not readable: {place}{error['message']}", style="red", soft_wrap=True)
     for finding in content["findings"]:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
@@ -91,8 +85,11 @@ def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None
         console.print(f"next: motorid fit {words}{known} --out DIR", soft_wrap=True)
 
 
-def _named(word: str, value: object) -> str:
-    return "" if value is None else f"{word} {value}"
+def _located(file: str | None, row: int | None, column: str | None) -> str:
+    """Location before a message, with a colon; empty if unknown."""
+    words = ((file, ""), (row, "row "), (column, "column "))
+    place = ", ".join(f"{name}{word}" for word, name in words if word is not None)
+    return f"{place}: " if place else ""
 
 
 def _print_run(console: Console, run: Mapping[str, Any]) -> None:
@@ -133,10 +130,8 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
         if count:
             console.print(f"  {name}: {count} samples at the limit of the sensor")
     for warning in run["warnings"]:
-        place = _named("column", warning["column"])
-        console.print(
-            f"  warning: {place + ': ' if place else ''}{warning['message']}", soft_wrap=True
-        )
+        place = _located(None, None, warning["column"])
+        console.print(f"  warning: {place}{warning['message']}", soft_wrap=True)
 
 
 def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:

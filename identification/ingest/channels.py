@@ -7,7 +7,8 @@ ambiguous column, or a missing, unknown or wrong unit, is an error whose message
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from identification.errors import (
@@ -73,26 +74,44 @@ def assign_channels(
 
     Raises:
         MissingColumn: Required channels have no column; one message covers all of them.
-        RunFileError: A column is duplicated or ambiguous, or its unit is missing, unknown or wrong.
+        RunFileError: A column is duplicated or ambiguous, or its unit is missing, unknown or wrong;
+            the errors of all other channels are its `further`.
     """
-    mapped = {
-        name: _mapped(entry, columns) for name, entry in mapping.items() if entry.column is not None
-    }
-    taken = {channel.column.index for channel in mapped.values()}
+    found: dict[str, Channel] = {}
+    errors: list[RunFileError] = []
+    for name, entry in mapping.items():
+        if entry.column is not None:
+            with _collected(errors):
+                found[name] = _mapped(entry, columns)
+    taken = {channel.column.index for channel in found.values()}
     free = [column for column in columns if column.index not in taken]
-    found = dict(mapped)
     missing = []
     for name in CHANNEL_QUANTITIES:
         if name in mapping:
             continue
-        candidates = _candidates(name, free)
-        if candidates:
-            found[name] = _unambiguous(name, candidates)
-        elif name not in OPTIONAL_CHANNELS:
-            missing.append(name)
+        with _collected(errors):
+            candidates = _candidates(name, free)
+            if candidates:
+                found[name] = _unambiguous(name, candidates)
+            elif name not in OPTIONAL_CHANNELS:
+                missing.append(name)
     if missing:
-        raise _missing(missing, free, columns)
+        errors.append(_missing(missing, free, columns))
+    if errors:
+        errors[0].further = tuple(errors[1:])
+        raise errors[0]
     return {name: found[name] for name in CHANNEL_QUANTITIES if name in found}
+
+
+@contextmanager
+def _collected(errors: list[RunFileError]) -> Iterator[None]:
+    """Append an error to a list, so that the other channels are examined too."""
+    try:
+        yield
+    except RunFileError as error:
+        # A column with two faults concerns several channels with one message.
+        if str(error) not in map(str, errors):
+            errors.append(error)
 
 
 def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:

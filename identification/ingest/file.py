@@ -135,7 +135,12 @@ def naming(file: str | None) -> Iterator[None]:
         if file is None or error.file is not None:
             raise
         raise type(error)(
-            error.message, file=file, row=error.row, column=error.column, value=error.value
+            error.message,
+            file=file,
+            row=error.row,
+            column=error.column,
+            value=error.value,
+            further=error.further,
         ) from error
 
 

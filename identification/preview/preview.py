@@ -17,7 +17,7 @@ from typing import Final
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
-from identification.errors import IdentificationError, RunFileError
+from identification.errors import IdentificationError, InputError, RunFileError
 from identification.ingest.file import Limits
 from identification.ingest.mapping import MappingLike
 from identification.ingest.read import read_run
@@ -101,7 +101,11 @@ class Preview:
                 _run_entry(run, excitation)
                 for run, excitation in zip(self.runs, self.excitation, strict=True)
             ],
-            "errors": [_error_entry(error) for error in self.errors],
+            "errors": [
+                _error_entry(one, error.file)
+                for error in self.errors
+                for one in (error, *error.further)
+            ],
             "findings": [finding.entry() for finding in self.findings],
             "parameters": {
                 p.name: {
@@ -230,11 +234,11 @@ def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
     }
 
 
-def _error_entry(error: RunFileError) -> dict[str, object]:
+def _error_entry(error: InputError, file: str | None) -> dict[str, object]:
     return {
-        "code": error.code,
+        "code": error.code if isinstance(error, RunFileError) else None,
         "message": error.message,
-        "file": error.file,
+        "file": file,
         "row": error.row,
         "column": error.column,
     }

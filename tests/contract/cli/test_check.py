@@ -79,3 +79,31 @@ def test_saved_mapping_reads_the_same_run(
     found = read_run(run_files[0], mapping=saved)
     assert (found.speed == expected.speed).all()
     assert (found.voltage == expected.voltage).all()
+
+
+def test_all_columns_at_fault_are_shown_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No unit, a unit of another quantity, an unknown unit: each with a mapping to copy."""
+    file = tmp_path / "bad.csv"
+    rows = "".join(f"{number},1,2,3\n" for number in range(60))
+    file.write_text(f"time [s],U,I [V],n [foo]\n{rows}", encoding="utf-8")
+
+    assert main(["check", str(file), "--json"]) == 2
+    shown = capsys.readouterr()
+    errors = {error["column"]: error for error in json.loads(shown.out)["errors"]}
+    assert {column: error["code"] for column, error in errors.items()} == {
+        "U": "ambiguous_unit",
+        "I [V]": "wrong_unit",
+        "n [foo]": "unknown_unit",
+    }
+    assert all(error["file"] == "bad.csv" for error in errors.values())
+    assert all(
+        channel in errors[column]["message"]
+        for column, channel in (
+            ("U", '{"voltage_V": '),
+            ("I [V]", '{"current_A": '),
+            ("n [foo]", '{"speed_rad_s": '),
+        )
+    )
+    assert "(and 2 more, see above)" in shown.err
