@@ -26,6 +26,7 @@ from app.commands.exits import (
     prepare_streams,
     raised_signals,
 )
+from app.commands.keys import keys
 from app.logging import warnings_logged
 
 __all__ = ["app", "main"]
@@ -44,7 +45,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-keys = typer.Typer(help="API keys of the HTTP service.", rich_markup_mode=None)
 app.add_typer(keys, name="keys")
 
 
@@ -309,42 +309,6 @@ def restore(
     from app.commands import administration
 
     administration.restore(archive, data_dir)
-
-
-@keys.command("create")
-def create_key(
-    name: Annotated[str, typer.Argument(help="Display name, such as the name of the test bench.")],
-    workspace: Annotated[
-        str, typer.Option(help="Workspace whose runs and fits the key gives access to.")
-    ] = "default",
-    days: Annotated[
-        float | None, typer.Option(help="Lifetime in days.  [default: unlimited]")
-    ] = None,
-    data_dir: options.DataDir = None,
-) -> None:
-    """Create an API key.  It is printed once and cannot be shown again."""
-    from app.commands import administration
-
-    administration.create_key(name, workspace, days, data_dir)
-
-
-@keys.command("list")
-def list_keys(data_dir: options.DataDir = None) -> None:
-    """List all keys with workspace, expiry and last use, but not their secrets."""
-    from app.commands import administration
-
-    administration.list_keys(data_dir)
-
-
-@keys.command("revoke")
-def revoke_key(
-    key: Annotated[str, typer.Argument(help="Id of the key, from 'motorid keys list'.")],
-    data_dir: options.DataDir = None,
-) -> None:
-    """Revoke a key and end its sessions."""
-    from app.commands import administration
-
-    administration.revoke_key(key, data_dir)
 
 
 def main(words: Sequence[str] | None = None) -> int:

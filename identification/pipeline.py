@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.checks.admission import admitted
+from identification.checks.admission import Admission, admitted
 from identification.checks.values import check_values
 from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
@@ -28,7 +28,7 @@ from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
-from identification.fit.gains import current_gains, with_one_gain
+from identification.fit.gains import GainRatio, current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
@@ -110,9 +110,13 @@ def identify(
     fitted, unseen = _runs(training, "training"), _runs(validation, "validation")
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():
-            return _identified(fitted, unseen, options, progress, checkpoint, withheld)
+            admission = _admitted(fitted, unseen, options, withheld)
+            found = _identified(admission, options, progress, checkpoint, withheld)
     except ComputationError as error:
         raise ComputationError(f"{error}{_suspects([*fitted, *unseen])}") from error
+    if progress is not None:
+        progress("done", 1.0)
+    return found
 
 
 def _runs(given: Given | Iterable[Given], role: str) -> list[Run]:
@@ -143,8 +147,7 @@ def _limit(seconds: float | None) -> Callable[[], bool] | None:
 
 
 def _identified(
-    training: Sequence[Run],
-    validation: Sequence[Run],
+    admission: Admission,
     options: FitOptions,
     progress: Progress | None,
     checkpoint: Checkpoint | None,
@@ -152,20 +155,9 @@ def _identified(
 ) -> Identification:
     tell = progress or (lambda stage, fraction: None)
     tell("fit", 0.0)
-    check_values(training, validation)
-    _check_withheld(withheld)
-    parse_controllers(options.controllers)
-    admission = admitted(training, validation, options)
-    training, validation = admission.training, admission.validation
-    campaign = campaign_of(training, validation)
-    declared = _declared(campaign, options)
-    gains = current_gains(declared, campaign)
-    if gains:
-        campaign = with_one_gain(campaign, gains)
-        declared = _declared(campaign, options)
+    campaign, declared, gains = _nominal(admission, options)
     knowledge = Knowledge(options.priors, options.plate.friction).beside(declared)
-    # An effect may resolve a contradiction under the nominal model: known values are tested again
-    # at the end.
+    # Known values are tested again at the end: an effect may resolve a contradiction.
     declared, _ = knowledge.joined_to(declared)
     found, outcome = _searched(declared, campaign, options, tell, withheld)
     tell("fit", 0.5)
@@ -173,9 +165,7 @@ def _identified(
     closed, contradicted = knowledge.joined_to(closed)
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
-    omitted = unknown_gain(closed, [gain.ratio for gain in gains])
-    omitted += outcome.omitted if outcome else ()
-    omitted += _confounded(declared, outcome)
+    omitted = _omitted(closed, declared, outcome, gains)
     fraction = effective_fraction(closed)
     tell("posterior", 0.55)
     chain, draws = final_draws(
@@ -184,10 +174,10 @@ def _identified(
         omitted,
         options,
         lambda done: tell("posterior", 0.55 + 0.3 * done),
-        checkpoint and checkpoint.about([run.sha256 for run in (*training, *validation)], options),
+        checkpoint and checkpoint.about([run.sha256 for run in admission.runs], options),
     )
     tell("feedback", 0.85)
-    metrics = feedback_metrics(draws, options.temperatures, options.controllers)
+    loops = options.temperatures, options.controllers
     changed = outcome is not None and bool(outcome.effects)
     declared_draws = nominal_draws(declared, options.seed) if changed else draws
     left = localise(final) if found and changed else found
@@ -202,13 +192,11 @@ def _identified(
         fraction=fraction,
         draws=draws,
         sample=chain,
-        feedback=metrics,
+        feedback=feedback_metrics(draws, *loops),
         outcome=outcome,
         omitted=omitted,
-        feedback_before=feedback_metrics(declared_draws, options.temperatures, options.controllers)
-        if changed
-        else [],
-        loops=tuple(simulated_loops(final, draws, options.temperatures, options.controllers)),
+        feedback_before=feedback_metrics(declared_draws, *loops) if changed else [],
+        loops=tuple(simulated_loops(final, draws, *loops)),
         localisation=found,
         left=left,
         interrupted=was_interrupted(),
@@ -216,9 +204,7 @@ def _identified(
         before=detect(declared, campaign, left.noise) if left else None,
         after=detect(final, campaign, left.noise) if left else None,
     )
-    result = assemble(findings)
-    tell("done", 1.0)
-    return Identification(result, findings)
+    return Identification(assemble(findings), findings)
 
 
 def _searched(
@@ -262,6 +248,43 @@ def _check_withheld(kinds: Collection[str]) -> None:
             f"withheld has the kind {unknown[0]!r}; expected kinds of {', '.join(CATALOGUE)}",
             value=unknown[0],
         )
+
+
+def _admitted(
+    training: Sequence[Run],
+    validation: Sequence[Run],
+    options: FitOptions,
+    withheld: Collection[str],
+) -> Admission:
+    """The runs to fit, after all checks that need no fit."""
+    check_values(training, validation)
+    _check_withheld(withheld)
+    parse_controllers(options.controllers)
+    return admitted(training, validation, options)
+
+
+def _omitted(
+    final: Fit, declared: Fit, outcome: Outcome | None, gains: Sequence[GainRatio]
+) -> tuple[OmittedTerm, ...]:
+    """Terms that are not in the model and could change its parameters."""
+    return (
+        *unknown_gain(final, [gain.ratio for gain in gains]),
+        *(outcome.omitted if outcome else ()),
+        *_confounded(declared, outcome),
+    )
+
+
+def _nominal(
+    admission: Admission, options: FitOptions
+) -> tuple[Campaign, Fit, tuple[GainRatio, ...]]:
+    """Records, fit of the nominal model, and runs whose current was logged with another gain."""
+    campaign = campaign_of(admission.training, admission.validation)
+    declared = _declared(campaign, options)
+    gains = current_gains(declared, campaign)
+    if gains:
+        campaign = with_one_gain(campaign, gains)
+        declared = _declared(campaign, options)
+    return campaign, declared, gains
 
 
 def _declared(campaign: Campaign, options: FitOptions) -> Fit:

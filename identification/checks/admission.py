@@ -41,6 +41,11 @@ class Admission:
     forced: bool = False
 
     @property
+    def runs(self) -> tuple[Run, ...]:
+        """Runs to fit, then validation runs."""
+        return (*self.training, *self.validation)
+
+    @property
     def warnings(self) -> list[ResultWarning]:
         """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}

@@ -252,17 +252,7 @@ def normal_equations(
     derivatives = Derivatives(simulator, coordinates.values(position), tuple(states), directions)
     if sum(record.rows for record in simulator.records) <= _KEPT:
         derivatives = derivatives.keeping()
-    size = n + simulator.n_state
-    fulls = [np.zeros((size, size)) for _ in states]
-    rights = [np.zeros(size) for _ in states]
-    logged = [np.empty((record.rows, 2)) for record in simulator.records]
-    for block in derivatives.blocks(weighting.order):
-        k, samples = block.record, block.samples
-        residual = simulator.records[k].measured[samples] - block.logged
-        full, right = products(residual, block.tangent, weighting, k, block.start, block.lead)
-        fulls[k] += full
-        rights[k] += right
-        logged[k][samples] = block.logged
+    fulls, rights, logged = _summed(derivatives, weighting, n + simulator.n_state)
     information, gradient = np.zeros((n, n)), np.zeros(n)
     matrices, couplings, state_gradients = [], [], []
     for k, record in enumerate(simulator.records):
@@ -294,6 +284,24 @@ def normal_equations(
         tuple(logged),
         derivatives,
     )
+
+
+def _summed(
+    derivatives: Derivatives, weighting: Weighting, size: int
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """For each record (size, size) and (size,) sums over its blocks, and its readings."""
+    records = derivatives.simulator.records
+    fulls = [np.zeros((size, size)) for _ in records]
+    rights = [np.zeros(size) for _ in records]
+    logged = [np.empty((record.rows, 2)) for record in records]
+    for block in derivatives.blocks(weighting.order):
+        k, samples = block.record, block.samples
+        residual = records[k].measured[samples] - block.logged
+        full, right = products(residual, block.tangent, weighting, k, block.start, block.lead)
+        fulls[k] += full
+        rights[k] += right
+        logged[k][samples] = block.logged
+    return fulls, rights, logged
 
 
 def state_precision(simulator: Simulator, k: int) -> Array:

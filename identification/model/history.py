@@ -105,21 +105,34 @@ def updated_history(
         lag = model.lag(term, parameter)
         depth = term.depth
         for channel in _delayed(term):
-            waiting = history[start : start + 2]
             past = history[start + 2 : start + 2 + 4 * depth]
+            ahead = [(values[k][channel], slopes[k][channel]) for k in range(2)]
+            kept += _shifted(history[start : start + 2], past, ahead, begins, ends)
             start += 2 + 4 * depth
-            first = [
-                ca.if_else(begins, now, before)
-                for now, before in (
-                    (values[0][channel], waiting[0]),
-                    (slopes[0][channel], waiting[1]),
-                )
-            ]
-            whole = ca.vertcat(first[0], values[1][channel], first[1], slopes[1][channel])
-            moved = ca.vertcat(whole, past[: 4 * (depth - 1)])
-            kept += [*first, ca.if_else(ends, moved, past)]
             delayed[channel] = _looked_up(past, depth, lag, delayed[channel])
     return ca.vertcat(*kept), ca.vertcat(*delayed)
+
+
+def _shifted(
+    waiting: Expression,
+    past: Expression,
+    ahead: list[tuple[Expression, Expression]],
+    begins: Expression,
+    ends: Expression,
+) -> list[Expression]:
+    """Buffer of a delayed channel after one substep.
+
+    Args:
+        waiting: (2,) value and slope at the start of the sample interval.
+        past: (4 n_interval,) values and slopes of the past intervals, the latest first.
+        ahead: Value and slope at the start and at the end of the substep.
+        begins: Whether the substep is the first of its interval.
+        ends: Whether it is the last.
+    """
+    first = [ca.if_else(begins, ahead[0][k], waiting[k]) for k in range(2)]
+    whole = ca.vertcat(first[0], ahead[1][0], first[1], ahead[1][1])
+    moved = ca.vertcat(whole, past[: past.numel() - 4])
+    return [*first, ca.if_else(ends, moved, past)]
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:

@@ -25,6 +25,14 @@ _HEAD: Final = (
 )
 
 
+_FIRST_BLOCK: Final = [
+    "  %final = sub i64 %n, 2",
+    "  %empty = icmp sle i64 %n, 0",
+    "  br i1 %empty, label %done, label %begin",
+    "begin:",
+]
+
+
 def lower(step: ca.Function, prepare: ca.Function | None = None) -> str:
     """LLVM module with a function ``scan`` that repeats `step` over time for a block of lanes.
 
@@ -89,7 +97,6 @@ def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
     first = Translation(prepare, prefix="f", pointer="%inputs")
     last = Translation(prepare, prefix="g", pointer="%ue")
     n_input, n_carry = step.size1_in(1), len(body.carry)
-    ones = "<" + ", ".join(["double 1.0"] * LANES) + ">"
     blocks, slopes, moved = [], [], []
     for row, (a, b) in enumerate(zip(first.output, last.output, strict=True)):
         blocks.append(f"  %h{row} = phi {VECTOR} [ {a}, %entry ], [ {b}, %latch ]")
@@ -115,65 +122,76 @@ def _interpolated(step: ca.Function, prepare: ca.Function) -> str:
         _starts(n_carry),
         first.lines["constant"],
         last.lines["constant"],
-        [
-            "  %final = sub i64 %n, 2",
-            "  %empty = icmp sle i64 %n, 0",
-            "  br i1 %empty, label %done, label %begin",
-            "begin:",
-        ],
+        _FIRST_BLOCK,
         first.lines["shared"],
         first.lines["lane"],
         ["  br label %outer", "outer:", "  %k = phi i64 [ 0, %begin ], [ %kn, %latch ]"],
         [line.replace("%entry", "%begin") for line in (*blocks, *outer)],
-        [
-            "  %left = sub i64 %n, %k",
-            f"  %short = icmp slt i64 %left, {STRIDE}",
-            f"  %m = select i1 %short, i64 %left, i64 {STRIDE}",
-            "  %stop = add i64 %k, %m",
-            "  %over = icmp sgt i64 %stop, %final",
-            "  %within = select i1 %over, i64 %final, i64 %stop",
-            "  %behind = icmp slt i64 %within, %k",
-            "  %end = select i1 %behind, i64 %k, i64 %within",
-            "  %span = sub i64 %end, %k",
-            "  %some = icmp sgt i64 %span, 0",
-            "  %length = select i1 %some, i64 %span, i64 1",
-            "  %number = sitofp i64 %length to double",
-            "  %inverse = fdiv double 1.0, %number",
-            f"  %single = insertelement {VECTOR} poison, double %inverse, i64 0",
-            f"  %share = shufflevector {VECTOR} %single, {VECTOR} poison, "
-            f"<{LANES} x i32> zeroinitializer",
-            f"  %eo = mul i64 %end, {n_input}",
-            "  %ue = getelementptr double, ptr %inputs, i64 %eo",
-        ],
+        _block_bounds(n_input),
         last.lines["shared"],
         last.lines["lane"],
         slopes,
-        [
-            f"  %bo = mul i64 %k, {n_input}",
-            "  %ub = getelementptr double, ptr %inputs, i64 %bo",
-            "  br label %loop",
-            "loop:",
-            "  %j = phi i64 [ 0, %outer ], [ %j1, %loop ]",
-            "  %u = phi ptr [ %ub, %outer ], [ %u1, %loop ]",
-            f"  %since = phi {VECTOR} [ zeroinitializer, %outer ], [ %since1, %loop ]",
-        ],
+        _row_bounds(n_input),
         inner,
         moved,
         body.lines["shared"],
         body.lines["lane"],
-        [
-            f"  %since1 = fadd {VECTOR} %since, {ones}",
-            "  %j1 = add i64 %j, 1",
-            f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
-            "  %more = icmp slt i64 %j1, %m",
-            "  br i1 %more, label %loop, label %latch",
-            "latch:",
-            "  %kn = add i64 %k, %m",
-            "  %again = icmp slt i64 %kn, %n",
-            "  br i1 %again, label %outer, label %done",
-        ],
+        _row_ends(n_input),
         _ends(body.carry, "latch"),
     )
+
+
+def _block_bounds(n_input: int) -> list[str]:
+    """First and last row of a block, and the share of one row in it."""
+    return [
+        "  %left = sub i64 %n, %k",
+        f"  %short = icmp slt i64 %left, {STRIDE}",
+        f"  %m = select i1 %short, i64 %left, i64 {STRIDE}",
+        "  %stop = add i64 %k, %m",
+        "  %over = icmp sgt i64 %stop, %final",
+        "  %within = select i1 %over, i64 %final, i64 %stop",
+        "  %behind = icmp slt i64 %within, %k",
+        "  %end = select i1 %behind, i64 %k, i64 %within",
+        "  %span = sub i64 %end, %k",
+        "  %some = icmp sgt i64 %span, 0",
+        "  %length = select i1 %some, i64 %span, i64 1",
+        "  %number = sitofp i64 %length to double",
+        "  %inverse = fdiv double 1.0, %number",
+        f"  %single = insertelement {VECTOR} poison, double %inverse, i64 0",
+        f"  %share = shufflevector {VECTOR} %single, {VECTOR} poison, "
+        f"<{LANES} x i32> zeroinitializer",
+        f"  %eo = mul i64 %end, {n_input}",
+        "  %ue = getelementptr double, ptr %inputs, i64 %eo",
+    ]
+
+
+def _row_bounds(n_input: int) -> list[str]:
+    """Begin of the loop over the rows of a block."""
+    return [
+        f"  %bo = mul i64 %k, {n_input}",
+        "  %ub = getelementptr double, ptr %inputs, i64 %bo",
+        "  br label %loop",
+        "loop:",
+        "  %j = phi i64 [ 0, %outer ], [ %j1, %loop ]",
+        "  %u = phi ptr [ %ub, %outer ], [ %u1, %loop ]",
+        f"  %since = phi {VECTOR} [ zeroinitializer, %outer ], [ %since1, %loop ]",
+    ]
+
+
+def _row_ends(n_input: int) -> list[str]:
+    """End of the loops over rows and blocks."""
+    ones = "<" + ", ".join(["double 1.0"] * LANES) + ">"
+    return [
+        f"  %since1 = fadd {VECTOR} %since, {ones}",
+        "  %j1 = add i64 %j, 1",
+        f"  %u1 = getelementptr double, ptr %u, i64 {n_input}",
+        "  %more = icmp slt i64 %j1, %m",
+        "  br i1 %more, label %loop, label %latch",
+        "latch:",
+        "  %kn = add i64 %k, %m",
+        "  %again = icmp slt i64 %kn, %n",
+        "  br i1 %again, label %outer, label %done",
+    ]
 
 
 def _starts(n_carry: int) -> list[str]:

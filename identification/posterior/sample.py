@@ -107,24 +107,16 @@ def sample(
     start = posterior.normal_points(seed, walkers)
     density = posterior(start)
     key = chain_key(posterior, covariance, seed, walkers)
+    moves, backend = _moves(posterior, covariance), kept_backend(checkpoint, key, walkers, n_dim)
     sampler = emcee.EnsembleSampler(
-        walkers,
-        n_dim,
-        posterior,
-        vectorize=True,
-        moves=_moves(posterior, covariance),
-        backend=kept_backend(checkpoint, key, walkers, n_dim),
+        walkers, n_dim, posterior, vectorize=True, moves=moves, backend=backend
     )
-    state = emcee.State(
-        start,
-        log_prob=density,
-        random_state=np.random.RandomState(seed).get_state(),  # noqa: NPY002
-    )
+    random_state = np.random.RandomState(seed).get_state()  # noqa: NPY002
+    state = emcee.State(start, log_prob=density, random_state=random_state)
     done, tau = sampler.iteration, np.inf
     affordable = work / posterior.work(walkers)
-    if affordable < _LEAST_STEPS:
-        # No chain this short converges; the steps that are made serve for its diagnostics alone.
-        affordable = _GLIMPSE
+    # No chain of fewer steps converges; they serve for its diagnostics alone.
+    affordable = affordable if affordable >= _LEAST_STEPS else _GLIMPSE
     if done:
         state = sampler.get_last_sample()
     while done < min(most_steps, affordable):
@@ -144,17 +136,21 @@ def sample(
             break
         if checkpoint is not None and checkpoint.is_due():
             checkpoint.save(key, state_of(sampler.backend))
-    burn = _burn_in(done, tau)
-    found = Sample(
+    found = _sample_of(sampler, posterior, _burn_in(done, tau))
+    if found.convergence.reached or was_interrupted():
+        return found
+    return _replaced(found, posterior, seed, work)
+
+
+def _sample_of(sampler: emcee.EnsembleSampler, posterior: Posterior, burn: int) -> Sample:
+    """The chain without its first steps."""
+    return Sample(
         chain=posterior.physical(sampler.get_chain(discard=burn)),
         log_density=sampler.get_log_prob(discard=burn),
         names=posterior.names,
         units=posterior.units,
         convergence=_convergence(sampler, burn),
     )
-    if found.convergence.reached or was_interrupted():
-        return found
-    return _replaced(found, posterior, seed, work)
 
 
 def _replaced(found: Sample, posterior: Posterior, seed: int, work: float) -> Sample:

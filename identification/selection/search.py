@@ -76,18 +76,15 @@ def search(
         declared: Fit of the nominal model.
         campaign: Training and validation records.
         progress: Called with the completed fraction [-].
-        work: Operation budget.  After it is spent no new step starts; the effects accepted until
-            then are kept.
+        work: Operation budget; once it is spent, no new step starts.
         begin: Fit of the model from which the selection starts; the nominal model if None.
         withheld: Names of effect types that are not candidates.
-        is_part: Whether the records are a representative subset.  The selected model is then
-            refitted to all samples later and is not refined here.
+        is_part: Whether the records are a subset, so that the model is refined later.
         policy: Limits of the search.
     """
     report = progress or (lambda fraction: None)
-    trials = Trials(
-        campaign, Budget(work), policy.refit_budget * work, withheld=withheld, policy=policy
-    )
+    longest = policy.refit_budget * work
+    trials = Trials(campaign, Budget(work), longest, withheld=withheld, policy=policy)
     listed = Budget(policy.catalogue_budget * work)
     nominal = trials.evaluate(declared)
     state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
@@ -120,8 +117,12 @@ def search(
     if is_exhausted and not listed.spent:
         _restart(state)
     _add_curve(state, is_exhausted=is_exhausted)
-    is_complete = not (trials.over or is_cut_short)
     report((policy.rounds + 1) / (policy.rounds + 2))
+    return _outcome(state, nominal, is_part, not (trials.over or is_cut_short))
+
+
+def _outcome(state: State, nominal: EvaluatedModel, is_part: bool, is_complete: bool) -> Outcome:
+    trials = state.trials
     effects = tuple(_effects_of(state))
     traces = traced(trials.curves(nominal)) if effects else ()
     fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))

@@ -172,7 +172,7 @@ def test_client_writes_table_and_page(alice: Caller, batch: str, tmp_path: Any) 
         path = alice.client.fetch_table(batch, tmp_path / f"fleet.{form}")
         assert path.stat().st_size > 100
     assert alice.client.fetch_fleet(batch, tmp_path / "fleet.html").stat().st_size > 10_000
-    with pytest.raises(ValueError, match=r"'fleet\.xlsx' names no form"):
+    with pytest.raises(ValueError, match=r"'fleet\.xlsx' has no suffix of a table format"):
         alice.client.fetch_table(batch, tmp_path / "fleet.xlsx")
 
 
