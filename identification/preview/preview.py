@@ -13,7 +13,6 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Final
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
@@ -22,19 +21,11 @@ from identification.ingest.file import Limits
 from identification.ingest.mapping import MappingLike
 from identification.ingest.read import read_run
 from identification.ingest.run import Run, Source
+from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
 from identification.preview.excitation import Excitation, excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
 
 __all__ = ["Preview", "examine", "preview"]
-
-_SI: Final = {
-    "time_s": "s",
-    "voltage_V": "V",
-    "current_A": "A",
-    "speed_rad_s": "rad/s",
-    "temperature_degC": "degC",
-    "position_rad": "rad",
-}
 
 
 @dataclass(frozen=True)
@@ -82,7 +73,7 @@ class Preview:
             return {}
         common: dict[str, object] = {}
         single: dict[str, dict[str, object]] = {}
-        for name in _SI:
+        for name in CHANNEL_QUANTITIES:
             entries = {run.name: _mapped(run.sources.get(name)) for run in self.runs}
             first, *others = entries.values()
             if any(entry != first for entry in others):
@@ -209,7 +200,7 @@ def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
             "unit": source.unit,
             "scale": source.scale,
             "offset": source.offset,
-            "si_unit": _SI[name],
+            "si_unit": canonical_unit(name).name,
         }
     gaps = [
         {
