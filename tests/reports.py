@@ -179,6 +179,9 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
                 "role": run.role,
                 "rows": run.time.size,
                 "sample_rate_hz": 500.0,
+                "channels": {
+                    "current_A": {"column": "CH2", "unit": "mA", "scale": 2.5, "offset": 0.1}
+                },
             }
             for run in runs
         ],

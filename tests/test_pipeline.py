@@ -63,6 +63,12 @@ def test_paths_of_run_files_stand_for_their_runs(tmp_path: Path) -> None:
 
     expected = identify(read_run(path), read_run(path), options)
     assert found.result == expected.result
+    assert found.result["runs"][0]["channels"]["speed_rad_s"] == {  # type: ignore[index]
+        "column": "speed_rad_s",
+        "unit": "rad/s",
+        "scale": 1.0,
+        "offset": 0.0,
+    }
 
 
 @pytest.mark.parametrize("given", [None, 3, [RUN, None], {"training": 1}.values()])

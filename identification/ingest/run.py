@@ -96,6 +96,15 @@ class Source:
     scale: float = 1.0
     offset: float = 0.0
 
+    def entry(self) -> dict[str, object]:
+        """The source as plain data, with the keys of a mapping."""
+        return {
+            "column": self.header,
+            "unit": self.unit,
+            "scale": self.scale,
+            "offset": self.offset,
+        }
+
 
 @dataclass(frozen=True)
 class Run:

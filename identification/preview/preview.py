@@ -186,22 +186,12 @@ def _mapped(source: Source | None) -> dict[str, object] | None:
     """Entry of a mapping for a channel; None if it has no column."""
     if source is None:
         return None
-    entry: dict[str, object] = {"column": source.header, "unit": source.unit}
-    if source.scale != 1.0 or source.offset != 0.0:
-        entry |= {"scale": source.scale, "offset": source.offset}
-    return entry
+    scaled = source.scale != 1.0 or source.offset != 0.0
+    kept = ("column", "unit", "scale", "offset") if scaled else ("column", "unit")
+    return {name: value for name, value in source.entry().items() if name in kept}
 
 
 def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
-    channels = {}
-    for name, source in run.sources.items():
-        channels[name] = {
-            "column": source.header,
-            "unit": source.unit,
-            "scale": source.scale,
-            "offset": source.offset,
-            "si_unit": canonical_unit(name).name,
-        }
     gaps = [
         {
             "after_s": float(run.time[last - 1]),
@@ -215,7 +205,10 @@ def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
         "rows": run.rows,
         "sample_rate_hz": run.sample_rate_hz,
         "gaps": gaps,
-        "channels": channels,
+        "channels": {
+            name: source.entry() | {"si_unit": canonical_unit(name).name}
+            for name, source in run.sources.items()
+        },
         "clipped": {name: int(marked.sum()) for name, marked in run.clipped.items()},
         "excitation": asdict(excitation),
         "warnings": [

@@ -164,6 +164,7 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             "sample_rate_hz": run.sample_rate_hz,
             "hottest_degC": None if run.temperature is None else hottest.get(number),
             "same_as": campaign.alike[number],
+            "channels": {name: source.entry() for name, source in run.sources.items()},
         }
         for number, (role, run) in enumerate(
             [("training", run) for run in campaign.training_runs]
