@@ -19,7 +19,7 @@ from app.batches.endpoints import router as batches
 from app.composition import Services
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
-from app.http import API_PREFIX, STATIC_PREFIX
+from app.http import API_PREFIX, STATIC_PREFIX, UPLOAD_PATHS
 from app.http.connections import BodyDeadline, CrowdCheck
 from app.http.files import PageFiles
 from app.http.gate import Gate
@@ -85,7 +85,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.add_middleware(
         SizeCheck,
         limit=settings.max_body_bytes,
-        limits={f"{API_PREFIX}/runs": settings.max_upload_bytes + _FORM_BYTES},
+        limits=dict.fromkeys(UPLOAD_PATHS, settings.max_upload_bytes + _FORM_BYTES),
     )
     application.add_middleware(
         RateLimit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["API_PREFIX", "HEALTH_PATHS", "LOGIN_PATH", "STATIC_PREFIX"]
+__all__ = ["API_PREFIX", "HEALTH_PATHS", "LOGIN_PATH", "STATIC_PREFIX", "UPLOAD_PATHS"]
 
 API_PREFIX: Final = "/api/v1"
 """Prefix of all API calls."""
@@ -13,6 +13,9 @@ HEALTH_PATHS: Final = frozenset(
     f"{prefix}/{name}" for prefix in ("", API_PREFIX) for name in ("healthz", "readyz", "metrics")
 )
 """Health and metrics paths, below the API prefix and, for probes, at the root."""
+
+UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview")
+"""Paths whose body is a run file, with the size limit and the deadline of an upload."""
 
 LOGIN_PATH: Final = "/login"
 """Login page."""

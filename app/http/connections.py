@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from app.errors import BodyTooSlow, Unavailable
-from app.http import API_PREFIX, HEALTH_PATHS
+from app.http import HEALTH_PATHS, UPLOAD_PATHS
 from app.http.middleware import AbstractCheck
 from app.http.problems import problem_of
 
@@ -28,7 +28,7 @@ __all__ = ["BodyDeadline", "CrowdCheck", "accepted_at_once", "connection_class"]
 
 _CROWDED = 0.8
 _FULL = 0.9
-_UPLOAD = ("POST", f"{API_PREFIX}/runs")
+_UPLOADS = tuple(("POST", path) for path in UPLOAD_PATHS)
 
 
 def connection_class(request_s: float) -> type[H11Protocol]:
@@ -142,7 +142,7 @@ class BodyDeadline:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward a request; if its body is late, answer 408 in place of the inner application."""
-        if scope["type"] != "http" or (scope["method"], scope["path"]) == _UPLOAD:
+        if scope["type"] != "http" or (scope["method"], scope["path"]) in _UPLOADS:
             await self.app(scope, receive, send)
             return
         body = _Body(receive, anyio.current_time() + self.request_s)

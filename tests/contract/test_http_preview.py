@@ -55,3 +55,12 @@ def test_preview_applies_the_mapping(alice: Caller) -> None:
 
     assert refused.status_code == 422
     assert answer.json()["mapping"]["speed_rad_s"] == mapping["speed_rad_s"]
+
+
+def test_preview_takes_the_files_that_an_upload_takes(alice: Caller) -> None:
+    """A run above the limit of other bodies (here 100,000 bytes) is examined."""
+    header, *rows = run_text(4).splitlines(keepends=True)
+    text = b"".join([b"# " + b"x" * 900 + b"\n"] * 200 + [header, *rows])
+    answer = alice.http.post("/runs/preview", files={"file": ("long.csv", text)})
+    assert answer.status_code == 200
+    assert answer.json()["accepted"] is True
