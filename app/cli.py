@@ -139,7 +139,9 @@ def check(
     from app.commands.arguments import mapping_of
     from app.commands.check import check
 
-    check(runs, mapping_of(mapping, map or []), save_mapping, as_json=json)
+    given = [] if mapping is None else ["--mapping", str(mapping)]
+    given += [word for text in map or [] for word in ("--map", text)]
+    check(runs, mapping_of(mapping, map or []), save_mapping, given=given, as_json=json)
 
 
 @app.command(cls=SeveralWords)

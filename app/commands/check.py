@@ -6,16 +6,19 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
 from app.commands.arguments import check_mapped_files
-from app.commands.console import print_json, results_console, table_with
+from app.commands.console import print_json, remark, results_console, table_with
 from app.commands.files import writable_file
-from identification.errors import InputError
+from identification.errors import InputError, OptionError
 from identification.result.numbers import number_text, unit_text
+
+if TYPE_CHECKING:
+    from identification.preview import Preview
 
 __all__ = ["check"]
 
@@ -25,6 +28,7 @@ def check(
     mapping: Mapping[str, object] | None,
     save_mapping: Path | None,
     *,
+    given: Sequence[str] = (),
     as_json: bool,
 ) -> None:
     """Show columns, excitation, contradictions and expected precision of runs.
@@ -32,25 +36,32 @@ def check(
     Args:
         files: Run files of one motor.
         mapping: Mapping of columns to channels.
-        save_mapping: JSON file to write with the mapping as understood.
+        save_mapping: JSON file to write with the mapping as understood; an existing file is
+            replaced only if it is a mapping.
+        given: Options of the command line that the mapping comes from.
         as_json: Print the preview as JSON.
 
     Raises:
         InputError: A file cannot be read, or runs contradict; all of them have been shown.
+        OptionError: The mapping cannot be saved.
     """
     from identification.preview import preview
-    from identification.result.atomic import write_text
 
     check_mapped_files(mapping, files)
+    if save_mapping is not None:
+        _check_replaceable(save_mapping)
     found = preview(files, mapping)
     content = found.content()
+    if save_mapping is not None and (not found.runs or found.errors):
+        remark(f"{save_mapping} is not written, because not all files are readable")
+        save_mapping = None
     if save_mapping is not None:
-        with writable_file(save_mapping):
-            write_text(save_mapping, json.dumps(found.mapping(), indent=1) + "\n")
+        _save(found, save_mapping)
     if as_json:
         print_json(content)
     else:
-        _print(content, files, save_mapping)
+        words = ["--mapping", str(save_mapping)] if save_mapping else given
+        _print(content, files, save_mapping, words)
     refused = [finding for finding in found.findings if finding.severity == "refuse"]
     count = sum(1 + len(error.further) for error in found.errors) + len(refused)
     if count:
@@ -60,7 +71,51 @@ def check(
         raise InputError(first + (f" (and {count - 1} more, see above)" if count > 1 else ""))
 
 
-def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None) -> None:
+def _check_replaceable(path: Path) -> None:
+    """Refuse to replace a file that is no mapping, such as a run.
+
+    Raises:
+        OptionError: The file exists and is no mapping.
+    """
+    from identification.ingest import read_mapping
+
+    if not path.exists() or path.is_dir():
+        return
+    try:
+        if not path.is_file():
+            raise OptionError("is not a regular file")
+        read_mapping(path)
+    except InputError as error:
+        raise OptionError(
+            f"--save-mapping {path}: exists and is no mapping, so it is not replaced; choose "
+            "another name",
+            value=str(path),
+        ) from error
+
+
+def _save(found: Preview, path: Path) -> None:
+    """Write the mapping as understood.
+
+    Raises:
+        OptionError: The mapping cannot tell the runs apart, or the file cannot be written.
+    """
+    from identification.ingest.mapping import FILES
+    from identification.result.atomic import write_text
+
+    mapping = found.mapping()
+    if FILES in mapping and len({run.name for run in found.runs}) < len(found.runs):
+        raise OptionError(
+            f"--save-mapping {path}: runs of the same name have different columns, and a mapping "
+            "tells runs apart by name only; rename the files",
+            value=str(path),
+        )
+    with writable_file(path, "--save-mapping"):
+        write_text(path, json.dumps(mapping, indent=1) + "\n")
+
+
+def _print(
+    content: Mapping[str, Any], files: Sequence[Path], saved: Path | None, given: Sequence[str]
+) -> None:
     console = results_console()
     for run in content["runs"]:
         _print_run(console, run)
@@ -72,17 +127,17 @@ def _print(content: Mapping[str, Any], files: Sequence[Path], saved: Path | None
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
         console.print(f"{verdict}: {place}: {finding['message']}", style="yellow", soft_wrap=True)
         for correction in finding["corrections"]:
-            console.print(f"  correct it with --map {shlex.quote(correction)}")
+            console.print(f"  correct it with --map {shlex.quote(correction)}", soft_wrap=True)
     if content["parameters"]:
         console.print(_prospects(content["parameters"]))
     for note in content["notes"]:
         console.print(f"Note: {note}", soft_wrap=True)
     if saved is not None:
-        console.print(f"mapping written to {saved}")
+        console.print(f"mapping written to {saved}", soft_wrap=True)
     if content["accepted"]:
-        words = " ".join(shlex.quote(str(file)) for file in files)
-        known = f" --mapping {shlex.quote(str(saved))}" if saved else ""
-        console.print(f"next: motorid fit {words}{known} --out DIR", soft_wrap=True)
+        paths = (f"./{file}" if str(file).startswith("-") else str(file) for file in files)
+        words = shlex.join([*paths, *given])
+        console.print(f"next: motorid fit {words} --out DIR", soft_wrap=True)
 
 
 def _located(file: str | None, row: int | None, column: str | None) -> str:

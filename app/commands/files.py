@@ -28,7 +28,7 @@ _WIDEST: Final = 100.0
 
 
 @contextmanager
-def writable_directory(directory: Path) -> Iterator[None]:
+def writable_directory(directory: Path, option: str = "--out") -> Iterator[None]:
     """Create a directory with its parents and check that it is writable, before the computation.
 
     If the block fails, a directory created here is removed again if it is empty.
@@ -43,7 +43,7 @@ def writable_directory(directory: Path) -> Iterator[None]:
             pass
     except OSError as error:
         raise OptionError(
-            f"--out {directory}: cannot be written ({error.strerror}); choose another directory",
+            f"{option} {directory}: cannot be written ({error.strerror}); choose another directory",
             value=str(directory),
         ) from error
     try:
@@ -56,15 +56,15 @@ def writable_directory(directory: Path) -> Iterator[None]:
 
 
 @contextmanager
-def writable_file(path: Path) -> Iterator[None]:
+def writable_file(path: Path, option: str = "--out") -> Iterator[None]:
     """Check that a file can be written, as `writable_directory` does for a directory.
 
     Raises:
         OptionError: The path is a directory or cannot be written.
     """
     if path.is_dir():
-        raise OptionError(f"--out {path}: is a directory; expected a file name", value=str(path))
-    with writable_directory(Path(os.path.abspath(path)).parent):
+        raise OptionError(f"{option} {path}: is a directory; expected a file name", value=str(path))
+    with writable_directory(Path(os.path.abspath(path)).parent, option):
         yield
 
 

@@ -74,10 +74,11 @@ class Preview:
         common: dict[str, object] = {}
         single: dict[str, dict[str, object]] = {}
         for name in CHANNEL_QUANTITIES:
-            entries = {run.name: _mapped(run.sources.get(name)) for run in self.runs}
-            first, *others = entries.values()
-            if any(entry != first for entry in others):
-                for file, entry in entries.items():
+            # Runs may have the same name.
+            entries = [(run.name, _mapped(run.sources.get(name))) for run in self.runs]
+            first = entries[0][1]
+            if any(entry != first for _, entry in entries):
+                for file, entry in entries:
                     single.setdefault(file, {})[name] = entry
             elif first is not None:
                 common[name] = first

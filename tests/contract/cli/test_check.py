@@ -107,3 +107,47 @@ def test_all_columns_at_fault_are_shown_at_once(
         )
     )
     assert "(and 2 more, see above)" in shown.err
+
+
+def test_next_command_repeats_the_mapping(
+    run_files: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without it, the fit would read other columns than those examined."""
+    main(["check", str(run_files[0]), "--map", "current_A=current_A * 1.5"])
+    last = capsys.readouterr().out.rstrip().splitlines()[-1]
+    assert last.endswith("--map 'current_A=current_A * 1.5' --out DIR")
+
+
+def test_saved_mapping_replaces_no_run(
+    run_files: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An existing file that is no mapping is kept, and the message names the option."""
+    before = run_files[0].read_bytes()
+    status = main(["check", str(run_files[0]), "--save-mapping", str(run_files[0])])
+    assert status == 2
+    assert run_files[0].read_bytes() == before
+    assert "--save-mapping" in capsys.readouterr().err
+
+
+def test_mapping_of_an_unreadable_file_is_not_saved(tmp_path: Path, run_files: list[Path]) -> None:
+    """An earlier mapping is kept."""
+    saved = tmp_path / "mapping.json"
+    assert main(["check", str(run_files[0]), "--save-mapping", str(saved)]) == 0
+    before = saved.read_bytes()
+    words = [str(run_files[0]), str(tmp_path / "none.csv"), "--save-mapping", str(saved)]
+    assert main(["check", *words]) == 2
+    assert saved.read_bytes() == before
+
+
+def test_mapping_that_cannot_tell_runs_apart_is_not_saved(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two runs of one name and different columns: the entry of one would replace the other's."""
+    other = tmp_path / "other" / run_files[0].name
+    other.parent.mkdir()
+    text = run_files[1].read_text(encoding="utf-8").replace("current_A", "current [A]", 1)
+    other.write_text(text, encoding="utf-8")
+    saved = tmp_path / "mapping.json"
+    assert main(["check", str(run_files[0]), str(other), "--save-mapping", str(saved)]) == 2
+    assert not saved.exists()
+    assert "rename the files" in capsys.readouterr().err
