@@ -14,7 +14,7 @@ from rich.table import Table
 from app.commands.arguments import check_mapped_files
 from app.commands.console import print_json, remark, results_console, table_with
 from app.commands.files import writable_file
-from identification.errors import InputError, OptionError
+from identification.errors import InputError, OptionError, RunFileError
 from identification.result.numbers import number_text, unit_text
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def check(
         _check_replaceable(save_mapping)
     found = preview(files, mapping)
     content = found.content()
-    if save_mapping is not None and (not found.runs or found.errors):
+    if save_mapping is not None and any(isinstance(e, RunFileError) for e in found.errors):
         remark(f"{save_mapping} is not written, because not all files are readable")
         save_mapping = None
     if save_mapping is not None:
@@ -121,7 +121,8 @@ def _print(
         _print_run(console, run)
     for error in content["errors"]:
         place = _located(error["file"], error["row"], error["column"])
-        console.print(f"Not readable: {place}{error['message']}", style="red", soft_wrap=True)
+        fault = "Not readable" if error["code"] else "Not sufficient"
+        console.print(f"{fault}: {place}{error['message']}", style="red", soft_wrap=True)
     for finding in content["findings"]:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)

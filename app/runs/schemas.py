@@ -128,7 +128,7 @@ class PreviewOut(BaseModel):
         description="The run with its channels (column, unit, scale, offset), gaps, excitation and "
         "warnings; empty if the file cannot be read."
     )
-    errors: list[dict[str, Any]] = Field(description="Why the file cannot be read.")
+    errors: list[dict[str, Any]] = Field(description="Why the file cannot be read or fitted.")
     findings: list[dict[str, Any]] = Field(
         description="Contradictions and suspicions, each with the mapping that corrects it."
     )

@@ -16,7 +16,9 @@ from dataclasses import asdict, dataclass, replace
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
+from identification.checks.values import check_values
 from identification.errors import IdentificationError, InputError, RunFileError
+from identification.fit.campaign import campaign_of
 from identification.ingest.file import Limits
 from identification.ingest.mapping import MappingLike
 from identification.ingest.read import read_run
@@ -34,7 +36,8 @@ class Preview:
 
     Args:
         runs: Readable runs, in the order given.
-        errors: Reasons why the other files cannot be read.
+        errors: Reasons why the other files cannot be read, or why the runs together cannot be
+            fitted.
         findings: Contradictions and suspicions in the readable runs.
         excitation: Excitation of each readable run.
         prospects: Expected precision of the nominal parameters; empty if runs contradict.
@@ -42,7 +45,7 @@ class Preview:
     """
 
     runs: tuple[Run, ...]
-    errors: tuple[RunFileError, ...]
+    errors: tuple[InputError, ...]
     findings: tuple[Finding, ...]
     excitation: tuple[Excitation, ...]
     prospects: tuple[Prospect, ...]
@@ -50,7 +53,7 @@ class Preview:
 
     def with_prospects(self) -> Preview:
         """The preview with the expected precision, unless runs contradict."""
-        if not self.runs or any(f.severity == "refuse" for f in self.findings):
+        if not self.runs or self._is_unfit or any(f.severity == "refuse" for f in self.findings):
             return self
         try:
             prospects = prospects_of(self.runs, joined(self.excitation))
@@ -58,6 +61,11 @@ class Preview:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
         return replace(self, prospects=tuple(prospects))
+
+    @property
+    def _is_unfit(self) -> bool:
+        """Whether the readable runs together do not suffice for a fit."""
+        return any(not isinstance(error, RunFileError) for error in self.errors)
 
     @property
     def is_accepted(self) -> bool:
@@ -140,7 +148,7 @@ def examine(
         limits: Size limits of the files.
     """
     runs: list[Run] = []
-    errors: list[RunFileError] = []
+    errors: list[InputError] = []
     for file, name in zip(files, names or (None,) * len(files), strict=True):
         try:
             runs.append(read_run(file, name=name, mapping=mapping, limits=limits))
@@ -148,6 +156,13 @@ def examine(
             errors.append(error)
     if not runs:
         return Preview((), tuple(errors), (), (), (), ())
+    if not errors:
+        # The remaining conditions of a fit that concern all runs together.
+        try:
+            check_values(runs, ())
+            campaign_of(runs, ())
+        except InputError as error:
+            errors.append(error)
     verdict = check_runs(runs)
     fastest = max(float(abs(run.speed).max()) for run in runs)
     each = tuple(excitation_of(run, fastest) for run in runs)

@@ -151,3 +151,20 @@ def test_mapping_that_cannot_tell_runs_apart_is_not_saved(
     assert main(["check", str(run_files[0]), str(other), "--save-mapping", str(saved)]) == 2
     assert not saved.exists()
     assert "rename the files" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("rows", "voltage"), [(20, "5"), (100, "0")])
+def test_runs_that_a_fit_refuses_are_refused(
+    rows: int, voltage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Too few samples together, and a motor that is never driven: the status is that of a fit."""
+    file = tmp_path / "run.csv"
+    lines = [f"{k / 1000},{voltage},{0.1 * (k % 7)},{k % 5}" for k in range(rows)]
+    header = "time_s,voltage_V,current_A,speed_rad_s"
+    file.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    assert main(["fit", str(file), "--out", str(tmp_path / "out")]) == 2
+    capsys.readouterr()
+    assert main(["check", str(file)]) == 2
+    shown = capsys.readouterr().out
+    assert "Not sufficient: run.csv" in shown
+    assert "next: motorid fit" not in shown
