@@ -36,6 +36,9 @@ _MOST_SAMPLES: Final = 30.0
 """Ratio of samples up to which more of the same excitation is advised."""
 _NO_INFORMATION: Final = 1e3
 """Ratio of a standard deviation to its limit from which the runs contain no information."""
+_LEAST_SPAN: Final = 10.0
+"""Smallest temperature span that is advised; below it, errors of a thermometer and differences
+between winding and thermometer decide the slope [K]."""
 _SLOPES: Final = {"alpha_Ra": "Ra25", "alpha_Kt": "Kt25"}
 
 _ADVICE: Final = {
@@ -118,6 +121,7 @@ def _warmer(excitation: Excitation, lacking: float, relative: float, limit: floa
         return "log the winding temperature (temperature_degC), cold and hot"
     span = excitation.temperature_span * lacking if excitation.temperature_span > 1.0 else np.inf
     span = min(span, math.sqrt(2.0) * relative / limit) if np.isfinite(relative) else span
+    span = max(span, _LEAST_SPAN, excitation.temperature_span)
     wanted = f"at least {_round_up(span)} K apart" if span < 300.0 else "as far apart as possible"
     return f"record cold and hot runs, {wanted} (now {excitation.temperature_span:.1f} K)"
 

@@ -78,6 +78,16 @@ def test_temperature_span_as_advised_identifies_the_coefficient() -> None:
     assert prospects(noisy((30.0, 30.0 + span), 600, 0.2, 2))["alpha_Ra"].identified
 
 
+def test_advised_temperature_span_exceeds_that_of_a_noisy_thermometer() -> None:
+    """Precise runs at one temperature: the advice is a span that a thermometer can resolve."""
+    for name in ("alpha_Ra", "alpha_Kt"):
+        found = prospects(noisy((30.0, 30.05), 1000, 0.0005, 7))[name]
+        assert not found.identified
+        advised = re.search(r"at least ([\d.]+) K apart", found.advice)
+        assert advised is not None, found.advice
+        assert float(advised[1]) >= 10.0
+
+
 def test_runs_without_temperature_are_advised_to_log_it() -> None:
     """No temperature, no coefficient of it, and the channel is named."""
     runs = [
