@@ -107,6 +107,10 @@ def identify(
             option is invalid.
         ComputationError: No model can be simulated over the runs.
     """
+    if not isinstance(options, FitOptions):
+        raise InputError(
+            f"options is a {type(options).__name__}; expected FitOptions, as in FitOptions(seed=1)"
+        )
     fitted, unseen = _runs(training, "training"), _runs(validation, "validation")
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():

@@ -71,6 +71,13 @@ def test_paths_of_run_files_stand_for_their_runs(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize("options", [None, {}, "quick"])
+def test_options_that_are_none_are_refused_with_their_type(options: Any) -> None:
+    """A dictionary in place of FitOptions reads what was expected."""
+    with pytest.raises(InputError, match=r"options is a \w+; expected FitOptions"):
+        identify([RUN], options=options)
+
+
 @pytest.mark.parametrize("given", [None, 3, [RUN, None], {"training": 1}.values()])
 def test_an_object_that_is_no_run_is_refused_with_its_type(given: Any) -> None:
     """A caller that passes None or a number reads what was expected."""

@@ -162,7 +162,8 @@ def table_with(title: str, *left: str) -> Table:
     """Table without lines, with left-aligned columns."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for name in left:
-        table.add_column(name)
+        # Names are needed in full, for options such as --map.
+        table.add_column(name, overflow="fold")
     return table
 
 

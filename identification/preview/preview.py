@@ -156,17 +156,19 @@ def examine(
             errors.append(error)
     if not runs:
         return Preview((), tuple(errors), (), (), (), ())
+    together: list[str] = []
     if not errors:
         # The remaining conditions of a fit that concern all runs together.
         try:
             check_values(runs, ())
-            campaign_of(runs, ())
+            warnings = campaign_of(runs, ()).warnings
+            together = [str(w) for w in warnings if w.code != "unknown_temperature"]
         except InputError as error:
             errors.append(error)
     verdict = check_runs(runs)
     fastest = max(float(abs(run.speed).max()) for run in runs)
     each = tuple(excitation_of(run, fastest) for run in runs)
-    notes = tuple(_notes(runs, joined(each)))
+    notes = (*together, *_notes(runs, joined(each)))
     return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes)
 
 

@@ -81,7 +81,7 @@ def test_temperature_span_as_advised_identifies_the_coefficient() -> None:
 def test_advised_temperature_span_exceeds_that_of_a_noisy_thermometer() -> None:
     """Precise runs at one temperature: the advice is a span that a thermometer can resolve."""
     for name in ("alpha_Ra", "alpha_Kt"):
-        found = prospects(noisy((30.0, 30.05), 1000, 0.0005, 7))[name]
+        found = prospects(noisy((30.0, 30.05), 1000, 0.0025, 7))[name]
         assert not found.identified
         advised = re.search(r"at least ([\d.]+) K apart", found.advice)
         assert advised is not None, found.advice

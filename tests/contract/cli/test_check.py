@@ -168,3 +168,9 @@ def test_runs_that_a_fit_refuses_are_refused(
     shown = capsys.readouterr().out
     assert "Not sufficient: run.csv" in shown
     assert "next: motorid fit" not in shown
+
+
+def test_same_run_twice_is_noted(run_files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Its samples would count twice; a fit warns of it, too."""
+    assert main(["check", str(run_files[0]), str(run_files[0])]) == 0
+    assert "hold the same samples" in capsys.readouterr().out
