@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +25,15 @@ import typer.core
 from identification.errors import OptionError
 from identification.numerals import decimal_of, whole_of
 
-__all__ = ["SeveralWords", "check_mapped_files", "decimal", "mapping_of", "values_by_name", "whole"]
+__all__ = [
+    "SeveralWords",
+    "check_mapped_files",
+    "decimal",
+    "mapping_of",
+    "run_names",
+    "values_by_name",
+    "whole",
+]
 
 _MAP_FORM = "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT with optional parts"
 
@@ -176,6 +185,22 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
     return mapping
 
 
+def run_names(files: Sequence[Path]) -> list[str]:
+    """Names of runs: file names, with as many folders as tell runs of one name apart.
+
+    Messages, ``--map FILE:...`` and the result refer to a run by its name.
+    """
+    paths = [Path(os.path.abspath(file)).parts for file in files]
+    names = []
+    for parts in paths:
+        depth = 1
+        others = [other for other in paths if other != parts]
+        while depth < len(parts) and any(other[-depth:] == parts[-depth:] for other in others):
+            depth += 1
+        names.append("/".join(parts[-depth:]))
+    return names
+
+
 def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Path]) -> None:
     """Reject mapping entries for files that are not among the runs, such as misspelt names.
 
@@ -185,7 +210,7 @@ def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Pat
     from identification.ingest.mapping import FILES
 
     mapped = (mapping or {}).get(FILES)
-    names = {file.name for file in files}
+    names = set(run_names(files))
     for name in mapped if isinstance(mapped, Mapping) else ():
         if name not in names:
             raise OptionError(

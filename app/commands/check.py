@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from app.commands.arguments import check_mapped_files
+from app.commands.arguments import check_mapped_files, run_names
 from app.commands.console import print_json, remark, results_console, table_with
 from app.commands.files import writable_file
 from identification.errors import InputError, OptionError, RunFileError
@@ -50,7 +50,7 @@ def check(
     check_mapped_files(mapping, files)
     if save_mapping is not None:
         _check_replaceable(save_mapping)
-    found = preview(files, mapping)
+    found = preview(files, mapping, names=run_names(files))
     content = found.content()
     if save_mapping is not None and any(isinstance(e, RunFileError) for e in found.errors):
         remark(f"{save_mapping} is not written, because not all files are readable")
@@ -97,20 +97,12 @@ def _save(found: Preview, path: Path) -> None:
     """Write the mapping as understood.
 
     Raises:
-        OptionError: The mapping cannot tell the runs apart, or the file cannot be written.
+        OptionError: The file cannot be written.
     """
-    from identification.ingest.mapping import FILES
     from identification.result.atomic import write_text
 
-    mapping = found.mapping()
-    if FILES in mapping and len({run.name for run in found.runs}) < len(found.runs):
-        raise OptionError(
-            f"--save-mapping {path}: runs of the same name have different columns, and a mapping "
-            "tells runs apart by name only; rename the files",
-            value=str(path),
-        )
     with writable_file(path, "--save-mapping"):
-        write_text(path, json.dumps(mapping, indent=1) + "\n")
+        write_text(path, json.dumps(found.mapping(), indent=1) + "\n")
 
 
 def _print(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.commands import console
-from app.commands.arguments import check_mapped_files, mapping_of, values_by_name
+from app.commands.arguments import check_mapped_files, mapping_of, run_names, values_by_name
 from app.commands.files import draws_of, read_result, writable_directory, writable_file
 from identification.errors import InputError, OptionError
 from identification.feedback import feedback_metrics, parse_controllers
@@ -125,9 +125,9 @@ def _identified(
     files = [*training, *validation]
     check_mapped_files(mapping, files)
     runs = []
-    for number, file in enumerate(files):
+    for number, (file, name) in enumerate(zip(files, run_names(files), strict=True)):
         progress("read", 0.05 * number / len(files))
-        runs.append(read_run(file, mapping=mapping))
+        runs.append(read_run(file, name=name, mapping=mapping))
     _refuse_checks_on_fitted(files, [run.sha256 for run in runs], len(training))
     with writable_directory(out):
         from identification.pipeline import identify

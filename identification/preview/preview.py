@@ -122,14 +122,20 @@ class Preview:
         }
 
 
-def preview(files: Sequence[str | os.PathLike[str]], mapping: MappingLike | None = None) -> Preview:
+def preview(
+    files: Sequence[str | os.PathLike[str]],
+    mapping: MappingLike | None = None,
+    *,
+    names: Sequence[str | None] = (),
+) -> Preview:
     """Examine run files and compute the expected precision.
 
     Args:
         files: Run files of one motor.
         mapping: Columns of the channels; see `read_run`.
+        names: Name of each run; default: the file names.
     """
-    return examine(files, mapping).with_prospects()
+    return examine(files, mapping, names=names).with_prospects()
 
 
 def examine(

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from app.commands.arguments import run_names
 from app.commands.batch.record import finish, make_way
 from app.commands.exits import TRACEBACK
 from app.fork_server.child import Answers, pipeline_of
@@ -63,7 +64,11 @@ def _fit(task: dict[str, Any], progress: Callable[[str, float], None]) -> None:
     mapping = task["mapping"]
     files = [*task["training"], *task["validation"]]
     progress("read", 0.0)
-    runs = [read_run(Path(file), mapping=mapping) for file in files]
+    names = run_names([Path(file) for file in files])
+    runs = [
+        read_run(Path(file), name=name, mapping=mapping)
+        for file, name in zip(files, names, strict=True)
+    ]
     options: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in task["options"].items()

@@ -45,13 +45,8 @@ def test_reversed_current_is_shown_with_its_correction(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the correction that `check` prints, the same file is accepted."""
-    lines = run_files[1].read_text(encoding="utf-8").splitlines()
-    column = lines[0].split(",").index("current_A")
-    turned = [lines[0]]
-    for line in lines[1:]:
-        cells = line.split(",")
-        cells[column] = repr(-float(cells[column]))
-        turned.append(",".join(cells))
+    header, *lines = run_files[1].read_text(encoding="utf-8").splitlines()
+    turned = [header, *(_reversed(line, header) for line in lines)]
     file = tmp_path / "turned.csv"
     file.write_text("\n".join(turned) + "\n", encoding="utf-8")
     runs = [str(run_files[0]), str(run_files[2]), str(file)]
@@ -139,18 +134,37 @@ def test_mapping_of_an_unreadable_file_is_not_saved(tmp_path: Path, run_files: l
     assert saved.read_bytes() == before
 
 
-def test_mapping_that_cannot_tell_runs_apart_is_not_saved(
+def test_runs_of_one_name_are_told_apart_by_their_folders(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two runs of one name and different columns: the entry of one would replace the other's."""
-    other = tmp_path / "other" / run_files[0].name
-    other.parent.mkdir()
-    text = run_files[1].read_text(encoding="utf-8").replace("current_A", "current [A]", 1)
-    other.write_text(text, encoding="utf-8")
+    """Three files named run.csv, one with reversed current: its correction concerns it alone."""
+    paths = []
+    for folder, source in zip("abc", run_files, strict=False):
+        lines = source.read_text(encoding="utf-8").splitlines()
+        if folder == "c":
+            lines = [lines[0], *(_reversed(line, lines[0]) for line in lines[1:])]
+        paths.append(tmp_path / folder / "run.csv")
+        paths[-1].parent.mkdir()
+        paths[-1].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    files = [str(path) for path in paths]
+
+    assert main(["check", *files, "--json"]) == 2
+    content = json.loads(capsys.readouterr().out)
+    (correction,) = [word for found in content["findings"] for word in found["corrections"]]
+    assert [run["file"] for run in content["runs"]] == ["a/run.csv", "b/run.csv", "c/run.csv"]
+    assert correction.startswith("c/run.csv:current_A=")
+
     saved = tmp_path / "mapping.json"
-    assert main(["check", str(run_files[0]), str(other), "--save-mapping", str(saved)]) == 2
-    assert not saved.exists()
-    assert "rename the files" in capsys.readouterr().err
+    assert main(["check", *files, "--map", correction, "--save-mapping", str(saved)]) == 0
+    assert main(["check", *files, "--mapping", str(saved)]) == 0
+
+
+def _reversed(line: str, header: str) -> str:
+    """A line of a run with the other sign of the current."""
+    cells = line.split(",")
+    column = header.split(",").index("current_A")
+    cells[column] = repr(-float(cells[column]))
+    return ",".join(cells)
 
 
 @pytest.mark.parametrize(("rows", "voltage"), [(20, "5"), (100, "0")])
