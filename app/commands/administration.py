@@ -127,7 +127,7 @@ def _access(data_dir: Path | None) -> Iterator[AccessService]:
 
 
 def _listen(settings: Settings) -> socket.socket:
-    """Socket bound to the address, before anything is started that would have to be stopped."""
+    """Socket bound to the address; called before any component of the service is started."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             settings.host.strip("[]"), settings.port, type=socket.SOCK_STREAM

@@ -236,7 +236,7 @@ def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]
     Raises:
         OptionError: There is no such campaign.
     """
-    places = [data] if data else [Path("data"), Path(__file__).parents[1] / "data"]
+    places = [data] if data else [Path("data"), Path(__file__).parents[2] / "data"]
     for place in places:
         training = sorted((place / name).glob("training_*.csv"))
         if training:

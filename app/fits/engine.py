@@ -89,7 +89,7 @@ class AbstractEngine(abc.ABC):
 
 
 class LocalEngine(AbstractEngine):
-    """Engine that computes each job in one process with its own group on this machine.
+    """Engine that computes each job in a separate process group on this machine.
 
     Args:
         fork_server: Fork server whose module is `app.fits.worker`.

@@ -133,7 +133,7 @@ class CrowdCheck(AbstractCheck):
 class BodyDeadline:
     """Middleware that aborts requests whose body is incomplete after `request_s` seconds.
 
-    Uploads have limits of their own.
+    Uploads have separate limits.
     """
 
     def __init__(self, app: ASGIApp, request_s: float) -> None:

@@ -44,7 +44,7 @@ class Removed:
 
 
 class Retention:
-    """Removal of expired data, which limits the database and the data directory.
+    """Removal of expired data from the database and the data directory.
 
     Args:
         database: Database of the service.

@@ -102,7 +102,7 @@ def test_intact_or_missing_database_passes_the_check(data: Path) -> None:
 
 
 def test_damage_found_later_is_a_problem_and_fails_readiness(tmp_path: Path) -> None:
-    """A row with invalid JSON answers 503; other tables are still served."""
+    """A row with invalid JSON gives 503; other tables are still served."""
     data = tmp_path / "data"
     key = make_key(data)
     with serving(data) as server:

@@ -66,7 +66,7 @@ def nothing_left(server: Server) -> Iterator[None]:
     before = sorted((server.data_dir / "runs").iterdir())
     yield
     assert sorted((server.data_dir / "runs").iterdir()) == before
-    # What a fit of another test is at work on is its own, until it ends.
+    # A running fit of another test may hold temporary files until it ends.
     until = time.monotonic() + 60.0
     while list(server.data_dir.rglob("incoming/*/*")) and time.monotonic() < until:
         time.sleep(0.2)

@@ -101,7 +101,7 @@ def lost(handler: BaseHTTPRequestHandler) -> None:
 
 
 def not_now(seconds: str) -> Callable[[BaseHTTPRequestHandler], None]:
-    """Fault that answers 503 with a Retry-After header."""
+    """Fault that returns 503 with a Retry-After header."""
 
     def answer(handler: BaseHTTPRequestHandler) -> None:
         handler.send_response(503)

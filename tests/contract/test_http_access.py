@@ -34,7 +34,7 @@ def test_unknown_path_requires_a_key(nobody: Caller) -> None:
 
 @pytest.mark.parametrize("path", sorted(OPEN))
 def test_health_answers_without_a_key(server: Server, path: str) -> None:
-    """Health answers 200 under the API prefix and at the root."""
+    """Health returns 200 under the API prefix and at the root."""
     assert httpx.get(server.url + path).status_code == 200
 
 
@@ -75,7 +75,7 @@ def test_event_stream_ends_when_its_key_is_revoked(server: Server) -> None:
 
 
 def test_items_of_another_workspace_are_not_found(alice: Caller, bob: Caller, stored: str) -> None:
-    """Calls to its runs, fits and batches answer 404, and lists do not contain them."""
+    """Calls to its runs, fits and batches return 404, and lists do not contain them."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
     asked = [
@@ -117,7 +117,7 @@ def test_foreign_item_and_missing_item_have_equal_responses(
 def test_request_from_another_site_changes_nothing(
     alice: Caller, stored: str, headers: dict[str, str]
 ) -> None:
-    """Every changing method answers 403 even with a key; reading is permitted."""
+    """Every changing method returns 403 even with a key; reading is permitted."""
     answers = [
         alice.http.post("/fits", json={"training": [stored]}, headers=headers),
         alice.http.post("/runs", files={"file": ("a.csv", run_text(1))}, headers=headers),

@@ -149,7 +149,7 @@ def test_format_follows_the_weights_of_the_accept_header(
 
 
 def test_unknown_format_suffix_is_refused(alice: Caller, batch: str) -> None:
-    """An unknown suffix answers 422, as any invalid field does."""
+    """An unknown suffix gives 422, as any invalid field does."""
     assert alice.http.get(f"/batches/{batch}/results.xlsx").status_code == 422
 
 

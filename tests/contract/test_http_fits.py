@@ -92,7 +92,7 @@ def test_mapping_of_a_run_goes_with_it_into_the_fit(alice: Caller) -> None:
 
 
 def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> None:
-    """The call answers 404 with the reason, and the fit has no link to a posterior."""
+    """The call returns 404 with the reason, and the fit has no link to a posterior."""
     fit = alice.wait(alice.begin(stored, posterior=False)["id"])
 
     answer = alice.http.get(f"/fits/{fit['id']}/posterior")
@@ -104,7 +104,7 @@ def test_fit_without_posterior_has_none_to_fetch(alice: Caller, stored: str) -> 
 
 
 def test_outputs_are_not_found_before_the_end(alice: Caller, stored: str) -> None:
-    """The calls answer 404 `not_ready` while the fit runs."""
+    """The calls return 404 `not_ready` while the fit runs."""
     fit = alice.begin(stored, seed=SLOW)["id"]
 
     answers = [alice.http.get(f"/fits/{fit}/{output}") for output in ("report", "posterior")]
@@ -182,7 +182,7 @@ def waits_for_the_end_of(processes: list[int]) -> int:
 def test_deleting_twice_cancels_and_then_removes(
     alice: Caller, stored: str, server: Server
 ) -> None:
-    """Three DELETE calls answer 200, 204 and 404; no file of the fit remains."""
+    """Three DELETE calls return 200, 204 and 404; no file of the fit remains."""
     fit = alice.begin(stored, seed=SLOW)["id"]
 
     statuses = [alice.http.delete(f"/fits/{fit}").status_code for _ in range(3)]
@@ -195,7 +195,7 @@ def test_deleting_twice_cancels_and_then_removes(
 
 
 def test_removing_a_fit_removes_its_outputs(alice: Caller, stored: str, server: Server) -> None:
-    """Fit and report answer 404 afterwards, and the directory is gone."""
+    """Fit and report give 404 afterwards, and the directory is gone."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
 
     assert alice.http.delete(f"/fits/{fit}").status_code == 204
@@ -264,7 +264,7 @@ def test_same_idempotency_key_is_the_same_fit(alice: Caller, stored: str) -> Non
 
 
 def test_idempotency_key_with_another_request_is_refused(alice: Caller, stored: str) -> None:
-    """The second request answers 422 with the code `idempotency_key_reused`."""
+    """The second request returns 422 with the code `idempotency_key_reused`."""
     key = {"Idempotency-Key": str(uuid.uuid4())}
     first = alice.http.post("/fits", json={"training": [stored]}, headers=key)
 
@@ -351,7 +351,7 @@ def test_failed_fit_does_not_affect_the_rest_of_its_batch(alice: Caller, stored:
 
 
 def test_batch_with_one_unknown_run_is_refused_whole(alice: Caller, stored: str) -> None:
-    """The request answers 404 and creates no fit for the other motor."""
+    """The request returns 404 and creates no fit for the other motor."""
     motor = f"motor {uuid.uuid4()}"
     motors = [{"motor": motor, "training": [stored]}, {"training": ["run_" + "a" * 26]}]
 

@@ -55,7 +55,7 @@ def ids(caller: Caller, kind: str) -> list[str]:
 
 
 def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
-    """Reading works, an upload answers 507 `storage_full`, and readiness fails."""
+    """Reading works, an upload returns 507 `storage_full`, and readiness fails."""
     with Caller(full) as caller:
         ready = httpx.get(f"{full.url}/readyz")
         upload = caller.http.post("/runs", files={"file": ("run.csv", run_text(9))})

@@ -37,7 +37,7 @@ BODIES = {
 
 @pytest.mark.parametrize(("body", "status"), BODIES.values(), ids=BODIES.keys())
 def test_malformed_fit_request_is_refused(alice: Caller, body: bytes, status: int) -> None:
-    """Invalid JSON answers 400, an invalid field 422, an unknown run 404."""
+    """Invalid JSON gives 400, an invalid field 422, an unknown run 404."""
     assert_is_problem(alice.http.post("/fits", content=body, headers=JSON), status)
 
 
@@ -149,7 +149,7 @@ def test_body_of_another_type_is_refused(
 
 
 def test_json_above_the_limit_is_refused_however_it_is_sent(alice: Caller) -> None:
-    """A body above the limit answers 413, with Content-Length and in chunks."""
+    """A body above the limit gives 413, with Content-Length and in chunks."""
     body = b'{"training": ["' + b"x" * 200_000 + b'"]}'
 
     announced = alice.http.post("/fits", content=body, headers=JSON)

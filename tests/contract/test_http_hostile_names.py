@@ -60,6 +60,6 @@ PATHS = [
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path[:40])
 def test_unknown_item_is_not_found(alice: Caller, path: str) -> None:
-    """GET and DELETE answer 404 as a problem."""
+    """GET and DELETE return 404 as a problem."""
     assert_is_problem(alice.http.get(path), 404)
     assert_is_problem(alice.http.delete(path), 404, 405)

@@ -55,7 +55,7 @@ def test_unsupported_method_is_refused(alice: Caller, method: str, path: str) ->
     ids=lambda query: query[:20],
 )
 def test_invalid_query_is_refused(alice: Caller, query: str) -> None:
-    """Invalid limits, cursors and filters answer 422.
+    """Invalid limits, cursors and filters give 422.
 
     PostgreSQL cannot compare with NUL, so such a filter would cause an internal error.
     """
@@ -65,7 +65,7 @@ def test_invalid_query_is_refused(alice: Caller, query: str) -> None:
 
 @pytest.mark.parametrize("text", ["\0", "\ud800", "a\x01", "\u202e", "m" * 1001], ids=ascii)
 def test_unprintable_text_in_a_body_is_refused(alice: Caller, stored: str, text: str) -> None:
-    """Values and field names answer 422, and the response does not repeat the text."""
+    """Values and field names give 422, and the response does not repeat the text."""
     bodies: dict[str, list[dict[str, object]]] = {
         "/fits": [
             {"training": [text]},
@@ -113,7 +113,7 @@ def test_head_of_events_ends_at_once(alice: Caller, stored: str) -> None:
 
 
 def test_head_of_an_unknown_item_is_not_found(alice: Caller) -> None:
-    """HEAD answers 404 wherever GET does."""
+    """HEAD returns 404 wherever GET does."""
     assert alice.http.head("/runs/nothing").status_code == 404
     assert alice.http.head("/nothing").status_code == 404
 

@@ -66,7 +66,7 @@ FORMS = {
 @pytest.mark.usefixtures("nothing_left")
 @pytest.mark.parametrize(("body", "status"), FORMS.values(), ids=FORMS.keys())
 def test_malformed_form_is_refused(alice: Caller, body: bytes, status: int) -> None:
-    """A body that is no form answers 400; invalid or too long fields answer 422."""
+    """A body that is no form gives 400; invalid or too long fields give 422."""
     headers = {"Content-Type": "multipart/form-data; boundary=b"}
 
     assert_is_problem(alice.http.post("/runs", content=body, headers=headers), status)
@@ -86,7 +86,7 @@ def test_malformed_form_is_refused(alice: Caller, body: bytes, status: int) -> N
     ],
 )
 def test_upload_of_another_type_is_refused(alice: Caller, kind: str | None, status: int) -> None:
-    """Another media type answers 415; a form without a valid boundary answers 400."""
+    """Another media type gives 415; a form without a valid boundary gives 400."""
     headers = {} if kind is None else {"Content-Type": kind}
 
     assert_is_problem(alice.http.post("/runs", content=form((FILE, RUN)), headers=headers), status)
@@ -115,7 +115,7 @@ MAPPINGS = [
 @pytest.mark.usefixtures("nothing_left")
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=lambda text: text[:40])
 def test_invalid_mapping_is_refused(alice: Caller, mapping: str) -> None:
-    """Invalid JSON and invalid content of a mapping both answer 422."""
+    """The response is 422 for invalid JSON and for invalid content of a mapping."""
     answer = alice.http.post("/runs", files={"file": ("a.csv", RUN)}, data={"mapping": mapping})
 
     assert_is_problem(answer, 422)

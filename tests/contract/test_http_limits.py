@@ -72,7 +72,7 @@ def test_rate_limit_is_per_key_and_exempts_health(limited: Server) -> None:
 
 
 def test_number_of_event_streams_per_key_is_limited(limited: Server) -> None:
-    """The fourth stream answers 429 until one of the three others is closed."""
+    """The fourth stream returns 429 until one of the three others is closed."""
     with Caller(limited, make_key(limited.data_dir, "curious")) as caller, ExitStack() as streams:
         fit = caller.begin(caller.upload(run_text(60))["id"], seed=FAMILY)["id"]
         address = f"/fits/{fit}/events"
@@ -126,7 +126,7 @@ def test_quota_of_bytes_rejects_a_new_run(limited: Server) -> None:
 
 
 def test_quota_of_waiting_fits_rejects_fits_and_batches(limited: Server) -> None:
-    """With two waiting fits, another fit or batch answers 429 with a retry time."""
+    """With two waiting fits, another fit or batch returns 429 with a retry time."""
     with Caller(limited, make_key(limited.data_dir, "queue")) as caller:
         run = caller.upload(run_text(50))["id"]
         running = caller.begin(run, seed=SLOW)["id"]
@@ -145,7 +145,7 @@ def test_quota_of_waiting_fits_rejects_fits_and_batches(limited: Server) -> None
 
 
 def test_full_upload_queue_answers_429_with_a_retry_time(data_dir: Path) -> None:
-    """Of sixteen parallel uploads to one reader, each answers 201 or 429 and leaves no file."""
+    """Of sixteen parallel uploads to one reader, each returns 201 or 429 and leaves no file."""
     key = make_key(data_dir)
     with (
         serving(data_dir, READERS=1, WAITING_UPLOADS=0) as server,

@@ -30,7 +30,7 @@ def answer(alice: Caller, fit: str, name: str) -> httpx.Response:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_repeated_upload_restores_a_lost_run(server: Server, alice: Caller, damage: str) -> None:
-    """The upload answers 200 with the same ID, and the file has its original bytes."""
+    """The upload returns 200 with the same ID, and the file has its original bytes."""
     content = run_text(7_000 + list(DAMAGES).index(damage))
     run = alice.upload(content)["id"]
     path = server.data_dir / "runs" / run
@@ -63,7 +63,7 @@ def test_fit_of_a_lost_run_names_the_remedy(server: Server, alice: Caller, damag
 def test_lost_output_is_a_problem_with_a_code(
     server: Server, alice: Caller, name: str, damage: str
 ) -> None:
-    """It answers 503 `file_lost`; the other outputs are served, and the fit can be deleted."""
+    """It returns 503 `file_lost`; the other outputs are served, and the fit can be deleted."""
     fit = fitted(alice, 7_200)
     DAMAGES[damage](server.data_dir / "fits" / fit / "1" / name)
 

@@ -38,7 +38,7 @@ def ids(alice: Caller, stored: str) -> dict[str, str]:
 def test_no_route_accepts_an_invalid_key(
     server: Server, closed: list[tuple[str, str]], ids: dict[str, str], kind: str
 ) -> None:
-    """Each route answers 401 with a challenge, even if the item exists."""
+    """Each route returns 401 with a challenge, even if the item exists."""
     keys = {"wrong": "motorid_" + "x" * 43}
     if kind == "revoked":
         keys[kind] = revoked_key(server.data_dir)
@@ -68,7 +68,7 @@ def test_no_route_accepts_an_invalid_key(
 def test_no_route_accepts_a_malformed_authorization(
     server: Server, closed: list[tuple[str, str]], authorization: str | bytes
 ) -> None:
-    """Each route answers 401, whatever the Authorization header contains."""
+    """Each route returns 401, whatever the Authorization header contains."""
     with httpx.Client(base_url=server.url, headers={"Authorization": authorization}) as client:  # type: ignore[arg-type]
         for method, path in closed:
             answer = client.request(method, PLACE.sub("run_" + "a" * 26, path))
@@ -79,7 +79,7 @@ def test_no_route_accepts_a_malformed_authorization(
 def test_every_item_is_404_for_another_workspace(
     bob: Caller, server: Server, closed: list[tuple[str, str]], ids: dict[str, str]
 ) -> None:
-    """Each method on an item of alice answers 404 to a valid key of bob."""
+    """Each method on an item of alice returns 404 to a valid key of bob."""
     about_things = [(method, path) for method, path in closed if PLACE.search(path)]
     assert len(about_things) >= 8
     for method, path in about_things:

@@ -90,7 +90,7 @@ def test_own_page_may_withhold_its_origin(browser: httpx.Client, key: str) -> No
 
 
 def test_session_is_invalid_after_logout(browser: httpx.Client, key: str) -> None:
-    """The old cookie answers 401."""
+    """The old cookie gives 401."""
     cookie = browser.post("/login", data={"key": key}).cookies["motorid_session"]
     browser.post("/logout")
 
@@ -116,7 +116,7 @@ def test_client_supplied_names_are_escaped(alice: Caller, server: Server) -> Non
 def test_fit_page_of_another_workspace_is_not_found(
     alice: Caller, bob: Caller, server: Server, stored: str
 ) -> None:
-    """The page answers 404, as the API does."""
+    """The page returns 404, as the API does."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
 
     assert httpx.get(f"{server.url}/fits/{fit}", headers=bob.http.headers).status_code == 404
@@ -137,7 +137,7 @@ def test_pages_refer_to_this_service_only(alice: Caller, server: Server) -> None
 
 
 def test_static_files_of_the_pages_exist(alice: Caller, server: Server) -> None:
-    """Styles and scripts answer 200 without a key, with their media type."""
+    """Styles and scripts return 200 without a key, with their media type."""
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     for path in ("/", "/docs", "/login"):
         page = httpx.get(server.url + path, headers=alice.http.headers).text

@@ -34,7 +34,7 @@ def test_upload_returns_a_summary_of_the_run(alice: Caller) -> None:
 
 
 def test_same_bytes_are_the_same_run(alice: Caller) -> None:
-    """A repeated upload answers 200 with the same ID, whatever the file name."""
+    """A repeated upload returns 200 with the same ID, whatever the file name."""
     first = alice.http.post("/runs", files={"file": ("a.csv", run_text(2))})
 
     second = alice.http.post("/runs", files={"file": ("b.csv", run_text(2))})
@@ -92,7 +92,7 @@ def test_runs_are_listed_by_motor(alice: Caller) -> None:
 
 
 def test_deleted_run_is_gone_with_its_bytes(alice: Caller, server: Server) -> None:
-    """The run answers 404, and its file is removed."""
+    """The run gives 404, and its file is removed."""
     run = alice.upload(run_text(21))["id"]
     path = server.data_dir / "runs" / run
     assert path.read_bytes() == run_text(21)
@@ -155,7 +155,7 @@ def test_malformed_file_is_refused_and_leaves_nothing(
 
 
 def test_file_above_the_limit_is_refused(alice: Caller) -> None:
-    """The test server accepts a million bytes; a larger file answers 413."""
+    """The test server accepts a million bytes; a larger file gives 413."""
     answer = alice.http.post("/runs", files={"file": ("big.csv", b"1,2,3\n" * 200_000)})
 
     assert answer.status_code == 413
@@ -163,7 +163,7 @@ def test_file_above_the_limit_is_refused(alice: Caller) -> None:
 
 
 def test_run_of_a_waiting_fit_is_kept(alice: Caller, stored: str) -> None:
-    """Deletion answers 409 until the fit is cancelled."""
+    """Deletion returns 409 until the fit is cancelled."""
     run = alice.upload(run_text(23))["id"]
     fit = alice.begin(stored, run, seed=SLOW)["id"]
 

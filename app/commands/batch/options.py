@@ -82,7 +82,7 @@ def option_of(name: str, word: str, place: Place) -> object:
 
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
-    """Return the default options with the given values in place of some of them.
+    """Return the default options, overridden by the given values.
 
     Raises:
         InputError: An option is unknown, or a value is invalid.

@@ -64,7 +64,7 @@ def at_its(
 def test_fit_deleted_while_it_is_read_is_not_found(
     bench: Bench, fits: FitService, what: str, turn: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The error is neither an incomplete response nor a fault of the service."""
+    """The service raises NotFound, not an error about a lost file."""
     row = succeeded(bench)
     at_its(turn, bench, lambda: fits.delete(CALLER, row.id), monkeypatch)
 

@@ -60,7 +60,7 @@ def left(storage: Storage) -> tuple[set[str], set[str]]:
 def test_old_fit_is_removed_with_its_run_and_files(
     database: Database, storage: Storage, retention: Retention
 ) -> None:
-    """A fit that ended 31 days ago expires after 30 days, and so does its run."""
+    """A fit that ended 31 days ago is removed after 30 days, together with its run."""
     run, fit = run_row("a", created_at=OLD), fit_row("a", "succeeded", ended_at=OLD)
     keep(database, storage, run, fit, role_row(fit, run))
 
