@@ -166,7 +166,7 @@ def test_equal_samples_do_not_count_as_validation(
 
     [told] = fitted_with(tmp_path / "out", run_files[0], "--validation", copy)
 
-    assert "run1.csv, hold the same samples" in told
+    assert "run1.csv hold the same samples" in told
     shown = capsys.readouterr().out
     assert "so there is no independent validation" in shown
     assert "not used in the fit" not in shown
