@@ -121,7 +121,7 @@ class RunOut(BaseModel):
 
 
 class PreviewOut(BaseModel):
-    """What a fit would make of a run file; docs/cli.md describes `motorid check`."""
+    """Preview of a run file; docs/cli.md describes `motorid check`."""
 
     accepted: bool = Field(description="Whether a fit would accept the file as it is.")
     runs: list[dict[str, Any]] = Field(

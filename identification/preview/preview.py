@@ -24,6 +24,7 @@ from identification.ingest.mapping import MappingLike
 from identification.ingest.read import read_run
 from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
+from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
 
@@ -32,7 +33,7 @@ __all__ = ["Preview", "examine", "preview"]
 
 @dataclass(frozen=True)
 class Preview:
-    """What a fit would make of some run files.
+    """Preview of run files before a fit.
 
     Args:
         runs: Readable runs, in the order given.
@@ -42,6 +43,7 @@ class Preview:
         excitation: Excitation of each readable run.
         prospects: Expected precision of the nominal parameters; empty if runs contradict.
         notes: What the runs cannot show, and what to record instead.
+        records: Records of the readable runs; empty if they do not suffice for a fit.
     """
 
     runs: tuple[Run, ...]
@@ -50,22 +52,18 @@ class Preview:
     excitation: tuple[Excitation, ...]
     prospects: tuple[Prospect, ...]
     notes: tuple[str, ...]
+    records: tuple[Record, ...] = ()
 
     def with_prospects(self) -> Preview:
         """The preview with the expected precision, unless runs contradict."""
-        if not self.runs or self._is_unfit or any(f.severity == "refuse" for f in self.findings):
+        if not self.records or any(f.severity == "refuse" for f in self.findings):
             return self
         try:
-            prospects = prospects_of(self.runs, joined(self.excitation))
+            prospects = prospects_of(self.records, joined(self.excitation))
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
         return replace(self, prospects=tuple(prospects))
-
-    @property
-    def _is_unfit(self) -> bool:
-        """Whether the readable runs together do not suffice for a fit."""
-        return any(not isinstance(error, RunFileError) for error in self.errors)
 
     @property
     def is_accepted(self) -> bool:
@@ -163,23 +161,25 @@ def examine(
     if not runs:
         return Preview((), tuple(errors), (), (), (), ())
     together: list[str] = []
-    if not errors:
-        # The remaining conditions of a fit that concern all runs together.
-        try:
-            check_values(runs, ())
-            warnings = campaign_of(runs, ()).warnings
-            together = [str(w) for w in warnings if w.code != "unknown_temperature"]
-        except InputError as error:
-            errors.append(error)
+    records: tuple[Record, ...] = ()
+    # The remaining conditions of a fit that concern all runs together.
+    try:
+        check_values(runs, ())
+        campaign = campaign_of(runs, ())
+        records = campaign.training
+        together = [str(w) for w in campaign.warnings if w.code != "unknown_temperature"]
+    except InputError as error:
+        # With an unreadable file the runs are not complete.
+        errors += [] if errors else [error]
     verdict = check_runs(runs)
     fastest = max(float(abs(run.speed).max()) for run in runs)
     each = tuple(excitation_of(run, fastest) for run in runs)
     notes = (*together, *_notes(runs, joined(each)))
-    return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes)
+    return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes, records)
 
 
 def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:
-    """What the excitation cannot show, whatever the precision."""
+    """Notes on what the excitation cannot show."""
     notes = []
     if total.directions == 1:
         notes.append(

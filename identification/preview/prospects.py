@@ -19,12 +19,11 @@ from typing import Final
 
 import numpy as np
 
-from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import precision_of
 from identification.fit.noise import effective_fraction
-from identification.ingest.run import Run
 from identification.model.declared import DECLARED
+from identification.model.excitation import Record
 from identification.preview.excitation import Excitation
 from identification.selection.subset import informative_segments
 
@@ -72,18 +71,16 @@ class Prospect:
     advice: str = ""
 
 
-def prospects_of(runs: Sequence[Run], excitation: Excitation) -> list[Prospect]:
+def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Prospect]:
     """Expected precision of each nominal parameter.
 
     Args:
-        runs: Readable runs of one motor without contradictions.
+        records: Records of runs of one motor without contradictions.
         excitation: Excitation of all runs together.
 
     Raises:
-        InputError: The motor is not driven in any run.
         ComputationError: The nominal model cannot be simulated.
     """
-    records = campaign_of(runs, ()).training
     rows = sum(record.rows for record in records)
     segments = informative_segments(records, min(_ROWS, rows))
     fit = fit_declared(segments, "zoh")

@@ -9,6 +9,7 @@ import numpy as np
 
 from identification import FitOptions, identify
 from identification.ingest.run import Run
+from identification.model.excitation import records_of
 from identification.preview.excitation import excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
 from tests.motors import campaign, drive, motor_named, run_of
@@ -20,7 +21,7 @@ def prospects(runs: Sequence[Run]) -> dict[str, Prospect]:
     """Expected precision by parameter."""
     fastest = max(float(np.abs(run.speed).max()) for run in runs)
     total = joined([excitation_of(run, fastest) for run in runs])
-    return {prospect.name: prospect for prospect in prospects_of(runs, total)}
+    return {prospect.name: prospect for prospect in prospects_of(records_of(runs), total)}
 
 
 def noisy(temperatures: Sequence[float], rows: int, noise: float, seed: int) -> list[Run]:
