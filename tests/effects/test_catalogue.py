@@ -15,6 +15,7 @@ from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
+from identification.surrogates.unlisted import SURROGATES
 
 CONTRACT = {
     "coulomb_friction": ("mechanical", ("speed",)),
@@ -190,3 +191,16 @@ def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: st
     expected = plain([2.0, 50.0], inputs, VALUES)
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)
+
+
+def test_every_effect_with_amplitudes_of_each_record_takes_their_prior() -> None:
+    """The prior standard deviation given is that of the states that are per-record amplitudes."""
+    kinds = [*CATALOGUE.values(), *SURROGATES]
+    terms = [candidate.term for kind in kinds for candidate in kind.candidates(_scales())]
+    terms += [variant for term in terms for variant in term.richer]
+    free = [term for term in terms if any(state.is_own for state in term.states)]
+    assert free
+    for term in free:
+        own = [state for state in term.expecting(7.5).states if state.is_own]
+        assert own, term.name
+        assert {state.scale for state in own} == {7.5}, term.name
