@@ -46,7 +46,7 @@ $(LOCKED): requirements/dev.txt
 		'3.13 (on Debian with python3-venv), or give its path: make PYTHON=/path/to/python3' >&2; exit 2; }
 	@$(PYTHON) -c '$(USABLE)' 2>/dev/null || { echo 'motorid: $(PYTHON) is not Python 3.11, 3.12' \
 		'or 3.13 with the venv and ensurepip modules; give another one: make PYTHON=...' >&2; exit 2; }
-	@echo 'Creating $(VENV) with $(PYTHON) from requirements/dev.txt (once; one to two minutes, 1 GB on disk)'
+	@echo 'Creating $(VENV) with $(PYTHON) from requirements/dev.txt (once; one to two minutes, 2 GB on disk)'
 	@$(PYTHON) -m venv --clear $(VENV)
 	@$(INSTALL) --require-hashes --only-binary :all: --requirement requirements/dev.txt
 	@touch $@
