@@ -7,7 +7,11 @@
     │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
     │   │   ├── LineTooLong        one line is longer than the limit
     │   │   ├── HeaderTooLong      one header cell is longer than the limit
-    │   │   ├── NotText            a binary or compressed file, NUL bytes, an unknown encoding
+    │   │   ├── NotText            a binary file of no known format, NUL bytes, an unknown encoding
+    │   │   ├── DamagedFile        a file of a known format that cannot be decoded
+    │   │   ├── UnsupportedContent a file of a known format with content that is not read
+    │   │   ├── MissingLibrary     the library of the format is not installed
+    │   │   ├── AmbiguousTable     several tables of the file contain a run
     │   │   ├── EmptyFile          no bytes, or only blank lines
     │   │   ├── NoTable            no line of numbers in columns was found
     │   │   ├── NoHeader           no line of column names above the numbers
@@ -44,10 +48,12 @@ from typing import ClassVar
 __all__ = [
     "AbsurdValue",
     "AmbiguousColumn",
+    "AmbiguousTable",
     "AmbiguousUnit",
     "BackwardTime",
     "ComputationError",
     "ContradictoryRuns",
+    "DamagedFile",
     "DuplicateColumn",
     "EmptyFile",
     "FileTooLarge",
@@ -57,6 +63,7 @@ __all__ = [
     "LineTooLong",
     "MappingError",
     "MissingColumn",
+    "MissingLibrary",
     "MissingValue",
     "NoHeader",
     "NoRows",
@@ -72,6 +79,7 @@ __all__ = [
     "UnclosedQuote",
     "UnknownUnit",
     "UnreadableFile",
+    "UnsupportedContent",
     "WrongUnit",
 ]
 
@@ -172,9 +180,33 @@ class HeaderTooLong(RunFileError):
 
 
 class NotText(RunFileError):
-    """The bytes are not text: another format, NUL bytes or an encoding that is not accepted."""
+    """The bytes are of no known format, or text with NUL bytes or in an unknown encoding."""
 
     code: ClassVar[str] = "not_text"
+
+
+class DamagedFile(RunFileError):
+    """The file has the signature of a known format and cannot be decoded."""
+
+    code: ClassVar[str] = "damaged_file"
+
+
+class UnsupportedContent(RunFileError):
+    """The file has a known format and content that is not read, such as external links."""
+
+    code: ClassVar[str] = "unsupported_content"
+
+
+class MissingLibrary(RunFileError):
+    """The library that reads the format is not installed."""
+
+    code: ClassVar[str] = "missing_library"
+
+
+class AmbiguousTable(RunFileError):
+    """Several tables of the file contain a run, and none was chosen."""
+
+    code: ClassVar[str] = "ambiguous_table"
 
 
 class EmptyFile(RunFileError):

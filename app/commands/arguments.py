@@ -160,6 +160,7 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
         file: JSON file of a mapping, or None.
         settings: Texts such as ``current_A=CH2 * 2.5 in mA``; an empty header omits an optional
             channel, and the prefix ``run3.csv:`` restricts the text to that file.
+            ``table=Sheet2`` selects a table of the file.
 
     Returns:
         Mapping for `read_run`, or None if neither was given.
@@ -220,12 +221,16 @@ def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Pat
             )
 
 
-def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | None]:
+def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | str | None]:
+    from identification.ingest.mapping import TABLE
+
     place, equals, column = (part.strip() for part in setting.partition("="))
     name, colon, channel = (part.strip() for part in place.rpartition(":"))
     file = name if colon else None
     if not equals or re.fullmatch(r"\w+", channel) is None or file == "":
         raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
+    if channel == TABLE:
+        return file, channel, column
     column, unit = _cut_at("in", column)
     column, offset = _cut_at("+", column)
     column, scale = _cut_at("*", column)

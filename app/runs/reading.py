@@ -121,9 +121,7 @@ class RunReader:
         else:
             text = "the reader crashed on the file"
             reason = "reader_crash"
-        return RunRefused(
-            f"{name}: {text}; expected a table of samples as text", reason=reason, file=name
-        )
+        return RunRefused(f"{name}: {text}; expected a table of samples", reason=reason, file=name)
 
 
 class ReadingQueue:

@@ -13,7 +13,7 @@ from identification.ingest.columns import Column, describe_column
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.read import FEWEST_ROWS, READERS, read_run
-from identification.ingest.reader import ArrayTable, Reader, Samples, SourceTable
+from identification.ingest.reader import ArrayTable, Reader, Samples, SourceTable, TableSet
 from identification.ingest.run import Run, RunWarning, write_run
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "RunWarning",
     "Samples",
     "SourceTable",
+    "TableSet",
     "describe_column",
     "read_mapping",
     "read_run",

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
+import io
 import os
 import stat
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from identification.errors import FileTooLarge, RunFileError, UnreadableFile
+from identification.errors import DamagedFile, FileTooLarge, RunFileError, UnreadableFile
 
-__all__ = ["Limits", "RunFile", "naming", "open_run_file"]
+__all__ = ["Limits", "RunFile", "naming", "open_run_file", "unpacked"]
 
 _CHUNK_BYTES = 8 << 20
 _HEAD_BYTES = 1 << 16
+_GZIP = b"\x1f\x8b"
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class RunFile:
         FileTooLarge: The file exceeds the limit of bytes; also raised while it is read.
     """
 
-    def __init__(self, stream: BinaryIO, name: str, limits: Limits) -> None:
+    def __init__(self, stream: BinaryIO | gzip.GzipFile, name: str, limits: Limits) -> None:
         self.name = name
         self.limits = limits
         self._stream = stream
@@ -68,6 +72,17 @@ class RunFile:
     def content(self) -> bytes:
         """Read the content that has not been read yet."""
         return b"".join(self.chunks())
+
+    def seekable(self) -> BinaryIO:
+        """Whole content for random access, valid while the file is open.
+
+        The file is hashed first; compressed content is unpacked into memory, within the limit.
+        """
+        if isinstance(self._stream, gzip.GzipFile):
+            return io.BytesIO(self.content())
+        self.sha256()
+        self._stream.seek(0)
+        return self._stream
 
     def sha256(self) -> str:
         """SHA-256 of the whole file in hexadecimal, whatever part of it a reader has read."""
@@ -94,6 +109,17 @@ class RunFile:
         self._ended = not chunk
         self._digest.update(chunk)
         return chunk
+
+
+def unpacked(file: RunFile) -> RunFile:
+    """The content of a gzip-compressed file, without the ending ``.gz``; any other file itself.
+
+    The limits apply to the unpacked content, which is unpacked as it is read.
+    """
+    if not file.head.startswith(_GZIP):
+        return file
+    name = file.name[:-3] if file.name.lower().endswith(".gz") else file.name
+    return RunFile(gzip.GzipFile(fileobj=file.seekable()), name, file.limits)
 
 
 @contextmanager
@@ -149,6 +175,10 @@ def _as_unreadable() -> Iterator[None]:
     """Turn an error of the operating system into an error with its reason."""
     try:
         yield
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise DamagedFile(
+            f"the gzip compression is damaged ({error}); copy or compress the file again"
+        ) from error
     except (OSError, ValueError) as error:
         # ValueError: the path itself holds a NUL.
         reason = getattr(error, "strerror", None) or "the path is not valid"

@@ -5,9 +5,11 @@
      "position_rad": null}
 
 ``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The key
-``files`` holds mappings of single files by name; they override the common mapping:
+``table`` selects a sheet, group or variable of a file that holds several tables.  The key ``files``
+holds mappings of single files by name; they override the common mapping:
 
-    {"files": {"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}}
+    {"files": {"run3.csv": {"current_A": {"column": "current_A", "scale": -1}},
+               "run4.xlsx": {"table": "Sheet2"}}}
 
 The whole mapping is validated, and an unknown key is an error: a misspelt ``scael`` would otherwise
 silently drop a scale factor.
@@ -20,7 +22,7 @@ import math
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from identification.errors import MappingError, UnknownUnit, WrongUnit
@@ -34,7 +36,15 @@ from identification.ingest.units import (
     find_unit,
 )
 
-__all__ = ["FILES", "OPTIONAL_CHANNELS", "ChannelMapping", "MappingLike", "read_mapping"]
+__all__ = [
+    "FILES",
+    "OPTIONAL_CHANNELS",
+    "TABLE",
+    "ChannelMapping",
+    "MappingLike",
+    "RunMapping",
+    "read_mapping",
+]
 
 OPTIONAL_CHANNELS = ("temperature_degC", "position_rad")
 
@@ -43,6 +53,9 @@ MappingLike = Mapping[str, object] | str | os.PathLike[str]
 
 FILES = "files"
 """Key of a mapping that holds the mappings of single files, by file name."""
+
+TABLE = "table"
+"""Key of a mapping that holds the name of the table to read."""
 
 _KEYS = ("column", "unit", "scale", "offset")
 _LARGEST_FILE = 1_000_000
@@ -70,7 +83,24 @@ class ChannelMapping:
     scaled: bool = False
 
 
-def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[str, ChannelMapping]:
+@dataclass(frozen=True)
+class RunMapping:
+    """Mapping of one run file.
+
+    Args:
+        channels: Mapping of each channel, by canonical name.
+        table: Name of the table to read, or None if the columns decide.
+    """
+
+    channels: Mapping[str, ChannelMapping] = field(default_factory=dict)
+    table: str | None = None
+
+    def __or__(self, other: RunMapping) -> RunMapping:
+        """This mapping with the entries of another one, which takes precedence."""
+        return RunMapping({**self.channels, **other.channels}, other.table or self.table)
+
+
+def read_mapping(mapping: MappingLike | None, run: str | None = None) -> RunMapping:
     """Validate a mapping, read from a JSON file if it is a path.
 
     Args:
@@ -78,7 +108,7 @@ def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[st
         run: Name of the run file to be read; the entries of other files are validated, too.
 
     Returns:
-        Mapping of each channel, by canonical name.
+        The mapping of the file.
 
     Raises:
         MappingError: A name, a key or a value is not accepted.
@@ -86,34 +116,41 @@ def read_mapping(mapping: MappingLike | None, run: str | None = None) -> dict[st
         WrongUnit: A unit belongs to another quantity.
     """
     if mapping is None:
-        return {}
+        return RunMapping()
     path = Path(mapping) if isinstance(mapping, (str, os.PathLike)) else None
     with naming(path.name if path else None):
         return _validated(_from_file(path) if path else mapping, run)
 
 
-def _validated(content: object, run: str | None) -> dict[str, ChannelMapping]:
+def _validated(content: object, run: str | None) -> RunMapping:
     if not isinstance(content, Mapping):
         raise MappingError(
             "the mapping is not a JSON object; expected for example "
             '{"speed_rad_s": {"column": "n", "unit": "rpm"}}'
         )
-    shared = _channels({k: v for k, v in content.items() if k != FILES})
+    shared = _entries({k: v for k, v in content.items() if k != FILES})
     files = content.get(FILES, {})
     if not isinstance(files, Mapping) or not all(isinstance(v, Mapping) for v in files.values()):
         raise MappingError(
             f"files is {_shown(files)}; expected a mapping for each file name, such as "
             '{"run3.csv": {"current_A": {"column": "current_A", "scale": -1}}}'
         )
-    of_files = {str(name): _channels(entries) for name, entries in files.items()}
+    of_files = {str(name): _entries(entries) for name, entries in files.items()}
     for entries in of_files.values():
-        _refuse_shared_columns(shared | entries)
-    _refuse_shared_columns(shared)
-    return shared | of_files.get(run or "", {})
+        _refuse_shared_columns((shared | entries).channels)
+    _refuse_shared_columns(shared.channels)
+    return shared | of_files.get(run or "", RunMapping())
 
 
-def _channels(content: Mapping[object, object]) -> dict[str, ChannelMapping]:
-    return {str(channel): _channel(channel, entry) for channel, entry in content.items()}
+def _entries(content: Mapping[object, object]) -> RunMapping:
+    channels = {str(k): _channel(k, entry) for k, entry in content.items() if k != TABLE}
+    table = content.get(TABLE)
+    if TABLE in content and (not isinstance(table, str) or not table.strip()):
+        raise MappingError(
+            f"table is {_shown(table)}; expected the name of a sheet, group or variable",
+            value=table,
+        )
+    return RunMapping(channels, table.strip() if isinstance(table, str) else None)
 
 
 def _from_file(path: Path) -> object:
@@ -220,7 +257,7 @@ def _shown(value: object) -> str:
     return "(a huge integer)" if huge else quoted(repr(value))
 
 
-def _refuse_shared_columns(mapping: dict[str, ChannelMapping]) -> None:
+def _refuse_shared_columns(mapping: Mapping[str, ChannelMapping]) -> None:
     """Reject a mapping of one column to two channels."""
     used: dict[str, str] = {}
     for channel, entry in mapping.items():

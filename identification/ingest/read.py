@@ -18,15 +18,17 @@ from pathlib import Path
 import numpy as np
 
 from identification.errors import AbsurdValue, FileTooLarge, RaggedRow, TooFewRows
-from identification.ingest.channels import Channel, assign_channels, similar_columns
+from identification.ingest.channels import Channel, similar_columns
 from identification.ingest.clipping import find_clipped
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
-from identification.ingest.file import Limits, RunFile, naming, open_run_file
+from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
+from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.mapping import MappingLike, read_mapping
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import Reader, Samples, blank_cell, not_finite
 from identification.ingest.run import Array, Run, RunWarning, Source, SourceLocator
+from identification.ingest.tables import choose_table
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
@@ -35,7 +37,7 @@ __all__ = ["FEWEST_ROWS", "READERS", "read_run"]
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
 
-READERS: tuple[Reader, ...] = (TextReader(),)
+READERS: tuple[Reader, ...] = (*FORMAT_READERS, TextReader())
 """Readers of all formats in the order in which they are asked; the last one accepts any file."""
 
 
@@ -65,12 +67,12 @@ def read_run(
     """
     shown = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
     with naming(shown):
-        channel_mapping = read_mapping(mapping, shown)
+        run_mapping = read_mapping(mapping, shown)
         with open_run_file(Path(path), shown, limits or Limits()) as file:
+            content = unpacked(file)
             candidates = (*readers, *READERS)
-            reader = next(r for r in candidates if r.recognises(file.name, file.head))
-            table = reader.open(file)
-            channels = assign_channels(table.columns, channel_mapping)
+            reader = next(r for r in candidates if r.recognises(content.name, content.head))
+            table, channels = choose_table(reader.open(content), run_mapping)
             samples = table.read(tuple(channels.values()))
             _check_size(samples, file.limits)
             return _run(file, table.columns, channels, samples)

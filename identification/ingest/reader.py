@@ -7,7 +7,7 @@ common to all formats.  docs/write-a-reader.md shows a complete reader.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,7 +21,15 @@ from identification.ingest.display import quoted
 from identification.ingest.file import RunFile
 from identification.ingest.run import Array, RunWarning
 
-__all__ = ["ArrayTable", "Reader", "Samples", "SourceTable", "blank_cell", "not_finite"]
+__all__ = [
+    "ArrayTable",
+    "Reader",
+    "Samples",
+    "SourceTable",
+    "TableSet",
+    "blank_cell",
+    "not_finite",
+]
 
 
 @dataclass(frozen=True)
@@ -54,6 +62,23 @@ class SourceTable(Protocol):
         """
 
 
+@dataclass(frozen=True)
+class TableSet:
+    """Tables of a file that can hold several.
+
+    Args:
+        kind: Word for a table in messages, such as ``sheet``.
+        tables: Tables by name, in the order of the file.
+        joined: The channels of all tables as one, if their clocks have a common origin.
+        notes: Content that is not read, for the error of a file without a run.
+    """
+
+    kind: str
+    tables: Mapping[str, SourceTable]
+    joined: SourceTable | None = None
+    notes: str = ""
+
+
 class Reader(Protocol):
     """Reader of one file format; it keeps no state between files."""
 
@@ -65,7 +90,7 @@ class Reader(Protocol):
             head: First bytes of the file, at most 64 KiB.
         """
 
-    def open(self, file: RunFile) -> SourceTable:
+    def open(self, file: RunFile) -> SourceTable | TableSet:
         """Read as much of the file as describes its columns.
 
         Raises:

@@ -37,11 +37,18 @@ def beside(**columns: float) -> bytes:
 
 
 def zipped() -> bytes:
-    """Zip archive, the format of a workbook."""
+    """Zip archive of a run."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
-        archive.writestr("xl/workbook.xml", "<workbook/>")
+        archive.writestr("run1.csv", write(record()))
     return buffer.getvalue()
+
+
+def spoilt_gzip() -> bytes:
+    """Compressed run with one wrong bit, which the checksum shows."""
+    content = bytearray(gzip.compress(write(record())))
+    content[-6] ^= 1
+    return bytes(content)
 
 
 def doubled_header(name: str) -> bytes:
@@ -67,12 +74,12 @@ BROKEN_TABLES = (
     Refusal("HTML", b"<!DOCTYPE html>\n<html><p>404</p></html>\n", errors.NoTable, "numbers"),
     Refusal("JSON", b'{"time_s": [0.0, 0.1], "voltage_V": 3}\n', errors.NoTable, "numbers"),
     Refusal("numbers alone", with_line(1, None), errors.NoHeader, "names their 5 columns", 1),
-    Refusal("zip", zipped(), errors.NotText, "Excel workbook"),
-    Refusal("old workbook", b"\xd0\xcf\x11\xe0" + b"\0" * 99, errors.NotText, "old Excel"),
-    Refusal("gzip", gzip.compress(write(record())), errors.NotText, "gzip"),
+    Refusal("zip", zipped(), errors.NotText, "a zip archive"),
+    Refusal("gzip in gzip", gzip.compress(gzip.compress(b"")), errors.NotText, "twice"),
+    Refusal("cut gzip", gzip.compress(write(record()))[:500], errors.DamagedFile, "gzip .*ended"),
+    Refusal("spoilt gzip", spoilt_gzip(), errors.DamagedFile, "gzip compression is damaged"),
     Refusal("MATLAB", b"MATLAB 5.0 MAT-file, 2026" + b"\0" * 99, errors.NotText, "MATLAB"),
     Refusal("HDF5", b"\x89HDF\r\n\x1a\n" + b"\0" * 99, errors.NotText, "HDF5"),
-    Refusal("Parquet", b"PAR1" + bytes(range(99)), errors.NotText, "Parquet"),
     Refusal("MDF", b"MDF     4.10" + b"\0" * 99, errors.NotText, "MDF"),
     Refusal("TDMS", b"TDSm" + b"\x0e\0\0\0" * 20, errors.NotText, "TDMS"),
     Refusal("picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 99, errors.NotText, "picture"),

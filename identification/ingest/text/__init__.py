@@ -6,6 +6,6 @@ file -> blocks of lines -> layout  -> columns -> cells
 
 from __future__ import annotations
 
-from identification.ingest.text.table import TextReader
+from identification.ingest.text.table import TextReader, open_text
 
-__all__ = ["TextReader"]
+__all__ = ["TextReader", "open_text"]

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from identification.errors import EmptyFile, FileTooLarge, LineTooLong, NotText, RunFileError
-from identification.ingest.file import Limits, RunFile
+from identification.ingest.file import Limits
 
 __all__ = ["Block", "read_blocks"]
 
@@ -41,9 +41,8 @@ class Block:
 
 # Signatures of binary formats that users submit in place of a text table.
 _SIGNATURES = (
-    (b"PK\x03\x04", "a zip archive or an Excel workbook"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
-    (b"\x1f\x8b", "gzip-compressed"),
+    (b"PK\x03\x04", "a zip archive"),
+    (b"\x1f\x8b", "gzip-compressed twice"),
     (b"BZh", "bzip2-compressed"),
     (b"\xfd7zXZ", "xz-compressed"),
     (b"7z\xbc\xaf", "a 7-Zip archive"),
@@ -52,8 +51,6 @@ _SIGNATURES = (
     (b"MATLAB 5.0 MAT", "a MATLAB file"),
     (b"MDF     ", "an MDF measurement file"),
     (b"TDSm", "a TDMS measurement file"),
-    (b"PAR1", "Parquet"),
-    (b"ARROW1", "Arrow"),
     (b"SQLite format 3", "an SQLite database"),
     (b"%PDF", "a PDF document"),
     (b"\x89PNG", "a picture"),
@@ -64,11 +61,12 @@ _CONTROL = bytes(code for code in range(1, 32) if code not in b"\t\n\v\f\r\x1a")
 _EXPORT = "export it as a text table (CSV, UTF-8)"
 
 
-def read_blocks(file: RunFile) -> Iterator[Block]:
-    """Split a file into blocks of whole lines.
+def read_blocks(chunks: Iterator[bytes], limits: Limits) -> Iterator[Block]:
+    """Split a text into blocks of whole lines.
 
     Args:
-        file: Open file.
+        chunks: Content of the file.
+        limits: Size limits of the file.
 
     Returns:
         Blocks in file order, at least one.
@@ -79,7 +77,7 @@ def read_blocks(file: RunFile) -> Iterator[Block]:
         LineTooLong: A line exceeds the limit.
         NotText: The content is binary, in UTF-32, or contains a NUL byte.
     """
-    return _Splitter(file.limits).split(file.chunks())
+    return _Splitter(limits).split(chunks)
 
 
 class _Splitter:

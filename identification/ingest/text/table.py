@@ -10,7 +10,7 @@ import numpy as np
 from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
 from identification.ingest.columns import read_columns
-from identification.ingest.file import RunFile
+from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples
 from identification.ingest.run import Array, RunWarning
 from identification.ingest.text.blocks import Block, read_blocks
@@ -19,7 +19,7 @@ from identification.ingest.text.cells import number_text
 from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.fast import read_clean
 
-__all__ = ["TextReader", "TextTable"]
+__all__ = ["TextReader", "TextTable", "open_text"]
 
 
 # Lines before an unterminated last line that determine the usual length of its last cell.
@@ -40,12 +40,26 @@ class TextReader:
 
     def open(self, file: RunFile) -> TextTable:
         """Detect the layout of the table."""
-        blocks = read_blocks(file)
-        first = next(blocks)
-        layout = detect_layout(first, file.limits)
-        # The iterator, unlike the list, frees the first block once it has been read.
-        rest = iter([first.from_line(layout.first_line)])
-        return TextTable(layout, itertools.chain(rest, blocks), file.name)
+        return open_text(file.chunks(), file.limits, file.name)
+
+
+def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> TextTable:
+    """Detect the layout of a text table.
+
+    Args:
+        chunks: The text, in any encoding.
+        limits: Size limits.
+        file: Name of the file in messages.
+
+    Raises:
+        RunFileError: The text holds no table.
+    """
+    blocks = read_blocks(chunks, limits)
+    first = next(blocks)
+    layout = detect_layout(first, limits)
+    # The iterator, unlike the list, frees the first block once it has been read.
+    rest = iter([first.from_line(layout.first_line)])
+    return TextTable(layout, itertools.chain(rest, blocks), file)
 
 
 class TextTable:

@@ -1,0 +1,16 @@
+"""Readers of binary formats, each through the library of its format.
+
+A library is imported when a file of its format is opened; those that are not installed with
+motorid belong to the extra ``formats``.
+"""
+
+from __future__ import annotations
+
+from identification.ingest.formats.parquet import ParquetReader
+from identification.ingest.formats.workbook import WorkbookReader
+from identification.ingest.reader import Reader
+
+__all__ = ["FORMAT_READERS"]
+
+FORMAT_READERS: tuple[Reader, ...] = (WorkbookReader(), ParquetReader())
+"""Readers of binary formats; each recognises its files by their first bytes."""

@@ -1,0 +1,82 @@
+"""Calls of format libraries: import on demand, and errors of damaged files as messages."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+
+from identification.errors import DamagedFile, MissingLibrary
+from identification.ingest.display import plain
+
+__all__ = ["decoding", "imported"]
+
+# A library that meets damaged bytes raises whatever the first wrong number leads to.
+_FAULTS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
+
+
+def imported(module: str, what: str) -> ModuleType:
+    """Import the library of a format.
+
+    Args:
+        module: Name of the module.
+        what: Kind of file for the message, such as ``a Parquet file``.
+
+    Raises:
+        MissingLibrary: The library is not installed.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingLibrary(
+            f"this is {what}, and its library is not installed ({error.name or module}); install "
+            "it with pip install 'motorid[formats]', or export a text table (CSV, UTF-8)",
+            value=module,
+        ) from error
+
+
+@contextmanager
+def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[None]:
+    """Turn the faults of a library on damaged bytes into an error; silence its warnings.
+
+    Args:
+        what: Kind of file for the message.
+        faults: Exceptions of the library that no standard class covers.
+
+    Raises:
+        DamagedFile: The library could not decode the file.
+    """
+    disabled = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except _FAULTS + faults as error:
+        reason = plain(" ".join(str(error).split()) or type(error).__name__, 120)
+        raise DamagedFile(
+            f"this looks like {what}, and its content cannot be decoded ({reason}); copy or export "
+            "the file again"
+        ) from error
+    finally:
+        logging.disable(disabled)

@@ -1,0 +1,130 @@
+"""Choice among the tables of one file: sheets, groups or variables.
+
+A table that the mapping names is read.  Otherwise the joined channels of all tables are used where
+their clocks have a common origin, else the only table that has every required channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from identification.errors import AmbiguousTable, MappingError, NoTable, RunFileError
+from identification.ingest.channels import Channel, assign_channels
+from identification.ingest.display import listed, plain, quoted
+from identification.ingest.mapping import ChannelMapping, RunMapping
+from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.units import CHANNEL_QUANTITIES
+
+__all__ = ["choose_table"]
+
+Assigned = tuple[SourceTable, dict[str, Channel]]
+
+
+def choose_table(opened: SourceTable | TableSet, mapping: RunMapping) -> Assigned:
+    """Select the table that holds the run and assign its columns to channels.
+
+    Args:
+        opened: The table of the file, or all of its tables.
+        mapping: Mapping of the file.
+
+    Raises:
+        AmbiguousTable: Several tables hold a run.
+        MappingError: The mapping names a table that the file does not have.
+        RunFileError: No table has all required channels; the error is that of the closest one.
+    """
+    if not isinstance(opened, TableSet):
+        if mapping.table is not None:
+            raise MappingError(
+                f"the mapping names the table {quoted(mapping.table)}, and the file has a single "
+                'table without a name; remove "table"',
+                value=mapping.table,
+            )
+        return opened, assign_channels(opened.columns, mapping.channels)
+    tables = opened.tables
+    if not tables:
+        raise NoTable(
+            f"the file has no {opened.kind} with columns of numbers{opened.notes}; expected one "
+            "column for each channel"
+        )
+    if mapping.table is not None:
+        if mapping.table not in tables:
+            raise MappingError(
+                f"there is no {opened.kind} {quoted(mapping.table)}; expected one of "
+                f"{listed(tables)}",
+                value=mapping.table,
+            )
+        tables = {mapping.table: tables[mapping.table]}
+    elif opened.joined is not None:
+        return _joined(opened, opened.joined, mapping.channels)
+    found, errors = _assigned(tables, mapping.channels)
+    if not found:
+        raise _closest(opened, tables, errors)
+    if len(found) > 1:
+        raise _ambiguous(opened.kind, list(found))
+    return next(iter(found.values()))
+
+
+def _joined(
+    opened: TableSet, joined: SourceTable, mapping: Mapping[str, ChannelMapping]
+) -> Assigned:
+    """Channels of all tables together, or those of the only complete table."""
+    try:
+        return joined, assign_channels(joined.columns, mapping)
+    except RunFileError as error:
+        found, _ = _assigned(opened.tables, mapping)
+        if len(found) > 1:
+            raise _ambiguous(opened.kind, list(found)) from error
+        if not found:
+            raise _noted(error, opened.notes) from error
+        return next(iter(found.values()))
+
+
+def _assigned(
+    tables: Mapping[str, SourceTable], mapping: Mapping[str, ChannelMapping]
+) -> tuple[dict[str, Assigned], dict[str, RunFileError]]:
+    """Tables with all required channels, and the error of each other table."""
+    found: dict[str, Assigned] = {}
+    errors: dict[str, RunFileError] = {}
+    for name, table in tables.items():
+        try:
+            found[name] = table, assign_channels(table.columns, mapping)
+        except RunFileError as error:
+            errors[name] = error
+    return found, errors
+
+
+def _ambiguous(kind: str, names: list[str]) -> AmbiguousTable:
+    example = plain(names[0]).replace('"', '\\"')
+    return AmbiguousTable(
+        f"the {kind}s {listed(names)} all contain a run; choose one with the mapping "
+        f'{{"table": "{example}"}} or --map \'table={plain(names[0])}\'',
+        value=names[0],
+    )
+
+
+def _closest(
+    opened: TableSet, tables: Mapping[str, SourceTable], errors: Mapping[str, RunFileError]
+) -> RunFileError:
+    """Error of the table with the most channels, with the names of the others."""
+
+    def quantities(name: str) -> int:
+        columns = tables[name].columns
+        return sum(any(q in c.quantities for c in columns) for q in CHANNEL_QUANTITIES.values())
+
+    name = max(tables, key=quantities)
+    if len(opened.tables) == 1:
+        return _noted(errors[name], opened.notes)
+    others = listed(other for other in opened.tables if other != name)
+    where = f"; this is the {opened.kind} {quoted(name)}, the file also has {others}"
+    return _noted(errors[name], where + opened.notes)
+
+
+def _noted(error: RunFileError, note: str) -> RunFileError:
+    """The error with a note at the end of its message."""
+    return type(error)(
+        error.message + note,
+        row=error.row,
+        column=error.column,
+        value=error.value,
+        further=error.further,
+    )

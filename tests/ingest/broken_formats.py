@@ -1,0 +1,237 @@
+"""Files of binary formats that are refused, with the expected error of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from identification import errors
+from tests.ingest.specimens import (
+    CANONICAL_SHEET,
+    NAMED,
+    NAMED_UNITS,
+    PARQUET,
+    RECORD,
+    XLSX,
+    Specimen,
+    parquet,
+    rows,
+    workbook,
+)
+
+
+@dataclass(frozen=True)
+class BrokenSpecimen:
+    """A broken file, its error, and texts that the message contains."""
+
+    file: Specimen
+    error: type[errors.RunFileError]
+    words: tuple[str, ...] = field(default=())
+
+
+def broken(
+    name: str,
+    title: str,
+    write: Callable[[Path], object],
+    error: type[errors.RunFileError],
+    *words: str,
+    needs: tuple[str, ...] = (),
+    mapping: Mapping[str, object] | None = None,
+) -> BrokenSpecimen:
+    """Describe a broken file."""
+    return BrokenSpecimen(Specimen(name, title, write, needs, mapping), error, words)
+
+
+def cut(write: Callable[[Path], object], share: float) -> Callable[[Path], None]:
+    """Writer of the first part of a file."""
+
+    def written(path: Path) -> None:
+        write(path)
+        content = path.read_bytes()
+        path.write_bytes(content[: int(len(content) * share)])
+
+    return written
+
+
+def with_cell(row: int, column: int, value: object) -> list[list[object]]:
+    """Canonical sheet with one cell replaced; both are counted from 1."""
+    sheet = [list(line) for line in CANONICAL_SHEET]
+    sheet[row - 1][column - 1] = value
+    return sheet
+
+
+def two_runs(path: Path) -> None:
+    """Workbook with two complete sheets."""
+    workbook(path, {"Cold": CANONICAL_SHEET, "Hot": CANONICAL_SHEET})
+
+
+def feather(path: Path) -> None:
+    """Write an Arrow file."""
+    import pyarrow
+    from pyarrow import feather as library
+
+    library.write_feather(pyarrow.table(RECORD), path)
+
+
+MISNAMED = {"time": "s", "voltage": "mph", "current": "rpm"}
+
+BROKEN_WORKBOOKS = (
+    broken(
+        "two.xlsx",
+        "two runs",
+        two_runs,
+        errors.AmbiguousTable,
+        "the sheets 'Cold', 'Hot' all contain a run",
+        '{"table": "Cold"}',
+        "--map 'table=Cold'",
+        needs=XLSX,
+    ),
+    broken(
+        "two.xlsx",
+        "a sheet that does not exist",
+        two_runs,
+        errors.MappingError,
+        "there is no sheet 'Warm'",
+        "'Cold', 'Hot'",
+        needs=XLSX,
+        mapping={"table": "Warm"},
+    ),
+    broken(
+        "run.xlsx",
+        "text in a cell",
+        lambda p: workbook(p, {"Run": with_cell(7, 3, "off")}),
+        errors.NotANumber,
+        "row 7, column current_A",
+        "'off' is not a number",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xlsx",
+        "an error of a formula",
+        lambda p: workbook(p, {"Run": with_cell(5, 2, "#N/A")}),
+        errors.MissingValue,
+        "row 5, column voltage_V",
+        "the cell is blank",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xlsx",
+        "a blank cell",
+        lambda p: workbook(p, {"Run": with_cell(9, 4, None)}),
+        errors.MissingValue,
+        "row 9, column speed_rad_s",
+        "the cell is blank",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xlsx",
+        "no speed in any sheet",
+        lambda p: workbook(
+            p,
+            {
+                "A": [["time_s", "voltage_V"], *[r[:2] for r in rows()]],
+                "B": [["time_s", "voltage_V", "current_A"], *[r[:3] for r in rows()]],
+            },
+        ),
+        errors.MissingColumn,
+        "no column for speed_rad_s",
+        "the sheet 'B', the file also has 'A'",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xlsx",
+        "prose",
+        lambda p: workbook(p, {"A": [["Dear colleague"]], "B": []}),
+        errors.NoTable,
+        "no line with numbers",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xlsx",
+        "half of a workbook",
+        cut(lambda p: workbook(p, {"Run": CANONICAL_SHEET}), 0.5),
+        errors.DamagedFile,
+        "looks like a workbook",
+        "export the file again",
+        needs=XLSX,
+    ),
+    broken(
+        "run.xls",
+        "signature of an old workbook alone",
+        lambda p: p.write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600)),
+        errors.DamagedFile,
+        "looks like a workbook",
+        needs=("python_calamine",),
+    ),
+    broken(
+        "run.csv",
+        "a mapping of a table in a text file",
+        lambda p: p.write_text("time_s,voltage_V,current_A,speed_rad_s\n0,1,2,3\n1,2,3,4\n"),
+        errors.MappingError,
+        "names the table 'Run'",
+        "a single table",
+        mapping={"table": "Run"},
+    ),
+)
+
+BROKEN_COLUMNAR = (
+    broken(
+        "run.parquet",
+        "three faults in one file",
+        lambda p: parquet(
+            p, NAMED, {**NAMED_UNITS, "voltage": "mph", "current": "rpm", "time": ""}
+        ),
+        errors.RunFileError,
+        "column time: the column may be time_s, but has no unit",
+        "'mph' is unknown",
+        "rpm is a unit of speed",
+        needs=PARQUET,
+    ),
+    broken(
+        "run.parquet",
+        "a column of texts",
+        lambda p: parquet(p, {**RECORD, "current_A": ["off"] * 40}, {}),
+        errors.NotANumber,
+        "column current_A",
+        "expected one number for each sample",
+        needs=PARQUET,
+    ),
+    broken(
+        "run.parquet",
+        "a missing value",
+        lambda p: parquet(p, {**RECORD, "speed_rad_s": [None, *[1.5] * 39]}, {}),
+        errors.MissingValue,
+        "row 1, column speed_rad_s",
+        needs=PARQUET,
+    ),
+    broken(
+        "run.parquet",
+        "an infinity",
+        lambda p: parquet(p, {**RECORD, "voltage_V": [*[1.5] * 39, np.inf]}, {}),
+        errors.NotFinite,
+        "row 40, column voltage_V",
+        needs=PARQUET,
+    ),
+    broken(
+        "run.parquet",
+        "without its end",
+        cut(lambda p: parquet(p, RECORD, {}), 0.9),
+        errors.DamagedFile,
+        "looks like a Parquet file",
+        needs=PARQUET,
+    ),
+    broken(
+        "run.feather",
+        "Arrow",
+        feather,
+        errors.UnsupportedContent,
+        "an Arrow or Feather file",
+        "write Parquet instead",
+        needs=PARQUET,
+    ),
+)
+
+BROKEN = (*BROKEN_WORKBOOKS, *BROKEN_COLUMNAR)
