@@ -89,12 +89,12 @@ def outcome_of(campaign: Campaign, kind: str, hold: str, seed: int) -> Outcome:
     result = identify(training, validation, FitOptions(seed=seed, effects=False)).result
     seconds = time.perf_counter() - began
     deviations, inside = {}, {}
-    for name, entry in result["parameters"].items():  # type: ignore[attr-defined]
+    for name, entry in result["parameters"].items():
         truth = float(campaign.truth["parameters"][name])
         if entry["identified"]:
             deviations[name] = (entry["mean"] - truth) / entry["sd"]
             inside[name] = entry["q05"] <= truth <= entry["q95"]
-    errors = result["errors"]["after"]["validation"]  # type: ignore[index]
+    errors = result["errors"]["after"]["validation"]
     noise = campaign.truth["noise"]
     return Outcome(
         motor=campaign.motor.name,

@@ -1,12 +1,17 @@
 """Identification of a brushed DC motor from measured runs.
 
-    from identification import identify, read_run
+    import identification as mi
 
-    identification = identify([read_run("run1.csv"), read_run("run2.csv")])
-    identification.result["parameters"]["Ra25"]["median"]
+    mi.check(["cold.csv", "hot.csv"])                  what was understood, what can be identified
+    found = mi.identify(["cold.csv", "hot.csv"], validation="check.csv")
+    found.table()                                      parameters with intervals, a DataFrame
+    found.write("out/motor")                           result.json, report.html, posterior.nc
+    mi.predict(found, "other.csv")                     current and speed, a DataFrame
+    mi.feedback(found, controllers="PI:2,0.5")         speed loop cold and hot, a DataFrame
 
-Names are imported when they are first used, so that a program that only reads a file does not
-import the simulation.
+A run is the path of a file, a DataFrame, or what `read_run` returns; one or a list of them.  Names
+are imported when they are first used, so that a program that only reads a file does not import the
+simulation.
 """
 
 from __future__ import annotations
@@ -22,34 +27,62 @@ if TYPE_CHECKING:
         OptionError,
         RunFileError,
     )
-    from identification.ingest import Run, read_run
+    from identification.feedback.table import feedback
+    from identification.identified import (
+        Identified,
+        MissingPackage,
+        StoredResult,
+        inference_data,
+        read_result,
+    )
+    from identification.ingest import Run, read_run, write_run
     from identification.options import FitOptions
     from identification.pipeline import Identification, identify
-    from identification.prediction import Prediction, predict
+    from identification.prediction import predict
+    from identification.preview import Preview, check
+    from identification.report.files import report
 
 __all__ = [
     "ComputationError",
     "FitOptions",
     "Identification",
     "IdentificationError",
+    "Identified",
     "InputError",
+    "MissingPackage",
     "OptionError",
-    "Prediction",
+    "Preview",
     "Run",
     "RunFileError",
+    "StoredResult",
+    "check",
+    "feedback",
     "identify",
+    "inference_data",
     "predict",
+    "read_result",
     "read_run",
+    "report",
+    "write_run",
 ]
 
 _HOMES = {
     "FitOptions": "options",
     "Identification": "pipeline",
-    "Prediction": "prediction",
+    "Identified": "identified",
+    "MissingPackage": "identified",
+    "Preview": "preview",
     "Run": "ingest",
+    "StoredResult": "identified",
+    "check": "preview",
+    "feedback": "feedback.table",
     "identify": "pipeline",
+    "inference_data": "identified",
     "predict": "prediction",
+    "read_result": "identified",
     "read_run": "ingest",
+    "report": "report.files",
+    "write_run": "ingest",
 }
 
 

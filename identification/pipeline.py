@@ -11,11 +11,15 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.checks.admission import Admission, admitted
 from identification.checks.values import check_values
@@ -32,13 +36,14 @@ from identification.fit.gains import GainRatio, current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
-from identification.ingest.read import read_run
+from identification.identified import Identified
+from identification.ingest.given import RunLike, runs_of
 from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.draws import final_draws, nominal_draws
-from identification.report.files import write_outputs
+from identification.report.files import write_chain, write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms
@@ -51,14 +56,12 @@ from identification.work import metered, was_interrupted
 
 __all__ = ["FitOptions", "Identification", "Progress", "identify"]
 
-Given = Run | str | os.PathLike[str]
-"""A run, or the path of its file."""
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the completed fraction of the whole job."""
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Identified):
     """Result of the identification of a campaign.
 
     Args:
@@ -66,8 +69,25 @@ class Identification:
         findings: All quantities that the report shows.
     """
 
-    result: dict[str, object]
+    result: dict[str, Any]
     findings: Findings
+
+    def draws(self) -> dict[str, NDArray[np.float64]]:
+        """(n_draw,) draws of each parameter of the final model, in its unit."""
+        return self.findings.draws
+
+    @contextmanager
+    def posterior_file(self) -> Iterator[Path]:
+        """A temporary posterior.nc.
+
+        Raises:
+            InputError: The posterior was not sampled.
+        """
+        with TemporaryDirectory() as directory:
+            path = Path(directory) / "posterior.nc"
+            if not write_chain(path, self.result, self.findings):
+                raise InputError("the posterior was not sampled; identify with posterior=True")
+            yield path
 
     def write(self, directory: str | os.PathLike[str]) -> None:
         """Write result.json, report.html and, where sampled, posterior.nc into `directory`.
@@ -84,8 +104,8 @@ _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constan
 # A candidate that overflows has an infinite cost and is rejected; numpy warnings add nothing.
 @np.errstate(all="ignore")
 def identify(
-    training: Given | Iterable[Given],
-    validation: Given | Iterable[Given] = (),
+    training: RunLike | Iterable[RunLike],
+    validation: RunLike | Iterable[RunLike] = (),
     options: FitOptions = FitOptions(),  # noqa: B008  frozen
     progress: Progress | None = None,
     checkpoint: Checkpoint | None = None,
@@ -94,8 +114,8 @@ def identify(
     """Identify one motor from its runs.
 
     Args:
-        training: Runs to fit or paths of run files, in the order in which they were recorded, or
-            a single one.
+        training: Runs to fit, paths of run files or DataFrames, in the order in which they were
+            recorded, or a single one.
         validation: Validation runs, in the same forms; they are never fitted.
         options: Options of the user.
         progress: Called with the progress of the job.
@@ -111,7 +131,7 @@ def identify(
         raise InputError(
             f"options is a {type(options).__name__}; expected FitOptions, as in FitOptions(seed=1)"
         )
-    fitted, unseen = _runs(training, "training"), _runs(validation, "validation")
+    fitted, unseen = runs_of(training, "training"), runs_of(validation, "validation")
     try:
         with metered(_limit(options.time_limit)), repeatable_algebra():
             admission = _admitted(fitted, unseen, options, withheld)
@@ -121,25 +141,6 @@ def identify(
     if progress is not None:
         progress("done", 1.0)
     return found
-
-
-def _runs(given: Given | Iterable[Given], role: str) -> list[Run]:
-    """The given runs; run files are read.
-
-    Raises:
-        InputError: An argument is neither a run nor a path, or a file is no run.
-    """
-    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
-    runs = []
-    for one in several:
-        if not isinstance(one, Run | str | os.PathLike):
-            raise InputError(
-                f"{role} has an object of type {type(one).__name__}; expected a Run, as read_run "
-                "returns it, or the path of a run file",
-                value=repr(one)[:80],
-            )
-        runs.append(one if isinstance(one, Run) else read_run(one))
-    return runs
 
 
 def _limit(seconds: float | None) -> Callable[[], bool] | None:

@@ -1,6 +1,6 @@
 """Simulation of a run with an identified motor: predicted readings of its sensors.
 
-    prediction = predict(json.loads(text), read_run("run.csv"))
+    predict(read_result("out/motor"), "run.csv")["speed_rad_s"]
 
 The simulation uses the voltage, the temperature and, if logged, the angle of the run.  Its first
 samples give the initial state.  If the temperature was not logged, or was logged by a lagging
@@ -10,16 +10,19 @@ thermometer in coarse steps, it is fitted to the run.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import InputError
 from identification.fit.initial import fitted_initial_states
 from identification.fit.temperature import with_own_temperatures
+from identification.identified import Identified, read_result
+from identification.ingest.given import RunLike, run_of
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
@@ -27,38 +30,41 @@ from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
 from identification.surrogates.entry import term_of
 
-__all__ = ["Prediction", "model_of", "predict"]
+__all__ = ["model_of", "predict"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Simulated channels of one run.
-
-    Args:
-        time: (n_sample,) [s].
-        current: (n_sample,) [A].
-        speed: (n_sample,) [rad/s].
-    """
-
-    time: Array
-    current: Array
-    speed: Array
-
-
 @np.errstate(all="ignore")
-def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Prediction:
-    """Simulate a run from its inputs alone.
+def predict(
+    result: Identified | Mapping[str, Any] | str | os.PathLike[str],
+    run: RunLike,
+    declared: bool = False,
+) -> pd.DataFrame:
+    """Simulate a run from its inputs alone, as the sensors would log it.
 
     Args:
-        result: Content of a result.json.
-        run: The run; its current and speed only give the initial state and an unlogged temperature.
+        result: What `identify` or `read_result` returns, the content or the path of a result.json.
+        run: The run, the path of its file, or a DataFrame; its current and speed only give the
+            initial state and an unlogged temperature.
         declared: Whether to use the nominal model instead of the final one.
 
+    Returns:
+        Columns ``time_s``, ``current_A`` and ``speed_rad_s``, a row for each sample of the run.
+
     Raises:
-        InputError: The result lacks data that the simulation needs.
+        InputError: The result lacks data that the simulation needs, or the run cannot be read.
     """
+    if isinstance(result, str | os.PathLike):
+        result = read_result(result)
+    content = result.result if isinstance(result, Identified) else result
+    measured = run_of(run)
+    current, speed = _simulated(content, measured, declared).T
+    return pd.DataFrame({"time_s": measured.time, "current_A": current, "speed_rad_s": speed})
+
+
+def _simulated(result: Mapping[str, Any], run: Run, declared: bool) -> Array:
+    """(n_sample, 2) logged current and speed; NaN at samples between two records [A, rad/s]."""
     model, values = model_of(result, declared)
     before = _before(result, run)
     peaks = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
@@ -81,7 +87,7 @@ def predict(result: Mapping[str, Any], run: Run, declared: bool = False) -> Pred
     series = np.full((run.rows, 2), np.nan)
     for record, y in zip(records, logged, strict=True):
         series[record.start : record.start + record.rows] = y[:, :, 0]
-    return Prediction(run.time, series[:, 0], series[:, 1])
+    return series
 
 
 def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorModel, Array]:

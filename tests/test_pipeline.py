@@ -63,7 +63,7 @@ def test_paths_of_run_files_stand_for_their_runs(tmp_path: Path) -> None:
 
     expected = identify(read_run(path), read_run(path), options)
     assert found.result == expected.result
-    assert found.result["runs"][0]["channels"]["speed_rad_s"] == {  # type: ignore[index]
+    assert found.result["runs"][0]["channels"]["speed_rad_s"] == {
         "column": "speed_rad_s",
         "unit": "rad/s",
         "scale": 1.0,

@@ -45,12 +45,12 @@ def check(
         InputError: A file cannot be read, or runs contradict; all of them have been shown.
         OptionError: The mapping cannot be saved.
     """
-    from identification.preview import preview
+    from identification.preview import check as examined
 
     check_mapped_files(mapping, files)
     if save_mapping is not None:
         _check_replaceable(save_mapping)
-    found = preview(files, mapping, names=run_names(files))
+    found = examined(files, mapping, names=run_names(files))
     content = found.content()
     if save_mapping is not None and any(isinstance(e, RunFileError) for e in found.errors):
         remark(f"{save_mapping} is not written, because not all files are readable")

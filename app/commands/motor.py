@@ -6,8 +6,6 @@ output directory.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -172,13 +170,8 @@ def predict(
         from identification.prediction import predict as simulate
         from identification.result.atomic import write_text
 
-        prediction = simulate(content, measured, declared)
-        table = io.StringIO()
-        writer = csv.writer(table, lineterminator="\n")
-        writer.writerow(["time_s", "current_A", "speed_rad_s"])
-        columns = (prediction.time, prediction.current, prediction.speed)
-        writer.writerows(zip(*(map(_cell, column.tolist()) for column in columns), strict=True))
-        write_text(out, table.getvalue())
+        table = simulate(content, measured, declared)
+        write_text(out, table.to_csv(index=False, lineterminator="\n"))
 
 
 def feedback(
@@ -248,8 +241,3 @@ def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]
         else "no campaign found; run the command in a checkout of the project, or add --data DIR"
     )
     raise OptionError(f"campaign {name!r} is not in data/: {hint}", value=name)
-
-
-def _cell(value: float) -> float | str:
-    """Shortest decimal that reads back as the same number; empty for NaN, between two segments."""
-    return value if value == value else ""  # noqa: PLR0124  only NaN differs from itself

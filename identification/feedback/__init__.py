@@ -14,12 +14,19 @@
     closed_loop.py    simulation of the loop with the effects of the motor
     sampled.py        rise, settling, peak and overshoot of a simulated response
     nonlinear.py      feedback metrics of the motor with its effects
+    table.py          feedback metrics as a DataFrame
 
 Each module imports only modules above it.  The entry points are `feedback_metrics`, `step_curves`
 and, for the motor with its effects, `nonlinear.simulated_loops`.
+
+The package can be called: it shares its name with the function `identification.feedback`, whose
+attribute it takes as soon as one of its modules is imported.
 """
 
 from __future__ import annotations
+
+import sys
+from types import ModuleType
 
 from identification.feedback.controller import (
     AbstractController,
@@ -30,6 +37,7 @@ from identification.feedback.controller import (
 from identification.feedback.curves import StepCurve, step_curves
 from identification.feedback.metrics import METRIC_UNITS
 from identification.feedback.spread import feedback_metrics
+from identification.feedback.table import feedback
 
 __all__ = [
     "METRIC_UNITS",
@@ -41,3 +49,10 @@ __all__ = [
     "parse_controllers",
     "step_curves",
 ]
+
+
+class _Callable(ModuleType):
+    __call__ = staticmethod(feedback)
+
+
+sys.modules[__name__].__class__ = _Callable

@@ -1,4 +1,4 @@
-"""Run file reader: convert one file into a checked `Run`.
+"""Run file reader: convert one file or DataFrame into a checked `Run`.
 
     file -> table -> channels -> cells -> SI units -> checks
             reader   channels    reader   here        timing, clipping, plausibility
@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from identification.errors import AbsurdValue, FileTooLarge, RaggedRow, TooFewRows
 from identification.ingest.channels import Channel, similar_columns
@@ -24,9 +25,17 @@ from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
-from identification.ingest.mapping import MappingLike, read_mapping
+from identification.ingest.frame import Frame
+from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.plausibility import check_values
-from identification.ingest.reader import Reader, Samples, blank_cell, not_finite
+from identification.ingest.reader import (
+    Reader,
+    Samples,
+    SourceTable,
+    TableSet,
+    blank_cell,
+    not_finite,
+)
 from identification.ingest.run import Array, Run, RunWarning, Source, SourceLocator
 from identification.ingest.tables import choose_table
 from identification.ingest.text import TextReader
@@ -42,17 +51,18 @@ READERS: tuple[Reader, ...] = (*FORMAT_READERS, TextReader())
 
 
 def read_run(
-    path: str | os.PathLike[str],
+    source: str | os.PathLike[str] | pd.DataFrame,
     *,
     name: str | None = None,
     mapping: MappingLike | None = None,
     limits: Limits | None = None,
     readers: Sequence[Reader] = (),
 ) -> Run:
-    """Read and check one run file.
+    """Read and check one run.
 
     Args:
-        path: File in a format of docs/run-files.md, or of one of `readers`.
+        source: File in a format of docs/run-files.md, or of one of `readers`; or a DataFrame with a
+            row for each sample, whose columns are named like those of a file.
         name: Name of the run in messages and in the result; default: the file name.
         mapping: Columns of the channels, ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``, or
             the path of a JSON file with such a mapping; default: taken from the header.
@@ -65,17 +75,33 @@ def read_run(
     Raises:
         RunFileError: The file cannot be read as a run; the class and its `code` give the reason.
     """
-    shown = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
+    limits = limits or Limits()
+    if isinstance(source, pd.DataFrame):
+        shown = plain(name if name is not None else "DataFrame", 200)
+        with naming(shown):
+            frame = Frame(source, shown)
+            return _checked(frame, frame, read_mapping(mapping, shown), limits)
+    shown = plain(name if name is not None else os.path.basename(os.fspath(source)), 200)
     with naming(shown):
         run_mapping = read_mapping(mapping, shown)
-        with open_run_file(Path(path), shown, limits or Limits()) as file:
+        with open_run_file(Path(source), shown, limits) as file:
             content = unpacked(file)
             candidates = (*readers, *READERS)
             reader = next(r for r in candidates if r.recognises(content.name, content.head))
-            table, channels = choose_table(reader.open(content), run_mapping)
-            samples = table.read(tuple(channels.values()))
-            _check_size(samples, file.limits)
-            return _run(file, table.columns, channels, samples)
+            return _checked(file, reader.open(content), run_mapping, limits)
+
+
+def _checked(
+    file: RunFile | Frame,
+    opened: SourceTable | TableSet,
+    mapping: RunMapping,
+    limits: Limits,
+) -> Run:
+    """Choose a table, assign its columns, read its cells and check them."""
+    table, channels = choose_table(opened, mapping)
+    samples = table.read(tuple(channels.values()))
+    _check_size(samples, limits)
+    return _run(file, table.columns, channels, samples)
 
 
 def _check_size(samples: Samples, limits: Limits) -> None:
@@ -100,7 +126,10 @@ def _check_size(samples: Samples, limits: Limits) -> None:
 
 
 def _run(
-    file: RunFile, columns: Sequence[Column], channels: dict[str, Channel], samples: Samples
+    file: RunFile | Frame,
+    columns: Sequence[Column],
+    channels: dict[str, Channel],
+    samples: Samples,
 ) -> Run:
     """Convert to SI units and check."""
     labels = {name: channel.column.label for name, channel in channels.items()}

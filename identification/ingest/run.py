@@ -10,9 +10,11 @@ import csv
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import RunFileError
@@ -153,14 +155,22 @@ class Run:
         """Sampling frequency, from the median sampling interval [Hz]."""
         return float(1.0 / np.median(np.diff(self.time)))
 
+    def table(self) -> pd.DataFrame:
+        """The samples in canonical columns and SI units; unlogged channels have no column."""
+        return pd.DataFrame(_columns(self))
 
-def write_run(run: Run, path: str | os.PathLike[str]) -> None:
-    """Write a run in canonical columns and SI units; the values read back bit for bit.
+    def _repr_html_(self) -> str:
+        """Name, ranges of the channels and warnings, for notebooks."""
+        ranges = self.table().agg(["min", "median", "max"]).T
+        warnings = "".join(f"<li>{escape(str(warning))}</li>" for warning in self.warnings)
+        return (
+            f"<p><b>{escape(self.name)}</b>: {self.rows} samples at {self.sample_rate_hz:.4g} Hz"
+            f"</p>{ranges.to_html(float_format='{:.4g}'.format)}<ul>{warnings}</ul>"
+        )
 
-    Args:
-        run: Run to write; segments, clipped samples and warnings are recomputed on reading.
-        path: File to write.
-    """
+
+def _columns(run: Run) -> dict[str, Array]:
+    """Logged channels by canonical name, with the time."""
     columns = {
         "time_s": run.time,
         "voltage_V": run.voltage,
@@ -169,7 +179,17 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
         "temperature_degC": run.temperature,
         "position_rad": run.position,
     }
-    present = {name: values.tolist() for name, values in columns.items() if values is not None}
+    return {name: values for name, values in columns.items() if values is not None}
+
+
+def write_run(run: Run, path: str | os.PathLike[str]) -> None:
+    """Write a run in canonical columns and SI units; the values read back bit for bit.
+
+    Args:
+        run: Run to write; segments, clipped samples and warnings are recomputed on reading.
+        path: File to write.
+    """
+    present = {name: values.tolist() for name, values in _columns(run).items()}
     with open(path, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(present)

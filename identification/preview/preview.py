@@ -1,6 +1,6 @@
 """Preview of run files: columns as understood, excitation, contradictions, expected precision.
 
-    preview(["cold.csv", "hot.csv"]).content()
+    check(["cold.csv", "hot.csv"]).table()
 
 Nothing is fitted but the nominal model, on segments; nothing is written.  A file that cannot be
 read does not keep the others from being examined.  `examine` leaves out the precision, the only
@@ -10,9 +10,11 @@ part that takes more than a moment.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
+
+import pandas as pd
 
 from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
@@ -20,15 +22,15 @@ from identification.checks.values import check_values
 from identification.errors import IdentificationError, InputError, RunFileError
 from identification.fit.campaign import campaign_of
 from identification.ingest.file import Limits
+from identification.ingest.given import RunLike, each_given, run_of
 from identification.ingest.mapping import MappingLike
-from identification.ingest.read import read_run
 from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
 
-__all__ = ["Preview", "examine", "preview"]
+__all__ = ["Preview", "check", "examine"]
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,25 @@ class Preview:
                 common[name] = first
         return common | ({"files": single} if single else {})
 
+    def table(self) -> pd.DataFrame:
+        """Estimate and expected standard deviation of each nominal parameter, with advice."""
+        columns = ["value", "sd", "unit", "identified", "advice"]
+        rows = [[getattr(one, column) for column in columns] for one in self.prospects]
+        names = pd.Index([one.name for one in self.prospects], name="parameter")
+        return pd.DataFrame(rows, names, columns)
+
+    def _repr_html_(self) -> str:
+        """Runs, errors, findings, expected precision and notes, for notebooks."""
+        runs = ", ".join(
+            f"{escape(run.name)} ({run.rows} samples at {run.sample_rate_hz:.4g} Hz)"
+            for run in self.runs
+        )
+        remarks = [*self.errors, *self.findings, *self.notes]
+        listed = "".join(f"<li>{escape(str(remark))}</li>" for remark in remarks)
+        verdict = "accepted" if self.is_accepted else "refused"
+        table = self.table().to_html(float_format="{:.4g}".format) if self.prospects else ""
+        return f"<p><b>Runs {verdict}</b>: {runs or 'none readable'}</p>{table}<ul>{listed}</ul>"
+
     def content(self) -> dict[str, object]:
         """The preview as plain data, without NaN and infinity."""
         return {
@@ -120,42 +141,52 @@ class Preview:
         }
 
 
-def preview(
-    files: Sequence[str | os.PathLike[str]],
+def check(
+    runs: RunLike | Iterable[RunLike],
     mapping: MappingLike | None = None,
     *,
     names: Sequence[str | None] = (),
 ) -> Preview:
-    """Examine run files and compute the expected precision.
+    """Examine runs and compute the precision that a fit can reach.
 
     Args:
-        files: Run files of one motor.
+        runs: Runs of one motor, paths of run files or DataFrames, or a single one.
         mapping: Columns of the channels; see `read_run`.
         names: Name of each run; default: the file names.
+
+    Raises:
+        InputError: An object is neither a run nor a path nor a DataFrame.
     """
-    return examine(files, mapping, names=names).with_prospects()
+    return examine(runs, mapping, names=names).with_prospects()
 
 
 def examine(
-    files: Sequence[str | os.PathLike[str]],
+    given: RunLike | Iterable[RunLike],
     mapping: MappingLike | None = None,
     *,
     names: Sequence[str | None] = (),
     limits: Limits | None = None,
 ) -> Preview:
-    """Read and examine run files.
+    """Read and examine runs; the precision is left out.
 
     Args:
-        files: Run files of one motor.
+        given: Runs of one motor, paths of run files or DataFrames, or a single one.
         mapping: Columns of the channels; see `read_run`.
         names: Name of each run; default: the file names.
         limits: Size limits of the files.
+
+    Raises:
+        InputError: An object is neither a run nor a path nor a DataFrame.
     """
     runs: list[Run] = []
     errors: list[InputError] = []
-    for file, name in zip(files, names or (None,) * len(files), strict=True):
+    several = each_given(given, "runs")
+    for number, one in enumerate(several, start=1):
+        name = names[number - 1] if names else None
+        if name is None and isinstance(one, pd.DataFrame):
+            name = f"run {number}"
         try:
-            runs.append(read_run(file, name=name, mapping=mapping, limits=limits))
+            runs.append(run_of(one, name, mapping, limits))
         except RunFileError as error:
             errors.append(error)
     if not runs:

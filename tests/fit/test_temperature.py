@@ -109,7 +109,7 @@ def test_a_run_that_was_not_logged_is_predicted_at_the_temperature_it_had(
 
     prediction = predict(json.loads(json.dumps(never_logged.result)), run)
 
-    errors = [run.current - prediction.current, run.speed - prediction.speed]
+    errors = [run.current - prediction["current_A"], run.speed - prediction["speed_rad_s"]]
     assert np.std(errors, axis=1) / NOISE == pytest.approx([1.0, 1.0], abs=0.1)
 
 

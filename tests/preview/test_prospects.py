@@ -62,7 +62,7 @@ def test_expected_precision_is_that_of_the_fit() -> None:
     runs = campaign(SERVO, seed=5)
     fitted = identify(runs, options=FitOptions(posterior=False, effects=False)).result
     for name, expected in prospects(runs).items():
-        entry = fitted["parameters"][name]  # type: ignore[index]
+        entry = fitted["parameters"][name]
         assert expected.identified == entry["identified"], name
         assert expected.sd < 1.2 * entry["sd"], name
         assert name == "L" or expected.sd > 0.8 * entry["sd"], name

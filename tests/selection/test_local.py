@@ -76,7 +76,7 @@ def test_a_load_that_recurs_at_a_time_is_of_those_runs_and_of_no_other() -> None
     errors = result["errors"]["after"]["validation"]
     assert all(entry["noise_ratio"] < 1.2 for entry in errors.values())
     predicted = predict(result, runs[3])
-    error = predicted.speed - runs[3].speed
+    error = predicted["speed_rad_s"] - runs[3].speed
     assert np.sqrt(np.mean(error**2)) < 0.012 * runs[3].speed.std()
 
 

@@ -1,0 +1,289 @@
+"""Identified motor for Python users: tables, posterior draws and display, fresh or read from disk.
+
+found = read_result("out/motor")
+found.table()
+found.draws()["Ra25"]
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from identification.errors import IdentificationError, InputError, UnreadableFile
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.summary import summary_sentences
+from identification.result.numbers import interval_text, unit_text
+from identification.result.tables import TableName, result_table
+
+__all__ = ["Identified", "MissingPackage", "StoredResult", "inference_data", "read_result"]
+
+Array = NDArray[np.float64]
+
+_SEED: Final = 0
+_LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
+_WIDEST: Final = 100.0
+"""Largest absolute log ratio of a drawn parameter to its median."""
+_MOST_DRAWS: Final = 2000
+
+
+class MissingPackage(IdentificationError, ImportError):
+    """A function needs a package that is not installed."""
+
+
+class Identified(ABC):
+    """Identified motor.
+
+    Attributes:
+        result: Content of result.json.
+    """
+
+    result: dict[str, Any]
+
+    def table(self, name: TableName = "parameters") -> pd.DataFrame:
+        """One table of the result; the columns are named as in result.json.
+
+        Args:
+            name: ``parameters`` of the final model with its effects, ``declared`` for those of the
+                nominal model, ``effects``, ``errors``, ``feedback`` or ``warnings``.
+
+        Raises:
+            OptionError: There is no table of this name.
+        """
+        return result_table(self.result, name)
+
+    @abstractmethod
+    def draws(self) -> Mapping[str, Array]:
+        """(n_draw,) draws of each parameter of the final model, in its unit."""
+
+    @abstractmethod
+    def posterior_file(self) -> AbstractContextManager[Path]:
+        """Path of a posterior.nc with the chain, valid inside of the ``with`` statement.
+
+        Raises:
+            InputError: The posterior was not sampled.
+        """
+
+    def _repr_html_(self) -> str:
+        """Summary, parameters and warnings, for notebooks."""
+        sentences = " ".join(map(escape, summary_sentences(self.result)))
+        warnings = "".join(f"<li>{escape(text)}</li>" for text in self.result["warnings"])
+        return f"<p>{sentences}</p>{_parameters_html(self.table())}<ul>{warnings}</ul>"
+
+
+@dataclass(frozen=True, repr=False)
+class StoredResult(Identified):
+    """Result of an earlier identification.
+
+    Args:
+        result: Content of result.json.
+        path: The file that it was read from.
+    """
+
+    result: dict[str, Any]
+    path: Path
+
+    def __repr__(self) -> str:
+        return f"StoredResult({str(self.path)!r})"
+
+    @property
+    def has_posterior(self) -> bool:
+        """Whether a posterior.nc is in the directory of the result."""
+        return self.path.with_name("posterior.nc").exists()
+
+    def posterior_file(self) -> AbstractContextManager[Path]:
+        """The posterior.nc in the directory of the result.
+
+        Raises:
+            InputError: There is none, because the posterior was not sampled.
+        """
+        if not self.has_posterior:
+            raise InputError(
+                "has no posterior.nc in its directory; repeat the fit without --no-posterior",
+                file=str(self.path),
+            )
+        return nullcontext(self.path.with_name("posterior.nc"))
+
+    def draws(self, most: int = _MOST_DRAWS) -> dict[str, Array]:
+        """Draws of the posterior, thinned evenly.
+
+        Without a posterior.nc, independent normal draws of the seven nominal parameters follow from
+        the medians and standard deviations; their correlations are lost.
+
+        Args:
+            most: Largest number of draws.
+
+        Raises:
+            InputError: The posterior cannot be read, or the result lacks a parameter.
+        """
+        if not self.has_posterior:
+            return _normal(self.result, self.path, most)
+        return _chain(self.path.with_name("posterior.nc"), most)
+
+
+def read_result(path: str | os.PathLike[str]) -> StoredResult:
+    """Read the result of an earlier identification.
+
+    Args:
+        path: result.json, or the directory that contains it.
+
+    Raises:
+        InputError: The file cannot be read or is not a result of ``motorid fit``.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "result.json"
+    try:
+        # Opening a FIFO without a writer would block.
+        if file.exists() and not file.is_file():
+            raise OSError(errno.EINVAL, "Not a regular file")
+        text = file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not text; expected a result.json", file=str(file)) from error
+    except OSError as error:
+        raise UnreadableFile(
+            f"cannot be opened ({error.strerror}); expected a result.json of 'motorid fit'",
+            file=str(file),
+        ) from error
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            "is not JSON; expected a result.json of 'motorid fit'",
+            file=str(file),
+            row=getattr(error, "lineno", None),
+        ) from error
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if version != 1 or not isinstance(content.get("parameters"), dict):
+        raise InputError(
+            f"has schema_version {version!r}; expected a result.json of 'motorid fit' with "
+            "schema_version 1",
+            file=str(file),
+        )
+    return StoredResult(content, file)
+
+
+def inference_data(source: Identified | str | os.PathLike[str]) -> Any:
+    """Posterior as the object of ArviZ, each walker a chain.
+
+    Args:
+        source: What `identify` or `read_result` returns, the directory of a result, or a
+            posterior.nc.
+
+    Returns:
+        ``arviz.InferenceData`` with ArviZ 0.x, ``xarray.DataTree`` with ArviZ 1.x; groups
+        ``posterior``, with the unit of each variable, and ``sample_stats``.
+
+    Raises:
+        MissingPackage: ArviZ is not installed.
+        InputError: The posterior was not sampled, or the file is none.
+    """
+    try:
+        arviz, xarray = import_module("arviz"), import_module("xarray")
+    except ImportError as error:
+        raise MissingPackage(
+            "inference_data needs ArviZ, which is not installed; type: pip install arviz"
+        ) from error
+    with _posterior(source) as path:
+        try:
+            groups = {
+                group: xarray.load_dataset(path, group=group, engine="h5netcdf")
+                for group in ("posterior", "sample_stats")
+            }
+        except (OSError, KeyError, ValueError) as error:
+            raise _no_posterior(path, error) from error
+    if hasattr(arviz, "InferenceData"):
+        return arviz.InferenceData(**groups)
+    return xarray.DataTree.from_dict(groups)
+
+
+def _posterior(source: Identified | str | os.PathLike[str]) -> AbstractContextManager[Path]:
+    if isinstance(source, Identified):
+        return source.posterior_file()
+    path = Path(source)
+    return nullcontext(path) if path.suffix == ".nc" else read_result(path).posterior_file()
+
+
+def _no_posterior(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"is not a posterior of 'motorid fit' ({error}); repeat the fit or remove the file",
+        file=str(path),
+    )
+
+
+def _chain(path: Path, most: int) -> dict[str, Array]:
+    """Draws of all variables of a posterior.nc, thinned evenly."""
+    # Imported here: a program that only reads results needs no netCDF.
+    import h5netcdf
+
+    try:
+        if not path.is_file():
+            raise OSError("not a regular file")
+        with h5netcdf.File(path, "r") as file:
+            group = file.groups["posterior"]
+            names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
+            draws = {
+                name: np.asarray(group[name][...]).T.ravel()
+                for name in names
+                if name not in group.dimensions
+            }
+    except (OSError, KeyError, ValueError) as error:
+        raise _no_posterior(path, error) from error
+    count = draws["J"].size
+    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
+    return {name: values[kept].astype(np.float64) for name, values in draws.items()}
+
+
+def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Array]:
+    """Independent draws of the nominal parameters from their medians and standard deviations."""
+    rng = np.random.default_rng(_SEED)
+    draws = {}
+    for name in DECLARED_PARAMETERS:
+        entry = result["parameters"].get(name) or {}
+        centre, spread = entry.get("median"), entry.get("sd")
+        if not isinstance(centre, int | float) or not isinstance(spread, int | float):
+            raise InputError(
+                f"has no median and sd of {name}; give the parameters with --set NAME=VALUE "
+                "instead",
+                file=str(path),
+            )
+        steps = rng.standard_normal(count) * spread
+        if name in _LOGARITHMIC:
+            # The spread of an undetermined parameter would overflow the exponential.
+            draws[name] = centre * np.exp(np.clip(steps / centre, -_WIDEST, _WIDEST))
+        elif name in ("b", "L"):
+            draws[name] = np.abs(centre + steps)
+        else:
+            draws[name] = centre + steps
+    return draws
+
+
+def _parameters_html(table: pd.DataFrame) -> str:
+    """Table of the parameters with the digits that their intervals support."""
+    rows = []
+    for name, entry in table.iterrows():
+        text = interval_text(entry["median"], entry["q05"], entry["q95"])
+        rows.append(
+            {
+                "parameter": name,
+                "median": text.median + text.power,
+                "90 % interval": f"{text.low} to {text.high}{text.power}",
+                "unit": unit_text(entry["unit"]),
+                "identified": "yes" if entry["identified"] else "no",
+            }
+        )
+    html: str = pd.DataFrame(rows).to_html(index=False)
+    return html

@@ -1,0 +1,109 @@
+"""Run from a pandas DataFrame: columns by name and unit as in a file, times in seconds.
+
+The names of the columns are read like the header of a file, so a name may contain a unit, and a
+second level of the columns may hold the units.  A named index is a column, too.  Dates and
+durations become seconds since the first sample.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from identification.errors import DuplicateColumn, NotANumber
+from identification.ingest.channels import Channel
+from identification.ingest.columns import Column, describe_column, read_columns
+from identification.ingest.display import quoted
+from identification.ingest.reader import Samples
+from identification.ingest.run import Array
+
+__all__ = ["Frame"]
+
+
+class Frame:
+    """DataFrame as the source of a run.
+
+    Args:
+        data: One row for each sample.
+        name: Name of the run in messages.
+
+    Attributes:
+        columns: Columns from left to right, a named index first.
+
+    Raises:
+        DuplicateColumn: The index and a column have the same name.
+    """
+
+    def __init__(self, data: pd.DataFrame, name: str) -> None:
+        self.name = name
+        self._data = _with_index(data)
+        self.columns = _described(self._data)
+        self._digest = hashlib.sha256()
+
+    def read(self, channels: Sequence[Channel]) -> Samples:
+        """Convert the columns of the channels to numbers; a missing value becomes NaN.
+
+        Raises:
+            NotANumber: A cell is neither a number nor missing; its row is its position from 0.
+        """
+        cells = {}
+        for channel in channels:
+            values = _numbers(self._data.iloc[:, channel.column.index], channel)
+            self._digest.update(f"{channel.column.title}\0".encode())
+            self._digest.update(values.tobytes())
+            cells[channel.name] = values
+        return Samples(cells, lambda sample: sample)
+
+    def sha256(self) -> str:
+        """SHA-256 of the names and the values that were read, in hexadecimal."""
+        return self._digest.hexdigest()
+
+
+def _with_index(data: pd.DataFrame) -> pd.DataFrame:
+    """The frame with its named index as columns; an unnamed index only numbers the rows."""
+    named = [name for name in data.index.names if name is not None]
+    if not named:
+        return data
+    try:
+        return data.reset_index()
+    except ValueError as error:
+        raise DuplicateColumn(
+            f"the index and a column are both named {quoted(str(named[0]))}; rename one of them, "
+            "or call reset_index(drop=True)",
+            column=str(named[0]),
+        ) from error
+
+
+def _described(data: pd.DataFrame) -> list[Column]:
+    """Columns by their names; the levels of a MultiIndex are the rows of a header."""
+    if data.columns.empty:
+        return []
+    levels = data.columns.to_frame(index=False).fillna("").astype(str)
+    header = tuple(tuple(levels.iloc[:, level]) for level in range(levels.shape[1]))
+    columns = read_columns(header)
+    for index, kind in enumerate(data.dtypes):
+        if kind.kind in "mM" and not columns[index].unit_texts:
+            columns[index] = describe_column(index, columns[index].texts, ["s"])
+    return columns
+
+
+def _numbers(values: pd.Series, channel: Channel) -> Array:
+    """The cells as floats, in the unit of the column; times in seconds."""
+    if values.dtype.kind in "mM":
+        start = values.iloc[0] if values.dtype.kind == "M" and len(values) else pd.Timedelta(0)
+        return np.asarray((values - start).dt.total_seconds(), dtype=np.float64)
+    numbers = pd.to_numeric(values, errors="coerce")
+    faulty = np.flatnonzero(numbers.isna() & values.notna())
+    if faulty.size or numbers.dtype.kind not in "biuf":
+        sample = int(faulty[0]) if faulty.size else 0
+        raise NotANumber(
+            f"{quoted(str(values.iloc[sample]))} is not a number; expected a number in "
+            f"{channel.unit.name}",
+            row=sample,
+            column=channel.column.label,
+            value=str(values.iloc[sample]),
+        )
+    return numbers.to_numpy(np.float64, na_value=np.nan)
