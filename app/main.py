@@ -26,8 +26,9 @@ from app.http.gate import Gate
 from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, WellFormed
 from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
-from app.pages.endpoints import STATIC_FILES
 from app.pages.endpoints import router as pages
+from app.pages.errors import ErrorPages
+from app.pages.rendering import PLOT_FILES, STATIC_FILES
 from app.runs.endpoints import router as runs
 from app.settings import Settings, load_settings
 
@@ -77,6 +78,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
     application.include_router(pages, max_body_size=settings.max_body_bytes)
+    application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)
     # The middleware added last handles a request first.
@@ -97,6 +99,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.add_middleware(HostCheck, hosts=settings.hosts)
     application.add_middleware(WellFormed)
     application.add_middleware(CrowdCheck)
+    application.add_middleware(ErrorPages)
     application.add_middleware(RequestLog, metrics=services.metrics)
     application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]
     return application

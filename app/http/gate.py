@@ -21,10 +21,10 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.access.service import DEFAULT_WORKSPACE, AccessService, Caller
 from app.errors import BadKey, CrossSite
-from app.http import HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
+from app.http import API_PREFIX, HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
 from app.http.problems import database_error, problem_of
 
-__all__ = ["COOKIE", "PUBLIC_PATHS", "Gate", "session_of"]
+__all__ = ["COOKIE", "PUBLIC_PATHS", "Gate", "session_of", "wants_page"]
 
 COOKIE = "motorid_session"
 PUBLIC_PATHS = frozenset({LOGIN_PATH, *HEALTH_PATHS})
@@ -66,7 +66,7 @@ class Gate:
             refusal = database_error(error) if isinstance(error, SQLAlchemyError) else error
             if refusal is None:
                 raise
-            if isinstance(error, BadKey) and _is_page(scope, headers):
+            if isinstance(error, BadKey) and scope["method"] == "GET" and wants_page(scope):
                 await RedirectResponse(LOGIN_PATH, status_code=303)(scope, receive, send)
             else:
                 await problem_of(refusal)(scope, receive, send)
@@ -121,9 +121,8 @@ def _refuse_other_sites(method: str, headers: Headers) -> None:
         raise CrossSite("a page of another site sent this request; use the page of this service")
 
 
-def _is_page(scope: Scope, headers: Headers) -> bool:
-    return (
-        scope["method"] == "GET"
-        and not scope["path"].startswith("/api/")
-        and "text/html" in headers.get("accept", "")
-    )
+def wants_page(scope: Scope) -> bool:
+    """Return True if a browser opens the address and expects a page, such as a report."""
+    path = scope["path"]
+    is_call = path.startswith(f"{API_PREFIX}/") and not path.endswith("/report")
+    return not is_call and "text/html" in Headers(scope=scope).get("accept", "")

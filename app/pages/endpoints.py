@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from app.batches.schemas import BatchSummary
 from app.errors import BadKey, NotFound
@@ -15,30 +13,16 @@ from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
+from app.pages.rendering import page
 from app.pages.views import batch_view, fit_view, outcome_view, run_view
 from app.runs.schemas import RunOut
 
-__all__ = ["STATIC_FILES", "router"]
-
-STATIC_FILES = Path(__file__).parent / "static"
-"""Style sheets and scripts of the pages."""
+__all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
 
 _MOST_ROWS = 200
 _MOST_BATCHES = 50
-_TEMPLATES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
-
-
-def _page(template: str, *, status: int = 200, **values: Any) -> HTMLResponse:
-    text = _TEMPLATES.get_template(f"{template}.html.j2").render(**{"caller": None, **values})
-    return HTMLResponse(text, status_code=status)
 
 
 @router.get("/")
@@ -48,7 +32,7 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     files = {run.id: run.file for run in runs}
-    return _page(
+    return page(
         "home",
         caller=caller,
         runs=[run_view(RunOut.of(run)) for run in runs],
@@ -60,7 +44,7 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
 
 
 @router.get("/fits/{fit_id}")
-def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def fitpage(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Page of one fit: its progress, then its result."""
     fit = FitOut.of(services.fits.get(caller, fit_id))
     files = {}
@@ -69,7 +53,7 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
             files[run_id] = services.runs.get(caller, run_id).file
         except NotFound:
             files[run_id] = "deleted run"
-    return _page(
+    return page(
         "fit",
         caller=caller,
         fit=fit_view(fit, files),
@@ -80,7 +64,7 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
 @router.get("/docs")
 def docs(caller: CallerDep) -> HTMLResponse:
     """Interactive documentation of the HTTP interface."""
-    return _page("docs", description=f"{API_PREFIX}/openapi.json")
+    return page("docs", caller=caller, description=f"{API_PREFIX}/openapi.json")
 
 
 @router.get(LOGIN_PATH)
@@ -88,7 +72,7 @@ def login(services: ServicesDep) -> Response:
     """Login page, which asks for a key."""
     if services.settings.no_auth:
         return RedirectResponse("/", status_code=303)
-    return _page("login", problem=None)
+    return page("login", problem=None)
 
 
 @router.post(LOGIN_PATH)
@@ -100,7 +84,7 @@ def sign_in(
     try:
         token = services.access.open_session(key.strip(), lifetime_s)
     except BadKey as error:
-        return _page("login", status=401, problem=f"{error.message[0].upper()}{error.message[1:]}.")
+        return page("login", status=401, problem=f"{error.message[0].upper()}{error.message[1:]}.")
     answer = RedirectResponse("/", status_code=303)
     answer.set_cookie(
         COOKIE,

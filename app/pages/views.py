@@ -145,5 +145,5 @@ def _time(text: str) -> datetime:
 
 
 def _when(text: str) -> str:
-    """Time in UTC, formatted for people."""
-    return f"{_time(text):%Y-%m-%d %H:%M}"
+    """Time in UTC, formatted for people; the script of the pages shows local time."""
+    return f"{_time(text):%Y-%m-%d %H:%M} UTC"

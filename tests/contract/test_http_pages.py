@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.pages.endpoints import STATIC_FILES
+from app.pages.rendering import STATIC_FILES
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
 HTML = {"Accept": "text/html"}
@@ -159,8 +159,57 @@ def test_only_static_files_are_served(server: Server, path: str) -> None:
 
 
 def test_vendored_files_carry_their_licence() -> None:
-    """swagger-ui is distributed under the Apache licence with its notice."""
-    folder = STATIC_FILES / "vendor" / "swagger-ui"
+    """swagger-ui is distributed under the Apache licence with its notice, htmx under 0BSD."""
+    vendored = STATIC_FILES / "vendor"
 
-    assert "Apache License" in (folder / "LICENSE").read_text(encoding="utf-8")
-    assert (folder / "NOTICE").is_file()
+    assert "Apache License" in (vendored / "swagger-ui" / "LICENSE").read_text(encoding="utf-8")
+    assert (vendored / "swagger-ui" / "NOTICE").is_file()
+    assert "Zero-Clause BSD" in (vendored / "htmx" / "LICENSE").read_text(encoding="utf-8")
+
+
+def of_key(caller: Caller) -> dict[str, str]:
+    """Header with the key of a client, without the Accept header of its script."""
+    return {"Authorization": caller.http.headers["authorization"]}
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [("/nowhere", 404), ("/fits/fit_x", 404), ("/api/v1/fits/fit_x/report", 404)],
+)
+def test_browser_gets_a_page_for_an_unknown_address(
+    alice: Caller, server: Server, path: str, status: int
+) -> None:
+    """Status and sentence are those of the problem; a link leads back to the start page."""
+    page = httpx.get(server.url + path, headers={**of_key(alice), **HTML})
+    problem = httpx.get(server.url + path, headers=alice.http.headers)
+
+    assert (page.status_code, problem.status_code) == (status, status)
+    assert page.headers["content-type"].startswith("text/html")
+    assert problem.json()["detail"][1:] in page.text
+    assert 'href="/"' in page.text
+
+
+def test_call_of_the_interface_never_gets_a_page(alice: Caller, server: Server) -> None:
+    """A script may copy the Accept header of a browser."""
+    answer = alice.http.get("/fits/fit_x", headers=HTML)
+
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_part_of_a_page_gets_the_sentence_of_a_problem(alice: Caller, server: Server) -> None:
+    """A script shows the response inside of the page; without a session it opens the login page."""
+    part = {"HX-Request": "true"}
+    refused = httpx.get(f"{server.url}/nowhere", headers={**of_key(alice), **part})
+    unknown = httpx.get(f"{server.url}/nowhere", headers=part)
+
+    assert refused.status_code == 404
+    assert refused.text.startswith("<p ")
+    assert "<html" not in refused.text
+    assert unknown.headers["HX-Redirect"] == "/login"
+
+
+def test_report_of_a_signed_out_reader_asks_for_the_key(server: Server) -> None:
+    """The address of a report is opened by people, although it belongs to the interface."""
+    answer = httpx.get(f"{server.url}/api/v1/fits/fit_x/report", headers=HTML)
+
+    assert (answer.status_code, answer.headers["location"]) == (303, "/login")

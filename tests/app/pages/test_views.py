@@ -21,7 +21,7 @@ def test_run_is_shown_with_units() -> None:
     assert shown["rows"] == "24\u202f000"
     assert shown["ranges"]["voltage_V"] == "\u221212 … 12 V"
     assert shown["ranges"]["temperature_degC"] == "–"
-    assert shown["received"] == "2026-11-21 12:00"
+    assert shown["received"] == "2026-11-21 12:00 UTC"
 
 
 def test_warnings_of_a_run_name_the_column() -> None:

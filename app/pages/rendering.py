@@ -1,0 +1,41 @@
+"""Rendering of the page templates, and the static files that the pages load."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+__all__ = ["PLOT_FILES", "STATIC_FILES", "page"]
+
+STATIC_FILES = Path(__file__).parent / "static"
+"""Style sheets and scripts of the pages."""
+
+PLOT_FILES = Path(str(files("identification"))) / "report" / "templates" / "vendor"
+"""uPlot, as bundled with the report."""
+
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def page(
+    template: str, *, status: int = 200, headers: dict[str, str] | None = None, **values: Any
+) -> HTMLResponse:
+    """Render a template.
+
+    Args:
+        template: File name without its ending.
+        status: HTTP status.
+        headers: Additional headers.
+        **values: Variables of the template; `caller` is None unless given.
+    """
+    text = _TEMPLATES.get_template(f"{template}.html.j2").render(**{"caller": None, **values})
+    return HTMLResponse(text, status_code=status, headers=headers)
