@@ -21,6 +21,7 @@ from app.health.service import HealthService
 from app.housekeeping import Housekeeper
 from app.metrics import Metrics
 from app.retention.service import Retention
+from app.runs.pending import PendingRuns
 from app.runs.reading import ReadingQueue, RunReader
 from app.runs.service import RunService
 from app.settings import Settings
@@ -45,6 +46,7 @@ class Services:
     metrics: Metrics
     access: AccessService
     runs: RunService
+    pending: PendingRuns
     fits: FitService
     batches: BatchService
     health: HealthService
@@ -80,6 +82,7 @@ class Services:
             metrics=metrics,
             access=access,
             runs=RunService(database, storage, reader, metrics, quotas),
+            pending=PendingRuns(database, storage, reader, quotas),
             fits=FitService(database, storage, supervisor, quotas),
             batches=BatchService(database, storage, supervisor, quotas),
             health=HealthService(database, storage, supervisor, metrics),

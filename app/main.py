@@ -28,6 +28,7 @@ from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
 from app.pages.endpoints import router as pages
 from app.pages.errors import ErrorPages
+from app.pages.pending import router as pending
 from app.pages.rendering import PLOT_FILES, STATIC_FILES
 from app.runs.endpoints import router as runs
 from app.settings import Settings, load_settings
@@ -78,6 +79,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
     application.include_router(pages, max_body_size=settings.max_body_bytes)
+    application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
     add_problem_handlers(application)

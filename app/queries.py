@@ -19,13 +19,15 @@ from sqlalchemy.orm import Session
 from app.database import Database
 from app.errors import FieldRefused, KeyReused, NotFound
 from app.identifiers import Kind, is_id
-from app.tables import BatchRow, FitRow, RunRow
+from app.tables import BatchRow, FitRow, PendingRow, RunRow
 
 __all__ = ["Entry", "cursor_of", "known", "page", "position_of", "requested_once"]
 
-_Stored = TypeVar("_Stored", RunRow, FitRow, BatchRow)
+_Stored = TypeVar("_Stored", RunRow, PendingRow, FitRow, BatchRow)
 _Requested = TypeVar("_Requested", FitRow, BatchRow)
-_KINDS: dict[str, Kind] = {"runs": "run", "fits": "fit", "batches": "batch"}
+_KINDS: dict[str, Kind] = {
+    "runs": "run", "pending_runs": "run", "fits": "fit", "batches": "batch",
+}  # fmt: skip
 
 
 class Entry(Protocol):
@@ -54,7 +56,8 @@ def known(
         query = select(table).where(table.workspace == workspace, table.id == row_id)
         found = session.scalars(query.with_for_update() if lock else query).one_or_none()
     if found is None:
-        raise NotFound(f"there is no such {_KINDS[name]}; GET /api/v1/{name} lists them")
+        where = "the start page" if name == "pending_runs" else f"GET /api/v1/{name}"
+        raise NotFound(f"there is no such {_KINDS[name]}; {where} lists them")
     return found
 
 

@@ -20,7 +20,17 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["BatchRow", "FitRow", "FitRunRow", "KeyRow", "RunRow", "SessionRow", "Tables"]
+__all__ = [
+    "BatchRow",
+    "BenchRow",
+    "FitRow",
+    "FitRunRow",
+    "KeyRow",
+    "PendingRow",
+    "RunRow",
+    "SessionRow",
+    "Tables",
+]
 
 
 class Tables(DeclarativeBase):
@@ -81,6 +91,39 @@ class RunRow(Tables):
     warnings: Mapped[list[Any]]
     created_at: Mapped[float]
     sent_at: Mapped[float | None]
+
+
+class PendingRow(Tables):
+    """Uploaded file that is not yet confirmed as a run; its bytes are stored under its id.
+
+    `found` is what the reader found in the file with `mapping`.  A confirmed file becomes a run
+    with the same id.
+    """
+
+    __tablename__ = "pending_runs"
+    __table_args__ = (Index("ix_pending_runs_workspace_created", "workspace", "created_at"),)
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    sha256: Mapped[str] = mapped_column(String(64))
+    bytes: Mapped[int] = mapped_column(BigInteger)
+    file: Mapped[str] = mapped_column(String(255))
+    motor: Mapped[str | None] = mapped_column(String(200))
+    bench: Mapped[str | None] = mapped_column(String(200))
+    mapping: Mapped[dict[str, Any] | None] = mapped_column(JSON)
+    found: Mapped[dict[str, Any]]
+    created_at: Mapped[float]
+
+
+class BenchRow(Tables):
+    """Mapping of the files of one test bench, for the next files from it."""
+
+    __tablename__ = "benches"
+
+    workspace: Mapped[str] = mapped_column(String(100), primary_key=True)
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    mapping: Mapped[dict[str, Any]]
+    changed_at: Mapped[float]
 
 
 class BatchRow(Tables):

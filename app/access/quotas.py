@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.errors import BatchQuota, BytesQuota, RunsQuota, WaitingQuota
-from app.tables import FitRow, RunRow
+from app.tables import FitRow, PendingRow, RunRow
 
 __all__ = ["Quotas"]
 
@@ -35,7 +35,7 @@ class Quotas:
     waiting_fits: int = 0
 
     def check_run(self, session: Session, workspace: str, size: int) -> None:
-        """Reject a run that would exceed a quota.
+        """Reject a run, pending or not, that would exceed a quota.
 
         Raises:
             BytesQuota: The run files would exceed the quota of bytes.
@@ -44,8 +44,11 @@ class Quotas:
         if not self.stored_bytes and not self.runs:
             return
         _hold(session, workspace)
-        query = select(func.count(), func.coalesce(func.sum(RunRow.bytes), 0))
-        number, stored = session.execute(query.where(RunRow.workspace == workspace)).one()
+        number = stored = 0
+        for table in (RunRow, PendingRow):
+            query = select(func.count(), func.coalesce(func.sum(table.bytes), 0))
+            counted = session.execute(query.where(table.workspace == workspace)).one()
+            number, stored = number + int(counted[0]), stored + int(counted[1])
         if self.runs and number >= self.runs:
             raise RunsQuota(
                 f"the workspace has {number} runs of {self.runs} allowed; delete runs that no "

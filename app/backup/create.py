@@ -112,7 +112,7 @@ def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str
 
 
 def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
-    """Consistent copy of a database while others write to it, without sessions."""
+    """Consistent copy of a database while others write to it, without sessions and pending runs."""
     copy = sqlite3.connect(file)
     try:
         with contextlib.closing(sqlite3.connect(source, timeout=_BUSY_S)) as live:
@@ -130,6 +130,9 @@ def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
     # Single file, independent of the journal mode of the service.
     copy.execute("PRAGMA journal_mode=DELETE")
     copy.execute("DELETE FROM sessions")
+    # Uploads that no one has confirmed; their files are not saved.  An older database has none.
+    if copy.execute("SELECT 1 FROM sqlite_master WHERE name = 'pending_runs'").fetchone():
+        copy.execute("DELETE FROM pending_runs")
     copy.commit()
     return copy
 

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["API_PREFIX", "HEALTH_PATHS", "LOGIN_PATH", "STATIC_PREFIX", "UPLOAD_PATHS"]
+__all__ = [
+    "API_PREFIX",
+    "HEALTH_PATHS",
+    "LOGIN_PATH",
+    "PENDING_PATH",
+    "STATIC_PREFIX",
+    "UPLOAD_PATHS",
+]
 
 API_PREFIX: Final = "/api/v1"
 """Prefix of all API calls."""
@@ -14,7 +21,10 @@ HEALTH_PATHS: Final = frozenset(
 )
 """Health and metrics paths, below the API prefix and, for probes, at the root."""
 
-UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview")
+PENDING_PATH: Final = "/pending"
+"""Pending runs, as parts of the start page."""
+
+UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview", PENDING_PATH)
 """Paths whose body is a run file, with the size limit and the deadline of an upload."""
 
 LOGIN_PATH: Final = "/login"

@@ -13,6 +13,7 @@ from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
+from app.pages.pending_views import pending_list_view
 from app.pages.rendering import page
 from app.pages.views import batch_view, fit_view, outcome_view, run_view
 from app.runs.schemas import RunOut
@@ -35,6 +36,8 @@ def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     return page(
         "home",
         caller=caller,
+        pending=pending_list_view(services.pending.all(caller)),
+        benches=services.pending.benches(caller),
         runs=[run_view(RunOut.of(run)) for run in runs],
         more_runs=more is not None,
         motors=sorted({run.motor for run in runs if run.motor}),

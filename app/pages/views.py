@@ -11,9 +11,15 @@ from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary
 from app.runs.schemas import RunOut, RunWarningOut
 
-__all__ = ["batch_view", "fit_view", "outcome_view", "run_view"]
+__all__ = ["batch_view", "duration", "fit_view", "outcome_view", "run_view", "span"]
 
-_CHANNELS = {"voltage_V": "V", "current_A": "A", "speed_rad_s": "rad/s", "temperature_degC": "°C"}
+_CHANNELS = {
+    "voltage_V": "V",
+    "current_A": "A",
+    "speed_rad_s": "rad/s",
+    "temperature_degC": "°C",
+    "position_rad": "rad",
+}
 _NONE = "–"
 
 
@@ -25,7 +31,7 @@ def run_view(run: RunOut) -> dict[str, Any]:
         "motor": run.motor,
         "rows": f"{run.rows:,}".replace(",", "\u202f"),
         "rate": f"{run.sample_rate_hz:.4g} Hz",
-        "length": _duration(run.duration_s),
+        "length": duration(run.duration_s),
         "ranges": {name: _range(run, name) for name in _CHANNELS},
         "warnings": [_placed(warning) for warning in run.warnings],
         "created_at": run.created_at,
@@ -38,7 +44,7 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
     took = ""
     if fit.started_at and fit.ended_at:
         seconds = _time(fit.ended_at) - _time(fit.started_at)
-        took = _duration(seconds.total_seconds())
+        took = duration(seconds.total_seconds())
     return {
         **fit.model_dump(exclude={"training", "validation"}),
         "training": [files.get(run, run) for run in fit.training],
@@ -102,8 +108,7 @@ def _range(run: RunOut, name: str) -> str:
     channel = run.channels.get(name)
     if channel is None:
         return _NONE
-    text = f"{channel.min:.3g} … {channel.max:.3g} {_CHANNELS[name]}"
-    return text.replace("-", "\u2212")
+    return span(name, channel.min, channel.max)
 
 
 def _number(value: float | None, digits: int = 4) -> str:
@@ -132,7 +137,13 @@ def _option(value: object) -> str:
     return _NONE if value is None else str(value)
 
 
-def _duration(seconds: float) -> str:
+def span(name: str, low: float, high: float) -> str:
+    """Range of a channel with its unit."""
+    return f"{low:.3g} … {high:.3g} {_CHANNELS[name]}".replace("-", "\u2212")
+
+
+def duration(seconds: float) -> str:
+    """Duration for people, from seconds to hours."""
     if seconds < 120:
         return f"{seconds:.3g} s"
     minutes, rest = divmod(round(seconds), 60)

@@ -16,9 +16,16 @@ from sqlalchemy import ColumnElement, delete, exists, func, or_, select
 from sqlalchemy.orm import Session
 
 from app.fits.repository import ENDED
-from app.tables import BatchRow, FitRow, FitRunRow, RunRow
+from app.tables import BatchRow, FitRow, FitRunRow, PendingRow, RunRow
 
-__all__ = ["old_fits", "old_runs", "remove_fits", "remove_old_batches", "remove_old_runs"]
+__all__ = [
+    "old_fits",
+    "old_runs",
+    "remove_fits",
+    "remove_old_batches",
+    "remove_old_pending",
+    "remove_old_runs",
+]
 
 
 def old_fits(session: Session, before: float) -> Sequence[str]:
@@ -79,6 +86,17 @@ def remove_old_runs(session: Session, run_ids: Sequence[str], before: float) -> 
         delete(RunRow)
         .where(RunRow.id.in_(ids), *_is_old(before))
         .returning(RunRow.id)
+        .execution_options(synchronize_session=False)
+    )
+    return removed.all()
+
+
+def remove_old_pending(session: Session, before: float) -> Sequence[str]:
+    """Delete uploads before a cutoff that were never confirmed as runs; return their IDs."""
+    removed = session.scalars(
+        delete(PendingRow)
+        .where(PendingRow.created_at < before)
+        .returning(PendingRow.id)
         .execution_options(synchronize_session=False)
     )
     return removed.all()

@@ -32,7 +32,7 @@ class Removed:
 
     Args:
         fits: Ended fits.
-        runs: Runs that no fit named.
+        runs: Runs that no fit named, and uploads never confirmed as runs.
         batches: Batches without fits.
         files: Files and directories without a row.
     """
@@ -102,7 +102,11 @@ class Retention:
             for run_id in removed:
                 self._storage.remove_run(run_id)
             total += len(removed)
-        return total
+        with self._database.writing() as session:
+            pending = repository.remove_old_pending(session, before)
+        for run_id in pending:
+            self._storage.remove_run(run_id)
+        return total + len(pending)
 
     def _sweep_files(self, now: float) -> int:
         with self._database.reading() as session:

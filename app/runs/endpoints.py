@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from contextlib import aclosing
 from typing import Annotated
 
@@ -10,13 +10,14 @@ import anyio
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
+from app.composition import Services
 from app.errors import BodyTooSlow
 from app.http.dependencies import After, CallerDep, ServicesDep
 from app.http.problems import responses
 from app.runs.schemas import UPLOAD_BODY, PreviewOut, RunList, RunOut
-from app.runs.upload import Upload, UploadForm, boundary_of
+from app.runs.upload import FIELDS, Upload, UploadForm, boundary_of
 
-__all__ = ["router"]
+__all__ = ["receive", "router"]
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -46,7 +47,7 @@ async def upload_run(
     """
     services.reading.check()
     began = anyio.current_time()
-    upload = await _receive(request, services)
+    upload = await receive(request, services)
     try:
         # The queue may have filled meanwhile.  An upload that took longer is parsed in any case,
         # since repeating it would cost the caller more.
@@ -74,7 +75,7 @@ async def preview_run(request: Request, services: ServicesDep, _: CallerDep) -> 
     `accepted` is false and whose `errors` give the row and column of the error.
     """
     services.reading.check()
-    upload = await _receive(request, services)
+    upload = await receive(request, services)
     try:
         found = await services.reading.run(services.runs.preview, upload)
     finally:
@@ -112,12 +113,24 @@ def delete_run(run_id: str, services: ServicesDep, caller: CallerDep) -> None:
     services.runs.delete(caller, run_id)
 
 
-async def _receive(request: Request, services: ServicesDep) -> Upload:
-    """Receive the form; a thread is occupied only during disk access."""
+async def receive(
+    request: Request, services: Services, accepted: Mapping[str, int] = FIELDS
+) -> Upload:
+    """Receive an upload form; a thread is occupied only during disk access.
+
+    Args:
+        request: The request, whose body is not read yet.
+        services: Components of the service.
+        accepted: Accepted fields in addition to `file`, with their maximum sizes [bytes].
+
+    Raises:
+        RequestRefused: The form is malformed, too large or too slow.
+        StorageFull: No disk space is left.
+    """
     settings = services.settings
     boundary = boundary_of(request.headers.get("content-type", ""))
     form = await to_thread.run_sync(
-        UploadForm, boundary, services.storage.new_incoming(), settings.max_upload_bytes
+        UploadForm, boundary, services.storage.new_incoming(), settings.max_upload_bytes, accepted
     )
     with form:
         async with aclosing(_blocks(request, settings.upload_idle_s, settings.upload_s)) as blocks:

@@ -6,30 +6,44 @@ it.  See `app.runs.reading` for the server's side.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.errors import RunFileError
-from identification.ingest import Limits, Run, read_run
+from identification.ingest import Column, Limits, Run, read_run
+from identification.ingest.channels import similar_columns
+from identification.ingest.listing import list_columns
+from identification.ingest.run import Array
+from identification.ingest.units import CHANNEL_QUANTITIES
 
 __all__ = ["handle"]
+
+_BUCKETS = 200
+"""Buckets of the plotted samples; a plot is 300 to 600 pixels wide."""
+_MOST_COLUMNS = 200
+"""Columns offered for selection; a menu of more is unusable."""
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
     """Parse a run file and report its content or the error.
 
     Args:
-        task: `path`, `name`, `mapping`, `max_rows`, `limits`, and `is_preview` to examine the file
-            as `motorid check` does.
+        task: `path`, `name`, `mapping`, `max_rows`, `limits`, and `kind`: "run" to summarise the
+            file, "preview" to examine it as `motorid check` does, "pending" to show it to a user
+            who corrects the mapping.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
     limits = Limits(rows=task["max_rows"])
     try:
-        if task["is_preview"]:
+        if task["kind"] == "preview":
             _preview(task, limits, Answers(answer))
+            return
+        if task["kind"] == "pending":
+            Answers(answer).send({"pending": _pending(task, limits)})
             return
         run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
         found = {"run": _summary(run)}
@@ -49,6 +63,68 @@ def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
     answers.send({"preview": found.with_prospects().content()})
 
 
+def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
+    """Columns, preview without the precision, summary and plotted samples of a file.
+
+    An entry of the mapping of a bench applies only if the file has its column.
+    """
+    from identification.preview import examine
+
+    mapping = task["mapping"]
+    try:
+        columns = list_columns(task["path"], name=task["name"], limits=limits)
+    except RunFileError:
+        # The preview reports the same error.
+        columns = ()
+    if task["is_of_bench"]:
+        mapping = {
+            channel: entry
+            for channel, entry in (mapping or {}).items()
+            if entry is None or any(column.has_name(entry["column"]) for column in columns)
+        } or None
+    found = examine([task["path"]], mapping, names=[task["name"]], limits=limits)
+    run = found.runs[0] if found.runs else None
+    return {
+        "mapping": mapping,
+        "columns": [
+            {"title": column.title, "unit": column.unit and column.unit.name}
+            for column in columns[:_MOST_COLUMNS]
+        ],
+        "suggested": _suggested(columns),
+        "preview": found.content(),
+        "summary": None if run is None else _summary(run),
+        "samples": {} if run is None else _samples(run),
+    }
+
+
+def _suggested(columns: Sequence[Column]) -> dict[str, str]:
+    """Title of the only column that may hold a channel, for each channel that has one.
+
+    A user sees the suggestion and confirms it by correcting another field; nothing is read with it.
+    """
+    found: dict[str, str] = {}
+    for channel, quantity in CHANNEL_QUANTITIES.items():
+        free = [column for column in columns if column.title not in found.values()]
+        named = [c for c in free if c.canonical == channel or quantity in c.quantities]
+        candidates = named or similar_columns(channel, free)
+        if len(candidates) == 1:
+            found[channel] = candidates[0].title
+    return found
+
+
+def _samples(run: Run) -> dict[str, list[float]]:
+    """Extremes of each channel over time, for a plot."""
+    from identification.report.decimate import extremes
+
+    channels = _channels(run)
+    kept = extremes(list(channels.values()), _BUCKETS)
+    # Six digits are finer than a screen shows.
+    return {
+        name: [float(f"{value:.6g}") for value in values[kept]]
+        for name, values in {"time_s": run.time, **channels}.items()
+    }
+
+
 def _problem(error: RunFileError) -> dict[str, Any]:
     return {
         "message": str(error),
@@ -59,7 +135,8 @@ def _problem(error: RunFileError) -> dict[str, Any]:
     }
 
 
-def _summary(run: Run) -> dict[str, Any]:
+def _channels(run: Run) -> dict[str, Array]:
+    """Measured channels of a run by canonical name."""
     channels = {
         "voltage_V": run.voltage,
         "current_A": run.current,
@@ -67,6 +144,10 @@ def _summary(run: Run) -> dict[str, Any]:
         "temperature_degC": run.temperature,
         "position_rad": run.position,
     }
+    return {name: values for name, values in channels.items() if values is not None}
+
+
+def _summary(run: Run) -> dict[str, Any]:
     return {
         "sha256": run.sha256,
         "rows": run.rows,
@@ -74,8 +155,7 @@ def _summary(run: Run) -> dict[str, Any]:
         "duration_s": float(run.time[-1] - run.time[0]),
         "channels": {
             name: {"min": float(np.min(values)), "max": float(np.max(values))}
-            for name, values in channels.items()
-            if values is not None
+            for name, values in _channels(run).items()
         },
         "warnings": [
             {"code": w.code, "message": w.message, "row": w.row, "column": w.column}

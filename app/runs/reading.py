@@ -72,17 +72,40 @@ class RunReader:
         """
         return self._ask("preview", path, name, mapping)
 
+    def pending(
+        self, path: Path, name: str, mapping: Mapping[str, Any] | None, *, is_of_bench: bool
+    ) -> dict[str, Any]:
+        """Examine a run file for a user who corrects the mapping.
+
+        Args:
+            path: The file.
+            name: Its name in messages.
+            mapping: Mapping of the channels, or None.
+            is_of_bench: Whether the mapping belongs to the bench of the file; an entry whose
+                column the file lacks is then omitted.
+
+        Returns:
+            The mapping used, columns, suggested column of each channel, preview, summary (None if
+            the file cannot be read) and plotted samples.
+
+        Raises:
+            RunRefused: Examining the file exceeds the limits.
+            Unavailable: The file cannot be examined now.
+        """
+        return self._ask("pending", path, name, mapping, is_of_bench=is_of_bench)
+
     def _ask(
-        self, kind: str, path: Path, name: str, mapping: Mapping[str, Any] | None
+        self, kind: str, path: Path, name: str, mapping: Mapping[str, Any] | None, **more: object
     ) -> dict[str, Any]:
         """Run the parser on a file; return its answer of this kind."""
         task = {
+            "kind": kind,
             "path": str(path),
             "name": name,
             "mapping": mapping,
             "max_rows": self._max_rows,
             "limits": dataclasses.asdict(self._limits),
-            "is_preview": kind == "preview",
+            **more,
         }
         found = self._messages(task)
         if kind in found:

@@ -8,7 +8,7 @@ from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
-from app.tables import FitRow, FitRunRow, RunRow
+from app.tables import FitRow, FitRunRow, PendingRow, RunRow
 
 __all__ = ["add", "all_ids", "by_content", "hashes", "note_sent", "remove", "totals", "waiting_fit"]
 
@@ -73,5 +73,5 @@ def remove(session: Session, run_id: str) -> None:
 
 
 def all_ids(session: Session) -> set[str]:
-    """IDs of all runs of all workspaces."""
-    return set(session.scalars(select(RunRow.id)))
+    """IDs of all runs of all workspaces, pending ones included."""
+    return {*session.scalars(select(RunRow.id)), *session.scalars(select(PendingRow.id))}

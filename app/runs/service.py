@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy.exc import IntegrityError, OperationalError
@@ -26,7 +26,7 @@ from app.storage import Storage, refused_when_full
 from app.tables import RunRow
 from app.texts import checked_label
 
-__all__ = ["RunService"]
+__all__ = ["RunService", "mapping_digest"]
 
 _NOTED_AGAIN_S = 3600.0
 _log = logging.getLogger(__name__)
@@ -90,9 +90,7 @@ class RunService:
     def _store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
         motor = checked_label("motor", upload.fields.get("motor"))
         mapping = _mapping(upload.fields.get("mapping"))
-        mapping_sha256 = hashlib.sha256(
-            json.dumps(mapping, sort_keys=True, separators=(",", ":")).encode()
-        ).hexdigest()
+        mapping_sha256 = mapping_digest(mapping)
         content = (caller.workspace, upload.sha256, mapping_sha256)
         with self._database.reading() as session:
             known = repository.by_content(session, *content)
@@ -202,6 +200,12 @@ class RunService:
                 )
             repository.remove(session, run_id)
         self._storage.remove_run(run_id)
+
+
+def mapping_digest(mapping: Mapping[str, Any] | None) -> str:
+    """SHA-256 of a mapping; the same bytes with the same mapping are the same run."""
+    text = json.dumps(mapping, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _mapping(text: str | None) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -90,13 +91,17 @@ class UploadForm:
         boundary: Boundary between the parts.
         target: Path of the file; nothing exists there yet.
         limit: Maximum size of the file [bytes].
+        accepted: Accepted fields in addition to `file`, with their maximum sizes [bytes].
 
     Raises:
         BadRequest: The boundary is invalid.
         StorageFull: No disk space is left.
     """
 
-    def __init__(self, boundary: bytes, target: Path, limit: int) -> None:
+    def __init__(
+        self, boundary: bytes, target: Path, limit: int, accepted: Mapping[str, int] = FIELDS
+    ) -> None:
+        self._accepted = accepted
         self._target = target
         self._limit = limit
         self._hash = hashlib.sha256()
@@ -151,7 +156,7 @@ class UploadForm:
         Raises:
             BadRequest: The body is not a valid form.
             BodyTooLarge: The file exceeds the maximum size.
-            FieldRefused: A field is too large, given twice, or not one of `FIELDS`.
+            FieldRefused: A field is too large, given twice, or not one of the accepted ones.
             StorageFull: No disk space is left.
         """
         try:
@@ -203,9 +208,10 @@ class UploadForm:
                 raise FieldRefused("the form has two files; send one run per form", "file")
             self._name = label(options.get(b"filename", b"").decode("utf-8", "replace"))
             self._into = None
-        elif field not in FIELDS:
+        elif field not in self._accepted:
             raise FieldRefused(
-                f"the form has an unknown field; expected file, {', '.join(FIELDS)}", label(field)
+                f"the form has an unknown field; expected file, {', '.join(self._accepted)}",
+                label(field),
             )
         elif field in self._fields:
             raise FieldRefused(f"the form has the field {field} twice; keep one", field)
@@ -215,7 +221,7 @@ class UploadForm:
     def _data(self, data: bytes, start: int, end: int) -> None:
         if self._into is not None:
             self._into += data[start:end]
-            most = FIELDS[self._field]
+            most = self._accepted[self._field]
             if len(self._into) > most:
                 raise FieldRefused(
                     f"{self._field}: at least {len(self._into)} bytes; expected at most {most}; "

@@ -1,81 +1,11 @@
-// Start page: uploads runs, selects runs for a fit, starts fits and shows their progress.
+// Start page: selects runs for a fit, starts fits and shows their progress.
 
 import { call, hasEnded, showBatch, showProgress, wireEnds } from "/static/calls.js";
 import { knownWords, list } from "/static/words.js";
 
 const WATCH_MS = 1000;
 
-const upload = document.getElementById("upload");
-const drop = document.getElementById("drop");
-const files = document.getElementById("files");
-const received = document.getElementById("received");
 const fit = document.getElementById("fit");
-
-function notice(kind, name, text) {
-  const line = document.createElement("li");
-  line.className = kind;
-  const file = document.createElement("strong");
-  file.textContent = name;
-  line.append(file, ` ${text}`);
-  return line;
-}
-
-async function send(file) {
-  const line = notice("busy", file.name, "uploading and checking …");
-  received.append(line);
-  const form = new FormData();
-  for (const name of ["motor", "mapping"]) {
-    const text = upload.elements[name].value.trim();
-    if (text) form.append(name, text);
-  }
-  form.append("file", file);
-  try {
-    const { content, isNew } = await call("POST", "/runs", form);
-    const text = isNew ? `stored, ${content.rows} samples` : "already stored, not added again";
-    line.replaceWith(notice("good", file.name, text));
-    return isNew;
-  } catch (error) {
-    const place = error.message.startsWith(file.name) ? "" : file.name;
-    line.replaceWith(notice("bad", place, error.message));
-    return false;
-  }
-}
-
-async function sendAll(list) {
-  received.replaceChildren();
-  let stored = 0;
-  // Sequential, sorted by name, because the order of upload counts as the order of recording.
-  for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
-    if (await send(file)) stored += 1;
-  }
-  upload.reset();
-  const isAllWell = received.querySelector(".bad") === null;
-  if (stored && isAllWell) {
-    location.reload();
-  } else if (stored) {
-    const line = notice("busy", "", "");
-    const link = document.createElement("a");
-    link.href = "/";
-    link.textContent = "Show the stored runs";
-    line.replaceChildren(link);
-    received.append(line);
-  }
-}
-
-files.addEventListener("change", () => sendAll(files.files));
-for (const name of ["dragenter", "dragover"]) {
-  drop.addEventListener(name, (event) => {
-    event.preventDefault();
-    drop.classList.add("over");
-  });
-}
-for (const name of ["dragleave", "drop"]) {
-  drop.addEventListener(name, () => drop.classList.remove("over"));
-}
-drop.addEventListener("drop", (event) => {
-  event.preventDefault();
-  sendAll(event.dataTransfer.files);
-});
 
 function chosen(role) {
   // The table starts with the newest run; a fit takes the runs in the order of upload.

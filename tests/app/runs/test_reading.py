@@ -115,7 +115,7 @@ def test_reader_may_open_few_files_and_write_none(fork_server: ForkServer, run: 
             "mapping": None,
             "max_rows": 1_000_000,
             "limits": dataclasses.asdict(LIMITS),
-            "is_preview": False,
+            "kind": "run",
         }
     )
     try:

@@ -1,0 +1,112 @@
+"""View models of pending runs: what was understood of a file, and the fields that correct it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from app.pages.mapping_form import CHANNELS
+from app.pages.views import duration, span
+from app.tables import PendingRow
+
+__all__ = ["pending_list_view", "pending_view"]
+
+_STATES = {
+    "ready": "ready",
+    "contradictory": "contradictory",
+    "unreadable": "needs a correction",
+}
+_EXAMPLE = re.compile(r"(assign a column with )?a mapping such as \{.*", re.DOTALL)
+"""End of a message that shows the mapping to write, which the form replaces."""
+
+
+def pending_list_view(rows: Sequence[PendingRow]) -> dict[str, Any]:
+    """View of all pending runs."""
+    readable = [row for row in rows if row.found["summary"] is not None]
+    return {
+        "runs": [pending_view(row) for row in rows],
+        "readable": len(readable),
+        "motor": next((row.motor for row in rows if row.motor), ""),
+        "bench": next((row.bench for row in rows if row.bench), ""),
+    }
+
+
+def pending_view(row: PendingRow) -> dict[str, Any]:
+    """View of one pending run."""
+    preview, summary = row.found["preview"], row.found["summary"]
+    is_contradictory = any(f["severity"] == "refuse" for f in preview["findings"])
+    state = "contradictory" if is_contradictory else "ready"
+    if summary is None:
+        state = "unreadable"
+    suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
+    chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
+    return {
+        "id": row.id,
+        "file": row.file,
+        "state": state,
+        "state_text": _STATES[state],
+        "facts": [] if summary is None else _facts(summary),
+        "errors": [
+            _EXAMPLE.sub("select it below", error["message"]) for error in preview["errors"]
+        ],
+        "findings": [_finding(finding) for finding in preview["findings"]],
+        "warnings": [] if summary is None else [w["message"] for w in summary["warnings"]],
+        "channels": [
+            _channel(name, chosen.get(name) or {}, row.found["columns"], summary)
+            for name in CHANNELS
+        ],
+        "has_columns": bool(row.found["columns"]),
+        "has_plot": summary is not None,
+    }
+
+
+def _facts(summary: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{summary['rows']:,} samples".replace(",", "\u202f"),
+        f"{summary['sample_rate_hz']:.4g} Hz",
+        duration(summary["duration_s"]),
+    ]
+
+
+def _finding(finding: Mapping[str, Any]) -> dict[str, Any]:
+    label = CHANNELS.get(finding["column"] or "", "")
+    return {
+        "is_refused": finding["severity"] == "refuse",
+        "text": f"{label}: {finding['message']}" if label else finding["message"],
+        "corrections": finding["corrections"],
+    }
+
+
+def _channel(
+    name: str,
+    entry: Mapping[str, Any],
+    columns: Sequence[Mapping[str, Any]],
+    summary: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """Fields of one channel, with the options of its menus."""
+    # Lazy import: numpy would slow down every start.
+    from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
+
+    column, unit = entry.get("column", ""), entry.get("unit", "")
+    titles = list(dict.fromkeys(column["title"] for column in columns))
+    if column and column not in titles:
+        # A column of the mapping that the file lacks stays visible next to the error.
+        titles.append(column)
+    scale = float(entry.get("scale", 1.0))
+    found = (summary or {}).get("channels", {}).get(name)
+    header = next((c["unit"] for c in columns if c["title"] == column), None)
+    return {
+        "name": name,
+        "label": CHANNELS[name],
+        "column": column,
+        "titles": titles,
+        "unit": unit,
+        "units": [u.name for u in UNITS if u.quantity == CHANNEL_QUANTITIES[name]],
+        "header_unit": header,
+        "is_negative": scale < 0.0,
+        "factor": f"{abs(scale):.12g}",
+        "offset": f"{float(entry.get('offset', 0.0)):.12g}",
+        "range": span(name, found["min"], found["max"]) if found else "",
+        "is_required": name not in ("temperature_degC", "position_rad"),
+    }

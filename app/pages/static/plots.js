@@ -1,0 +1,57 @@
+// Plots of the channels of a run over time, with a common cursor.
+
+const CHANNELS = [
+  ["voltage_V", "Voltage [V]"],
+  ["current_A", "Current [A]"],
+  ["speed_rad_s", "Speed [rad/s]"],
+  ["temperature_degC", "Temperature [°C]"],
+];
+const HEIGHT = 120;
+
+function options(label, width, key) {
+  const style = getComputedStyle(document.documentElement);
+  const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+  const axis = {
+    stroke: colour("muted"), font: "11px system-ui", grid: { stroke: colour("rule"), width: 1 },
+    ticks: { show: false },
+  };
+  return {
+    width, height: HEIGHT, title: label,
+    legend: { show: false },
+    cursor: { sync: { key }, y: false, drag: { x: true, y: false } },
+    scales: { x: { time: false } },
+    axes: [{ ...axis, size: 26, space: 60 }, { ...axis, size: 48, space: 26 }],
+    series: [{}, { stroke: colour("link"), width: 1.2, points: { show: false } }],
+  };
+}
+
+async function draw(place) {
+  place.dataset.drawn = "";
+  const answer = await fetch(place.dataset.samples);
+  if (!answer.ok) return;
+  const samples = await answer.json();
+  const plots = [];
+  for (const [name, label] of CHANNELS) {
+    if (!samples[name]) continue;
+    const box = document.createElement("div");
+    place.append(box);
+    plots.push(new uPlot(options(label, box.clientWidth, place.dataset.samples), [samples.time_s, samples[name]], box));
+  }
+  new ResizeObserver(() => {
+    for (const plot of plots) plot.setSize({ width: plot.root.parentElement.clientWidth, height: HEIGHT });
+  }).observe(place);
+}
+
+function drawAll(root) {
+  root.querySelectorAll("[data-samples]:not([data-drawn])").forEach(draw);
+}
+
+drawAll(document);
+document.addEventListener("htmx:load", (event) => drawAll(event.detail.elt));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  for (const place of document.querySelectorAll("[data-samples]")) {
+    place.replaceChildren();
+    delete place.dataset.drawn;
+  }
+  drawAll(document);
+});

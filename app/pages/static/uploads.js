@@ -1,0 +1,58 @@
+// Start page: sends dropped or selected files one by one; the page then shows what was understood.
+
+const form = document.getElementById("upload");
+const drop = document.getElementById("drop");
+const files = document.getElementById("files");
+const received = document.getElementById("received");
+
+function notice(kind, name, text) {
+  const line = document.createElement("li");
+  const file = document.createElement("strong");
+  line.className = kind;
+  file.textContent = name;
+  line.append(file, ` ${text}`);
+  received.append(line);
+  return line;
+}
+
+async function send(file) {
+  const line = notice("busy", file.name, "is read …");
+  const body = new FormData(form);
+  body.append("file", file);
+  let problem = "could not be sent; check that motorid serve is running";
+  try {
+    const answer = await fetch("/pending", { method: "POST", body, headers: { "HX-Request": "true" } });
+    if (answer.headers.has("HX-Redirect")) location.assign(answer.headers.get("HX-Redirect"));
+    const part = new DOMParser().parseFromString(await answer.text(), "text/html");
+    problem = answer.ok ? "" : part.body.textContent.trim();
+  } catch (error) {
+    console.warn(error);
+  }
+  line.remove();
+  if (problem) notice("bad", file.name, problem);
+  else await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" });
+}
+
+async function sendAll(list) {
+  received.replaceChildren();
+  // Sequential, sorted by name, because the order of upload counts as the order of recording.
+  for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
+    await send(file);
+  }
+  files.value = "";
+}
+
+files.addEventListener("change", () => sendAll(files.files));
+for (const name of ["dragenter", "dragover"]) {
+  drop.addEventListener(name, (event) => {
+    event.preventDefault();
+    drop.classList.add("over");
+  });
+}
+for (const name of ["dragleave", "drop"]) {
+  drop.addEventListener(name, () => drop.classList.remove("over"));
+}
+drop.addEventListener("drop", (event) => {
+  event.preventDefault();
+  sendAll(event.dataTransfer.files);
+});

@@ -1,0 +1,223 @@
+"""Pending runs: uploaded files whose mapping a user checks before they become runs.
+
+A pending run is kept in the database with what was found in it, so that a reload of the page or a
+second browser shows the same.  The mapping of a bench applies to the next files from this bench.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from app import queries
+from app.access.quotas import Quotas
+from app.access.service import Caller
+from app.database import Database
+from app.identifiers import new_id
+from app.runs import repository
+from app.runs.reading import RunReader
+from app.runs.service import mapping_digest
+from app.runs.upload import Upload
+from app.storage import Storage, refused_when_full
+from app.tables import BenchRow, PendingRow, RunRow
+from app.texts import checked_label
+
+__all__ = ["PendingRuns"]
+
+
+class PendingRuns:
+    """Operations on pending runs; each is restricted to the workspace of its caller."""
+
+    def __init__(
+        self, database: Database, storage: Storage, reader: RunReader, quotas: Quotas
+    ) -> None:
+        self._database = database
+        self._storage = storage
+        self._reader = reader
+        self._quotas = quotas
+
+    def add(self, caller: Caller, upload: Upload) -> PendingRow:
+        """Examine an upload and keep it, even if it cannot be read yet.
+
+        Args:
+            caller: Caller of the request.
+            upload: Received form with the optional fields `motor` and `bench`; its file is moved.
+
+        Raises:
+            RunRefused: Examining the file exceeds the limits.
+            FieldRefused: The name of the motor or of the bench is not accepted.
+            QuotaExceeded: The quota of the workspace does not allow another run of this size.
+            StorageFull: No disk space is left.
+        """
+        motor = checked_label("motor", upload.fields.get("motor"))
+        bench = checked_label("bench", upload.fields.get("bench"))
+        with self._database.reading() as session:
+            self._quotas.check_run(session, caller.workspace, upload.size)
+            saved = _mapping_of_bench(session, caller.workspace, bench)
+        found = self._reader.pending(upload.path, upload.name, saved, is_of_bench=True)
+        row = PendingRow(
+            id=new_id("run"),
+            workspace=caller.workspace,
+            sha256=upload.sha256,
+            bytes=upload.size,
+            file=upload.name,
+            motor=motor,
+            bench=bench,
+            mapping=found["mapping"],
+            found=found,
+            created_at=time.time(),
+        )
+        # The file first: a sweep deletes a file without a row.
+        with refused_when_full("run"):
+            self._storage.keep_run(upload.path, row.id)
+        with self._database.writing() as session:
+            self._quotas.check_run(session, caller.workspace, upload.size)
+            session.add(row)
+        return row
+
+    def all(self, caller: Caller) -> Sequence[PendingRow]:
+        """Pending runs in the order of upload."""
+        query = select(PendingRow).where(PendingRow.workspace == caller.workspace)
+        with self._database.reading() as session:
+            return session.scalars(query.order_by(PendingRow.created_at, PendingRow.id)).all()
+
+    def benches(self, caller: Caller) -> Sequence[str]:
+        """Names of the benches with a saved mapping, latest change first."""
+        query = select(BenchRow.name).where(BenchRow.workspace == caller.workspace)
+        with self._database.reading() as session:
+            return session.scalars(query.order_by(BenchRow.changed_at.desc())).all()
+
+    def get(self, caller: Caller, run_id: str) -> PendingRow:
+        """Pending run by ID.
+
+        Raises:
+            NotFound: The workspace has no such pending run.
+        """
+        with self._database.reading() as session:
+            return queries.known(session, PendingRow, caller.workspace, run_id)
+
+    def correct(self, caller: Caller, run_id: str, mapping: Mapping[str, Any] | None) -> PendingRow:
+        """Examine a pending run with another mapping, and save the mapping for its bench.
+
+        The mapping is kept even if the file cannot be read with it, so that nothing that the user
+        selected is lost; only a mapping that reads the file is saved for the bench.
+
+        Raises:
+            NotFound: The workspace has no such pending run.
+            RunRefused: Examining the file exceeds the limits.
+        """
+        row = self.get(caller, run_id)
+        found = self._examined(row, mapping, is_of_bench=False)
+        with self._database.writing() as session:
+            row = queries.known(session, PendingRow, caller.workspace, run_id, lock=True)
+            row.mapping, row.found = found["mapping"], found
+            if row.bench and mapping and found["summary"] is not None:
+                _save_bench(session, row, dict(mapping))
+        return row
+
+    def relabel(self, caller: Caller, motor: str | None, bench: str | None) -> None:
+        """Set motor and bench of all pending runs; the mapping of a new bench is applied.
+
+        Raises:
+            FieldRefused: A name is not accepted.
+            RunRefused: Examining a file exceeds the limits.
+        """
+        motor, bench = checked_label("motor", motor), checked_label("bench", bench)
+        with self._database.reading() as session:
+            saved = _mapping_of_bench(session, caller.workspace, bench)
+        for row in self.all(caller):
+            found = None
+            if saved and row.bench != bench:
+                found = self._examined(row, saved, is_of_bench=True)
+            with self._database.writing() as session:
+                row = queries.known(session, PendingRow, caller.workspace, row.id, lock=True)
+                if bench and row.mapping and not saved and row.found["summary"] is not None:
+                    # The bench was named after its files were corrected.
+                    _save_bench(session, row, row.mapping, bench)
+                row.motor, row.bench = motor, bench
+                if found is not None:
+                    row.mapping, row.found = found["mapping"], found
+
+    def confirm(self, caller: Caller) -> tuple[int, int]:
+        """Make a run of each pending run that can be read.
+
+        Returns:
+            Number of new runs, and of files that had been stored before with the same mapping.
+        """
+        new = known = 0
+        for row in self.all(caller):
+            if row.found["summary"] is None:
+                continue
+            with self._database.writing() as session:
+                digest = mapping_digest(row.mapping)
+                is_new = (
+                    repository.by_content(session, caller.workspace, row.sha256, digest) is None
+                )
+                session.execute(delete(PendingRow).where(PendingRow.id == row.id))
+                if is_new:
+                    repository.add(session, _run_of(row, digest))
+            if is_new:
+                new += 1
+            else:
+                known += 1
+                self._storage.remove_run(row.id)
+        return new, known
+
+    def discard(self, caller: Caller, run_id: str) -> None:
+        """Delete a pending run and its file.
+
+        Raises:
+            NotFound: The workspace has no such pending run.
+        """
+        with self._database.writing() as session:
+            session.delete(queries.known(session, PendingRow, caller.workspace, run_id, lock=True))
+        self._storage.remove_run(run_id)
+
+    def _examined(
+        self, row: PendingRow, mapping: Mapping[str, Any] | None, *, is_of_bench: bool
+    ) -> dict[str, Any]:
+        return self._reader.pending(
+            self._storage.run(row.id), row.file, mapping, is_of_bench=is_of_bench
+        )
+
+
+def _mapping_of_bench(session: Session, workspace: str, bench: str | None) -> dict[str, Any] | None:
+    saved = None if bench is None else session.get(BenchRow, (workspace, bench))
+    return None if saved is None else saved.mapping
+
+
+def _save_bench(
+    session: Session, row: PendingRow, mapping: dict[str, Any], bench: str | None = None
+) -> None:
+    session.merge(
+        BenchRow(
+            workspace=row.workspace,
+            name=bench or row.bench,
+            mapping=mapping,
+            changed_at=time.time(),
+        )
+    )
+
+
+def _run_of(row: PendingRow, digest: str) -> RunRow:
+    summary = row.found["summary"]
+    return RunRow(
+        id=row.id,
+        workspace=row.workspace,
+        sha256=row.sha256,
+        mapping_sha256=digest,
+        mapping=row.mapping,
+        file=row.file,
+        motor=row.motor,
+        bytes=row.bytes,
+        rows=summary["rows"],
+        sample_rate_hz=summary["sample_rate_hz"],
+        duration_s=summary["duration_s"],
+        channels=summary["channels"],
+        warnings=summary["warnings"],
+        created_at=time.time(),
+    )

@@ -1,0 +1,218 @@
+"""Pending runs: files that are shown, corrected by selection and confirmed on the start page."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.app.service import Caller, Server, make_key, run_text, serving
+
+PART = {"HX-Request": "true"}
+COLUMNS = {
+    "time_s": ("t", "s"),
+    "voltage_V": ("CH1", "V"),
+    "current_A": ("CH2", "A"),
+    "speed_rad_s": ("n", "rpm"),
+}
+
+
+def scope_text(seed: int) -> bytes:
+    """Run of an oscilloscope, whose header names neither channels nor units."""
+    header, *rows = run_text(seed).decode().splitlines()
+    return "\n".join(["t,CH1,CH2,n,T", *rows, ""]).encode()
+
+
+def selected(**changed: str) -> dict[str, str]:
+    """Form in which the user has selected a column and a unit for each channel."""
+    form: dict[str, str] = {}
+    for channel, (column, unit) in COLUMNS.items():
+        form |= {f"{channel}.column": column, f"{channel}.was": column, f"{channel}.unit": unit}
+    return form | {name.replace("__", "."): text for name, text in changed.items()}
+
+
+class Page:
+    """Start page of one workspace."""
+
+    def __init__(self, server: Server, workspace: str) -> None:
+        headers = {"Authorization": f"Bearer {make_key(server.data_dir, workspace)}", **PART}
+        self.http = httpx.Client(base_url=server.url, headers=headers, timeout=60)
+
+    def __enter__(self) -> Page:
+        """Return the page."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the connections."""
+        self.http.close()
+
+    def drop(self, content: bytes, name: str = "run.csv", **labels: str) -> str:
+        """Drop a file; return the ID of the pending run."""
+        answer = self.http.post("/pending", files={"file": (name, content)}, data=labels)
+        assert answer.status_code == 200, answer.text
+        return str(answer.text.partition('id="')[2].partition('"')[0])
+
+    def shown(self) -> str:
+        """Text of the start page."""
+        return self.http.get("/").text
+
+    def runs(self) -> list[dict[str, object]]:
+        """Runs of the workspace, newest first."""
+        return list(self.http.get("/api/v1/runs").json()["items"])
+
+
+@pytest.fixture
+def page(server: Server) -> Iterator[Page]:
+    """Start page of a workspace without runs."""
+    with Page(server, f"pending-{secrets.token_hex(8)}") as opened:
+        yield opened
+
+
+def test_dropped_file_is_shown_and_becomes_a_run_when_confirmed(page: Page) -> None:
+    """Columns, units and plotted samples are those of the file; a reload shows the same."""
+    run = page.drop(run_text(1), motor="servo 1")
+    samples = page.http.get(f"/pending/{run}/samples").json()
+    before, shown = page.runs(), page.shown()
+    answer = page.http.post("/pending/confirm")
+
+    assert before == []
+    assert run in shown
+    assert 'value="servo 1"' in shown
+    assert len(samples["current_A"]) == len(samples["time_s"]) == 60
+    assert answer.headers["HX-Refresh"] == "true"
+    (stored,) = page.runs()
+    assert (stored["id"], stored["motor"], stored["mapping"]) == (run, "servo 1", None)
+    assert f'id="{run}"' not in page.shown()
+
+
+def test_unreadable_file_is_corrected_by_selection(page: Page) -> None:
+    """12 V are entered as CH1 in V; a speed of 1 rpm is 0.1047 rad/s."""
+    run = page.drop(scope_text(2), "scope.csv")
+    first = page.shown()
+    page.http.post("/pending/confirm")
+    unread = page.runs()
+    corrected = page.http.post(f"/pending/{run}/mapping", data=selected())
+    page.http.post("/pending/confirm")
+
+    assert "needs a correction" in first
+    assert "{" not in first.partition(run)[2].partition("</article>")[0]
+    assert unread == []
+    assert ">ready</span>" in corrected.text
+    (stored,) = page.runs()
+    assert stored["mapping"] == {
+        channel: {"column": column, "unit": unit} for channel, (column, unit) in COLUMNS.items()
+    }
+
+
+def test_wrong_selection_erases_no_other(page: Page) -> None:
+    """The column of the current is selected for the voltage, too; all fields keep their values."""
+    run = page.drop(scope_text(3))
+    wrong = selected(voltage_V__column="CH2", voltage_V__was="CH2", current_A__factor="2.5")
+    page.http.post(f"/pending/{run}/mapping", data=wrong)
+
+    shown = page.shown()
+
+    assert "both map to the column" in shown
+    assert shown.count("<option selected>CH2</option>") == 2
+    assert "<option selected>rpm</option>" in shown
+    assert 'value="2.5"' in shown
+
+
+def test_other_column_brings_its_own_unit(page: Page) -> None:
+    """The unit that was selected for the column before does not apply to the new one."""
+    header, *rows = run_text(4).decode().splitlines()
+    run = page.drop("\n".join([header + ",n [rpm]", *(f"{row},100" for row in rows), ""]).encode())
+    form = {
+        "speed_rad_s.column": "n [rpm]", "speed_rad_s.was": "speed_rad_s",
+        "speed_rad_s.unit": "rad/s",
+    }  # fmt: skip
+
+    answer = page.http.post(f"/pending/{run}/mapping", data=form)
+
+    assert "10.5 … 10.5 rad/s" in answer.text
+
+
+def test_mapping_of_a_bench_applies_to_its_next_file(page: Page) -> None:
+    """The second file from the bench needs no correction; another form of file is not affected."""
+    run = page.drop(scope_text(5), bench="bench 4")
+    page.http.post(f"/pending/{run}/mapping", data=selected(current_A__sign="-"))
+
+    page.drop(scope_text(6), "next.csv", bench="bench 4")
+    page.drop(run_text(7), "canonical.csv", bench="bench 4")
+    page.drop(scope_text(8), "elsewhere.csv", bench="bench 5")
+    page.http.post("/pending/confirm")
+
+    stored = {run["file"]: run["mapping"] for run in page.runs()}
+    assert set(stored) == {"run.csv", "next.csv", "canonical.csv"}
+    assert stored["next.csv"] == stored["run.csv"]
+    assert stored["next.csv"]["current_A"]["scale"] == -1.0  # type: ignore[index]
+    assert stored["canonical.csv"] is None
+
+
+def test_bench_and_motor_may_be_named_after_the_files(page: Page) -> None:
+    """The mapping of the bench is applied to the files that wait."""
+    run = page.drop(scope_text(9), bench="bench 6")
+    page.http.post(f"/pending/{run}/mapping", data=selected())
+    page.http.post("/pending/confirm")
+    page.drop(scope_text(10), "later.csv")
+
+    page.http.post("/pending/labels", data={"motor": "servo 2", "bench": "bench 6"})
+    page.http.post("/pending/confirm")
+
+    (later, _) = page.runs()
+    assert (later["file"], later["motor"]) == ("later.csv", "servo 2")
+
+
+def test_file_that_is_a_run_already_is_not_added_again(page: Page) -> None:
+    """The same bytes with the same mapping are the same run."""
+    page.drop(run_text(11))
+    page.http.post("/pending/confirm")
+    page.drop(run_text(11), "copy.csv")
+    page.http.post("/pending/confirm")
+
+    assert len(page.runs()) == 1
+    assert "copy.csv" not in page.shown()
+
+
+def test_discarded_file_leaves_nothing(page: Page, server: Server) -> None:
+    """The file is deleted with its row."""
+    run = page.drop(run_text(12))
+    assert (server.data_dir / "runs" / run).is_file()
+
+    page.http.delete(f"/pending/{run}")
+
+    assert not (server.data_dir / "runs" / run).exists()
+    assert page.http.get(f"/pending/{run}/samples").status_code == 404
+
+
+def test_pending_run_of_another_workspace_is_not_found(page: Page, bob: Caller) -> None:
+    """Bob gets 404 from every call on a pending run that is not his."""
+    run = page.drop(run_text(13))
+    url = str(page.http.base_url).rstrip("/") + f"/pending/{run}"
+    headers = {"Authorization": bob.http.headers["authorization"]}
+
+    answers = [
+        httpx.get(f"{url}/samples", headers=headers),
+        httpx.post(f"{url}/mapping", headers=headers),
+        httpx.delete(url, headers=headers),
+    ]
+
+    assert [answer.status_code for answer in answers] == [404, 404, 404]
+    assert run in page.shown()
+
+
+def test_pending_runs_survive_a_restart_and_count_for_the_quota(data_dir: Path) -> None:
+    """A quota of one run permits one pending run; a second one is refused with the reason."""
+    make_key(data_dir)
+    with serving(data_dir, QUOTA_RUNS=1) as server, Page(server, "quota") as page:
+        run = page.drop(run_text(14))
+    with serving(data_dir, QUOTA_RUNS=1) as server, Page(server, "quota") as page:
+        refused = page.http.post("/pending", files={"file": ("b.csv", run_text(15))})
+        shown = page.shown()
+
+    assert refused.status_code == 403
+    assert "1 runs of 1 allowed" in refused.text
+    assert run in shown
