@@ -21,6 +21,7 @@ from scipy import fft
 
 __all__ = [
     "LARGEST_R_HAT",
+    "REQUIRED_LENGTH",
     "Convergence",
     "autocorrelation_times",
     "convergence_of",
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 
 LARGEST_R_HAT: Final = 1.03
 """Largest split R-hat of a converged chain [-]."""
+
+REQUIRED_LENGTH: Final = 50.0
+"""Least length of a converged chain [autocorrelation times]."""
 
 _WINDOW: Final = 5.0
 """Width of the summation window in autocorrelation times; Sokal recommends four to ten."""

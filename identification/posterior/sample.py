@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.convergence import (
+    REQUIRED_LENGTH,
     Convergence,
     autocorrelation_times,
     convergence_of,
@@ -46,7 +47,6 @@ _CHUNK: Final = 10
 _LEAST_STEPS: Final = 80
 _GLIMPSE: Final = 20
 """Steps of a chain whose budget is too small for convergence."""
-_LENGTHS: Final = 50.0
 _REPLACED: Final = 2000
 """Number of draws that replace an unconverged chain."""
 _TRIAL: Final = 300
@@ -124,12 +124,14 @@ def sample(
         done += _CHUNK
         tau = float(np.max(autocorrelation_times(sampler.get_chain())))
         if progress is not None:
-            goal = max(_LEAST_STEPS, 1.25 * _LENGTHS * tau) if np.isfinite(tau) else most_steps
+            goal = (
+                max(_LEAST_STEPS, 1.25 * REQUIRED_LENGTH * tau) if np.isfinite(tau) else most_steps
+            )
             progress(min(1.0, done / min(goal, most_steps, affordable)))
-        if done >= _TRIAL and not 1.25 * _LENGTHS * tau < min(most_steps, affordable):
+        if done >= _TRIAL and not 1.25 * REQUIRED_LENGTH * tau < min(most_steps, affordable):
             # The remaining steps cannot make the chain long enough.
             break
-        is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= _LENGTHS * tau
+        is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= REQUIRED_LENGTH * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
             break
         if was_interrupted():
@@ -174,7 +176,7 @@ def _replaced(found: Sample, posterior: Posterior, seed: int, work: float) -> Sa
 def _convergence(sampler: emcee.EnsembleSampler, burn: int) -> Convergence:
     """Convergence diagnostics after burn-in, for the stopping rule and for the report."""
     accepted = float(np.mean(sampler.acceptance_fraction))
-    return convergence_of(sampler.get_chain(discard=burn), accepted, _LENGTHS)
+    return convergence_of(sampler.get_chain(discard=burn), accepted, REQUIRED_LENGTH)
 
 
 def _burn_in(done: int, tau: float) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -65,7 +66,8 @@ def write_chain(path: Path, result: Mapping[str, Any], findings: Findings) -> bo
 
 def write_report(path: Path, result: dict[str, Any], findings: Findings) -> None:
     """Write the page for people."""
-    write_text(path, render_report(report_data(finite_or_null(result), findings)))
+    today = datetime.now(tz=UTC).date().isoformat()
+    write_text(path, render_report(report_data(finite_or_null(result), findings, today)))
 
 
 def report(identification: HasFindings, path: str | os.PathLike[str] = "report.html") -> Path:

@@ -27,9 +27,23 @@ from identification.report.figures.curves import coefficient_figure, step_figure
 from identification.report.figures.missing import missing_over_time, missing_term_figure
 from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
+from identification.report.headline import (
+    effect_tiles,
+    error_bars,
+    facts,
+    headline_sentences,
+    key_figures,
+    warning_groups,
+)
 from identification.report.loops import loop_comparisons
-from identification.report.summary import key_figures, summary_sentences
-from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
+from identification.report.summary import further_sentences
+from identification.report.tables import (
+    error_rows,
+    feedback_tables,
+    parameter_rows,
+    run_rows,
+    sampler_rows,
+)
 from identification.report.traces import run_payload
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
@@ -78,8 +92,13 @@ def render_report(data: ReportData) -> str:
             policy=content_security_policy(),
             scripts=[_asset(name) for name in _SCRIPTS],
             styles=[_asset(name) for name in _STYLES],
-            sentences=rows("summary", summary_sentences, result, coloured),
-            key_figures=rows("key figures", key_figures, result, coloured),
+            facts=rows("facts", facts, data),
+            sentences=rows("summary", headline_sentences, result, coloured),
+            further=rows("summary of the data", further_sentences, result),
+            effects=rows("effects", effect_tiles, data),
+            bars=rows("errors", error_bars, result, coloured),
+            key_figures=rows("key figures", key_figures, result),
+            warnings=rows("warnings", warning_groups, result),
             parameters=rows("table of parameters", parameter_rows, data),
             runs=rows("table of runs", run_rows, data),
             payload=attempts.part("measured and simulated run", _payload, data) or _NO_RUNS,
@@ -88,6 +107,7 @@ def render_report(data: ReportData) -> str:
             temperatures=[run.temperature for run in data.runs if run.temperature is not None],
             feedback=rows("table of the loop", feedback_tables, result["feedback"]),
             comparisons=rows("comparison of loops", loop_comparisons, result),
+            sampler=rows("table of the sampler", sampler_rows, data),
             errors=rows("table of errors", error_rows, result),
             undrawn=attempts.remarks,
         )
@@ -125,6 +145,7 @@ def _environment() -> Environment:
         "change": signed_percent_text,
         "count": count_text,
         "unit": unit_text,
+        "capital": lambda text: text[:1].upper() + text[1:],
         "words": lambda name: str(name).replace("_", " "),
     }
     # Figures are drawn in the template; one that fails leaves a line of text in its place.

@@ -12,21 +12,26 @@ from identification.result.numbers import (
     interval_text,
     listed,
     number_text,
+    unit_prefix,
     unit_text,
 )
 
 __all__ = [
     "METRICS",
     "LoopComparison",
+    "MetricRow",
     "cold_and_hot",
     "is_left_open",
     "loop_comparisons",
     "loop_sentence",
+    "metric_row",
     "metric_text",
     "pair_text",
 ]
 
 Entry = Mapping[str, Any]
+MetricRow = tuple[str, str, tuple[Interval, ...]]
+"""Label, unit and cells of one metric."""
 
 METRICS: Final = {
     "rise_time_s": "Rise time, 10–90 %",
@@ -65,7 +70,7 @@ class LoopComparison:
     controller: str
     temperatures: tuple[str, ...]
     ways: tuple[str, ...]
-    rows: tuple[tuple[str, str, tuple[Interval, ...]], ...]
+    rows: tuple[MetricRow, ...]
     remark: str
 
 
@@ -95,8 +100,7 @@ def _comparison(controller: str, result: Entry, labels: Mapping[str, str]) -> Lo
         entries = [cell.get(metric) for cell in cells]
         known = [entry for entry in entries if entry is not None]
         if any(metric_text(entry).median != UNKNOWN for entry in known):
-            unit = unit_text(known[0]["unit"])
-            rows.append((label, unit, tuple(metric_text(entry) for entry in entries)))
+            rows.append(metric_row(label, entries))
     return LoopComparison(
         controller=controller,
         temperatures=tuple(f"{t:g} °C" for t in temperatures),
@@ -121,13 +125,31 @@ def _remark(simulated: Sequence[Entry]) -> str:
     )
 
 
-def metric_text(entry: Entry | None) -> Interval:
-    """Format a metric; a margin that is infinite for most draws is written as infinite."""
+def metric_row(label: str, entries: Sequence[Entry | None]) -> MetricRow:
+    """Label, unit and cells of one metric; the cells share the unit, such as ms.
+
+    Args:
+        label: Name of the metric.
+        entries: Quantities of one metric, at least one known; None where there is none.
+    """
+    known = [entry for entry in entries if entry is not None]
+    factor, unit = unit_prefix(known[0]["unit"], [entry["median"] for entry in known])
+    return label, unit_text(unit), tuple(metric_text(entry, factor) for entry in entries)
+
+
+def metric_text(entry: Entry | None, factor: float = 1.0) -> Interval:
+    """Format a metric; a margin that is infinite for most draws is written as infinite.
+
+    Args:
+        entry: The quantity; None if it does not exist.
+        factor: Factor between the unit of the result and the unit shown.
+    """
     if entry is None:
         return interval_text(None, None, None)
     if entry["median"] is None and entry.get("infinite_fraction", 0.0) > _MOST:
         return Interval("infinite", UNKNOWN, UNKNOWN, "")
-    return interval_text(entry["median"], entry["q05"], entry["q95"])
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    return interval_text(*(None if end is None else factor * end for end in ends))
 
 
 def loop_sentence(result: Entry) -> str:
@@ -181,10 +203,8 @@ def cold_and_hot(feedback: Sequence[Entry]) -> tuple[Entry, Entry] | None:
 
 
 def pair_text(cold: Entry | None, hot: Entry | None, between: str, unit: str) -> str:
-    """Two medians with their unit; times below 1 s in milliseconds."""
-    medians = [entry["median"] for entry in (cold, hot) if entry]
-    is_short = unit == "s" and all(median is not None and median < 1.0 for median in medians)
-    factor, shown = (1e3, "ms") if is_short else (1.0, unit)
+    """Two medians with their unit; times below 1 s in milliseconds or microseconds."""
+    factor, shown = unit_prefix(unit, [entry["median"] for entry in (cold, hot) if entry])
     return f"{_median(cold, factor)}{between}{_median(hot, factor)} {shown}".rstrip()
 
 

@@ -1,12 +1,11 @@
-"""Summary of the result in plain words, and its key figures."""
+"""Summary of the result in plain words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from identification.report.loops import cold_and_hot, is_left_open, loop_sentence, pair_text
+from identification.report.loops import loop_sentence
 from identification.result.entries import known_only_from
 from identification.result.numbers import (
     count_text,
@@ -17,24 +16,22 @@ from identification.result.numbers import (
 )
 from identification.result.simulation_errors import NEAR_NOISE
 
-__all__ = ["KeyFigure", "key_figures", "summary_sentences"]
+__all__ = [
+    "DOWN_TO_NOISE",
+    "POOR_FIT",
+    "deciding_errors",
+    "further_sentences",
+    "identified_sentence",
+    "summary_sentences",
+    "verdict_words",
+]
 
 Entry = Mapping[str, Any]
 
-_DOWN_TO_NOISE = 1.02
+DOWN_TO_NOISE = 1.02
 _NAMED = 2
-_HALF = 0.5
+POOR_FIT = 0.5
 """NRMSE above which a fit is poor regardless of its noise ratio [-]."""
-
-
-@dataclass(frozen=True)
-class KeyFigure:
-    """One number with its label and a remark; ``tone`` is good, fair, bad or plain."""
-
-    label: str
-    value: str
-    remark: str
-    tone: str = "plain"
 
 
 def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
@@ -50,63 +47,23 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
         _effects(result),
         _shifted(result),
         _quality(result, coloured),
-        _identified(result),
+        identified_sentence(result),
         _given(result),
         loop_sentence(result),
     ]
     return [sentence for sentence in sentences if sentence]
 
 
-def key_figures(result: Entry, coloured: Sequence[str] = ()) -> list[KeyFigure]:
-    """Noise ratios, number of identified parameters, and closed-loop figures cold and hot.
+def further_sentences(result: Entry) -> list[str]:
+    """Sentences of the summary on the data, the biases, the given knowledge and the loop.
 
     Args:
         result: Content of result.json.
-        coloured: Channels whose residual is not white on the deciding runs.
     """
-    role, errors = _deciding_errors(result)
-    figures = [
-        KeyFigure(
-            f"{channel.capitalize()} RMSE, {role}",
-            f"{number_text(errors[channel]['noise_ratio'], 3)} × noise",
-            f"{percent_text(1.0 - errors[channel]['nrmse'], 4)} fit"
-            if errors[channel]["nrmse"] is not None
-            else "",
-            "bad"
-            if (errors[channel]["nrmse"] or 0.0) > _HALF
-            else _tone(errors[channel]["noise_ratio"], channel in coloured),
-        )
-        for channel in ("current", "speed")
-        if errors.get(channel)
-    ]
-    entries = result["parameters"].values()
-    known = sum(1 for entry in entries if entry["identified"] and not known_only_from(entry))
-    figures.append(
-        KeyFigure(
-            "Parameters identified",
-            f"{known} of {len(entries)}",
-            "",
-            "good" if known == len(entries) else "fair",
-        )
-    )
-    return figures + _loop_figures(result)
-
-
-def _loop_figures(result: Entry) -> list[KeyFigure]:
-    ends = cold_and_hot(result["feedback"])
-    if ends is None:
-        return []
-    cold, hot = ends
-    remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {cold['controller']}"
-    return [
-        KeyFigure(label, "not determined", remark, "fair")
-        if is_left_open(result, ends, key)
-        else KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
-        for key, label, unit in (
-            ("rise_time_s", "Rise time", "s"),
-            ("steady_state", "Final value", ""),
-        )
-    ]
+    sentences = [
+        _campaign(result["runs"]), _shifted(result), _given(result), loop_sentence(result)
+    ]  # fmt: skip
+    return [sentence for sentence in sentences if sentence]
 
 
 def _forced(result: Entry) -> str:
@@ -187,7 +144,7 @@ def _shifted(result: Entry) -> str:
 
 
 def _quality(result: Entry, coloured: Sequence[str]) -> str:
-    role, errors = _deciding_errors(result)
+    role, errors = deciding_errors(result)
     ratios = {
         channel: errors[channel]["noise_ratio"]
         for channel in ("current", "speed")
@@ -202,20 +159,33 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
             for name, ratio in ratios.items()
         ]
     )
-    verdict = _verdict(result, max(ratios.values()), coloured)
+    verdict = verdict_words(result, coloured)
+    return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
+
+
+def verdict_words(result: Entry, coloured: Sequence[str]) -> str:
+    """Interpretation of the noise ratios on the deciding runs; empty if there are none.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is not white on the deciding runs.
+    """
+    _, errors = deciding_errors(result)
+    known = {name: error for name, error in errors.items() if error}
+    ratios = [error["noise_ratio"] for error in known.values() if error["noise_ratio"] is not None]
     missed = listed(
         [
-            f"the {channel} (NRMSE {percent_text(errors[channel]['nrmse'], 3)})"
-            for channel in ("current", "speed")
-            if errors.get(channel) and (errors[channel]["nrmse"] or 0.0) > _HALF
+            f"the {channel} (NRMSE {percent_text(error['nrmse'], 3)})"
+            for channel, error in known.items()
+            if (error["nrmse"] or 0.0) > POOR_FIT
         ]
     )
     if missed:
-        verdict = (
+        return (
             f"but the model explains little of {missed}; either it does not apply to these runs, "
             "or the sensor signal is mostly noise"
         )
-    return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
+    return _verdict(result, max(ratios), coloured) if ratios else ""
 
 
 def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
@@ -237,7 +207,7 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
         )
     if failed:
         return "but the model does not explain the training runs down to their noise"
-    if worst <= (NEAR_NOISE if remaining else _DOWN_TO_NOISE):
+    if worst <= (NEAR_NOISE if remaining else DOWN_TO_NOISE):
         return "the residual does not exceed the sensor noise"
     if worst <= NEAR_NOISE:
         return "a small part of the residual exceeds the sensor noise"
@@ -249,7 +219,8 @@ def _formerly(error: Entry | None) -> str:
     return "" if ratio is None else f" (nominal model: {number_text(ratio, 3)})"
 
 
-def _identified(result: Entry) -> str:
+def identified_sentence(result: Entry) -> str:
+    """Sentence on the parameters that the runs do or do not determine; empty if forced."""
     entries: Entry = result["parameters"]
     if result.get("forced"):
         return ""
@@ -279,7 +250,7 @@ def _given(result: Entry) -> str:
     return f"The intervals include the given knowledge (known values, nameplate) of {listed(used)}."
 
 
-def _deciding_errors(result: Entry) -> tuple[str, Entry]:
+def deciding_errors(result: Entry) -> tuple[str, Entry]:
     """Errors of the final model on the validation runs; on the training runs if there are none.
 
     Validation runs that are all identical to training runs do not count.
@@ -292,11 +263,3 @@ def _deciding_errors(result: Entry) -> tuple[str, Entry]:
     if validation and any(item and item["rmse"] is not None for item in validation.values()):
         return "validation", validation
     return "training", after.get("training") or {}
-
-
-def _tone(ratio: float | None, is_coloured: bool) -> str:
-    if ratio is None:
-        return "plain"
-    if is_coloured:
-        return "fair" if ratio <= NEAR_NOISE else "bad"
-    return "good" if ratio <= _DOWN_TO_NOISE else "fair" if ratio <= NEAR_NOISE else "bad"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.loops import METRICS, metric_text
+from identification.report.loops import METRICS, MetricRow, metric_row
 from identification.result.entries import known_only_from
 from identification.result.numbers import (
     UNKNOWN,
@@ -19,6 +19,7 @@ from identification.result.numbers import (
     number_text,
     percent_text,
     signed_percent_text,
+    unit_prefix,
     unit_text,
 )
 from identification.result.report_data import ReportData, RunTraces
@@ -29,10 +30,12 @@ __all__ = [
     "FeedbackTable",
     "ParameterRow",
     "RunRow",
+    "SamplerRow",
     "error_rows",
     "feedback_tables",
     "parameter_rows",
     "run_rows",
+    "sampler_rows",
 ]
 
 Entry = Mapping[str, Any]
@@ -98,8 +101,18 @@ class FeedbackTable:
 
     controller: str
     temperatures: tuple[str, ...]
-    rows: tuple[tuple[str, str, tuple[Interval, ...]], ...]
+    rows: tuple[MetricRow, ...]
     statements: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SamplerRow:
+    """One diagnostic of the sampler; the verdict is empty if no warning depends on it."""
+
+    label: str
+    value: str
+    criterion: str
+    verdict: str
 
 
 def parameter_rows(data: ReportData) -> list[ParameterRow]:
@@ -152,7 +165,7 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
             key=lambda entry: float(entry["temperature_degC"]),
         )
         rows = tuple(
-            (label, unit_text(entries[0][key]["unit"]), tuple(metric_text(e[key]) for e in entries))
+            metric_row(label, [entry[key] for entry in entries])
             for key, label in METRICS.items()
             if all(entry.get(key) is not None for entry in entries)
         )
@@ -160,6 +173,42 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
         statements = tuple(str(entry.get("statement", "")) for entry in entries)
         tables.append(FeedbackTable(controller, columns, rows, statements))
     return tables
+
+
+def sampler_rows(data: ReportData) -> list[SamplerRow]:
+    """Diagnostics of the sampler, judged by the limits of its warning; empty without a sampler."""
+    sampler, chain = data.result["sampler"], data.posterior
+    if not sampler:
+        return []
+    length = sampler["steps"] / sampler["autocorrelation_time"]
+    limits = (None, None) if chain is None else (chain.least_length, chain.largest_r_hat)
+    least, largest = limits
+    return [
+        SamplerRow(
+            "Walkers × steps after burn-in",
+            f"{count_text(sampler['walkers'])} × {count_text(sampler['steps'])}",
+            "",
+            "",
+        ),
+        SamplerRow(
+            "Length of the chain",
+            f"{number_text(length, 3)} autocorrelation times",
+            "" if least is None else f"at least {least:g}",
+            "" if least is None else _met(length >= least),
+        ),
+        SamplerRow(
+            "R-hat, largest",
+            number_text(sampler["r_hat_max"], 4),
+            "" if largest is None else f"at most {largest:g}",
+            "" if largest is None else _met(sampler["r_hat_max"] <= largest),
+        ),
+        SamplerRow("Effective sample size, smallest", number_text(sampler["ess_min"], 3), "", ""),
+        SamplerRow("Acceptance", percent_text(sampler["acceptance"], 2), "", ""),
+    ]
+
+
+def _met(is_met: bool) -> str:
+    return "yes" if is_met else "no"
 
 
 def _parameter_row(
@@ -170,15 +219,17 @@ def _parameter_row(
     reason = "" if is_identified else data.reasons.get(name, "the runs do not determine it")
     if origin := known_only_from(entry):
         is_identified, reason = False, f"from {origin}, not from the runs"
+    ends = [one["median"] for one in (entry, declared) if one]
+    factor, unit = unit_prefix(entry["unit"], ends)
     return ParameterRow(
         name=name,
         meaning=known.meaning.replace("degC", "°C") if known else "",
-        unit=unit_text(entry["unit"]),
-        value=_interval(entry),
+        unit=unit_text(unit),
+        value=_interval(entry, factor),
         is_identified=is_identified,
         reason=reason,
         source=_SOURCES.get(name, ""),
-        before=_interval(declared) if declared else None,
+        before=_interval(declared, factor) if declared else None,
         shift=_shift(declared, entry) if declared else "",
         shift_bounds=_shift_bounds(name, data.result) if declared else "",
     )
@@ -216,8 +267,9 @@ def _probability(value: float) -> str:
     return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
-def _interval(entry: Entry) -> Interval:
-    return interval_text(entry["median"], entry["q05"], entry["q95"])
+def _interval(entry: Entry, factor: float) -> Interval:
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    return interval_text(*(None if end is None else factor * end for end in ends))
 
 
 def _error_texts(entry: Entry) -> tuple[str, str, str]:

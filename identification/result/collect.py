@@ -12,6 +12,7 @@ from identification.feedback import step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
+from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.result.account import account_of
 from identification.result.attempts import Attempts
 from identification.result.diagnosis import signals_at
@@ -36,8 +37,14 @@ Array = NDArray[np.float64]
 _POINTS: Final = 80
 
 
-def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
-    """Collect the report data; a section that cannot be computed is omitted with a remark."""
+def report_data(result: dict[str, Any], findings: Findings, created: str = "") -> ReportData:
+    """Collect the report data; a section that cannot be computed is omitted with a remark.
+
+    Args:
+        result: Content of result.json.
+        findings: Findings of all stages.
+        created: Date of the fit.
+    """
     sample, attempts = findings.sample, Attempts()
     return ReportData(
         result=result,
@@ -46,7 +53,9 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         steps=attempts.rows("step response", _steps, findings),
         posterior=None
         if sample is None
-        else PosteriorChain(sample.names, sample.units, sample.chain),
+        else PosteriorChain(
+            sample.names, sample.units, sample.chain, REQUIRED_LENGTH, LARGEST_R_HAT
+        ),
         equations=tuple(
             f"{left} = {right}"
             for left, right in printed_equations(findings.final.simulator.model).items()
@@ -54,6 +63,7 @@ def report_data(result: dict[str, Any], findings: Findings) -> ReportData:
         account=_account(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),
+        created=created,
         confusions=tuple(
             f"{confusion.title.capitalize()}. {confusion.apart}"
             for confusion in confusions_of([effect["name"] for effect in result["effects"]])

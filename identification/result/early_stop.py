@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from identification.fit.solve import Fit
-from identification.posterior.convergence import LARGEST_R_HAT
+from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.posterior.sample import Sample, Source
 from identification.selection.outcome import Outcome
 from identification.warning import ResultWarning
@@ -61,7 +61,8 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
     message = (
         f"the sampler did not converge: it stopped after {found.steps} steps, "
         f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
-        f"{found.r_hat_max:.3f}; expected at least 50 and at most {LARGEST_R_HAT}; "
+        f"{found.r_hat_max:.3f}; expected at least {REQUIRED_LENGTH:g} and at most "
+        f"{LARGEST_R_HAT}; "
         + _SUBSTITUTES[sample.source]
         + (f"; it stopped at {limit}" if limit else "")
     )

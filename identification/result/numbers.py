@@ -1,13 +1,13 @@
 """Number formatting: digits according to the interval width, one common power of ten.
 
-interval_text(0.59034, 0.58951, 0.59117) -> Interval("0.59034", "0.58951", "0.59117", "")
-interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.2131", "4.2010", "4.2260", " ×10⁻⁵")
+interval_text(0.59034, 0.58951, 0.59117) -> Interval("0.5903", "0.5895", "0.5912", "")
+interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.213", "4.201", "4.226", " ×10⁻⁵")
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "scaled_unit",
     "signed_percent_text",
     "unit_power",
+    "unit_prefix",
     "unit_text",
 ]
 
@@ -54,6 +55,11 @@ class Interval:
 def interval_text(median: float | None, low: float | None, high: float | None) -> Interval:
     """Format a median and its interval to the digits that the interval width supports.
 
+    The standard deviation, a third of the width, is given two digits if it begins with 100 to 354
+    and one digit if it begins with 355 to 949.
+
+    Source: Particle Data Group, Review of Particle Physics, introduction, section 5.3.
+
     Args:
         median: The value; None if unknown.
         low: Lower end, in the same unit.
@@ -71,13 +77,19 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     scale = 10.0**-exponent
     if low is not None and high is not None and high > low:
         # The width of subnormal numbers may be zero, which has no logarithm.
-        width = max((high * scale - low * scale) / 3.0, 1e-12)
-        decimals = 1 - math.floor(math.log10(width))
+        decimals = _supported(max((high * scale - low * scale) / 3.29, 1e-12))
     else:
         decimals = 4 - _leading(max((abs(value) for value in known), default=1.0) * scale)
     decimals = min(max(decimals, 0), 9)
     middle, lower, upper = (_fixed(value, scale, decimals) for value in (median, low, high))
     return Interval(middle, lower, upper, _power(exponent))
+
+
+def _supported(deviation: float) -> int:
+    """Decimals that a standard deviation supports."""
+    power = math.floor(math.log10(deviation))
+    leading = deviation / 10.0**power
+    return (0 if 3.545 <= leading < 9.495 else 1) - (power + (leading >= 9.495))
 
 
 def number_text(value: float | None, digits: int = 4) -> str:
@@ -102,15 +114,34 @@ def percent_text(share: float | None, digits: int = 3) -> str:
 
 
 def probability_text(share: float | None) -> str:
-    """Format a probability as per cent with one decimal; 0 % and 100 % only if exact."""
+    """Format a probability as per cent with one decimal, from "< 0.1 %" to "> 99.9 %".
+
+    A probability of 1 is one that was rounded: no finite record makes a model certain.
+    """
     share = _known(share)
     if share is None:
         return UNKNOWN
-    if 0.0 < share < 0.001:
+    if 0.0 <= share < 0.001:
         return "< 0.1 %"
     if not 0.0 <= share <= 1.0:
         return percent_text(share)
-    return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.1f} %"
+    return "> 99.9 %" if share > 0.999 else f"{100.0 * share:.1f} %"
+
+
+def unit_prefix(unit: str, values: Iterable[float | None]) -> tuple[float, str]:
+    """Factor and unit in which people read times and inductances: 2.12 ms rather than 0.00212 s.
+
+    Args:
+        unit: Unit of the values; only s and H get a prefix.
+        values: Numbers that share the unit, such as one row of a table.
+
+    Returns:
+        Factor to multiply the values by, and the unit of the product.
+    """
+    sizes = [abs(value) for value in map(_known, values) if value]
+    if unit not in ("s", "H") or not sizes or max(sizes) >= 1.0 or max(sizes) < 1e-7:
+        return 1.0, unit
+    return (1e3, f"m{unit}") if max(sizes) >= 1e-3 else (1e6, f"µ{unit}")
 
 
 def signed_percent_text(share: float | None) -> str:
@@ -121,6 +152,9 @@ def signed_percent_text(share: float | None) -> str:
     percent = 100.0 * share
     if abs(percent) >= 1e6:
         return f"{'+' if percent > 0 else ''}{number_text(percent, 3)} %"
+    if -100.0 < percent < -99.0:
+        # A reduction by 99.7 % is not one to nothing.
+        return f"−{min(-percent, 99.99):.2f} %"
     digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
     return f"{percent:+.{digits}f} %".replace("-", "−")
 

@@ -69,11 +69,15 @@ class PosteriorChain:
         names: (n_param,) names as in the result.
         units: (n_param,) their units.
         chain: (n_step, n_walker, n_param), each in its unit.
+        least_length: Length required of a converged chain [autocorrelation times]; None if unknown.
+        largest_r_hat: Largest split R-hat of a converged chain; None if unknown.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     chain: Array
+    least_length: float | None = None
+    largest_r_hat: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +244,7 @@ class ReportData:
         undrawn: What could not be drawn and why, one sentence each.
         confusions: What the runs cannot distinguish from the effects found, one text each.
         title: Title of the report.
+        created: Date of the fit, such as ``2026-11-23``; empty if unknown.
     """
 
     result: Mapping[str, Any]
@@ -253,3 +258,4 @@ class ReportData:
     undrawn: tuple[str, ...] = ()
     confusions: tuple[str, ...] = ()
     title: str = "Motor identification"
+    created: str = ""

@@ -139,11 +139,16 @@ def test_a_hostile_file_name_is_shown_and_not_run() -> None:
     assert json.loads(page.scripts[0])["runs"][0]["name"] == HOSTILE
 
 
-def test_warnings_come_before_everything_else(told: str, clean: str) -> None:
-    """Warnings precede the summary; a clean result states that there are none."""
-    words = Page(told).text
+def test_critical_warnings_come_before_everything_else(told: str, clean: str) -> None:
+    """Critical warnings precede the summary, which counts the others; a clean result has none."""
+    data = make_report(rows=300, with_effect=True)
+    detail = {"code": "x", "severity": "critical", "fix": "log longer runs"}
+    result = {**data.result, "warnings": ["a fault; log longer runs"], "warning_details": [detail]}
 
-    assert words.index("at the limit of the sensor") < words.index("Summary The model")
+    words = Page(render_report(replace(data, result=result))).text
+
+    assert words.index("A fault. What to do: Log longer runs.") < words.index("Summary The motor")
+    assert Page(told).text.index("1 note") < Page(told).text.index("at the limit of the sensor")
     assert "No warnings." in Page(clean).text
 
 
@@ -170,8 +175,8 @@ def test_the_report_contains_its_parts(clean: str, words: str) -> None:
     "words",
     [
         "Effect search",
-        "coulomb friction in the mechanical equation (driver: speed",
-        "alternative: viscous temperature 0.9 %",
+        "Coulomb friction 99.1 %",
+        "Alternatives: viscous temperature 0.9 %",
         "ruled out",
         "not supported by the validation runs",
         "The residual is white noise.",

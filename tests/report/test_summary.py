@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from identification.report.summary import key_figures, summary_sentences
-from identification.report.tables import error_rows, feedback_tables, parameter_rows, run_rows
+from identification.report.headline import (
+    effect_tiles,
+    error_bars,
+    headline_sentences,
+    key_figures,
+    warning_groups,
+)
+from identification.report.summary import summary_sentences
+from identification.report.tables import (
+    error_rows,
+    feedback_tables,
+    parameter_rows,
+    run_rows,
+    sampler_rows,
+)
 from tests.reports import make_report
 
 
@@ -40,7 +54,7 @@ def test_the_verdict_follows_the_noise_ratio(
     changed = with_ratio(result, ratio)
 
     assert verdict in " ".join(summary_sentences(changed))
-    assert key_figures(changed)[0].tone == tone
+    assert error_bars(changed)[0].tone == tone
 
 
 def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any]) -> None:
@@ -49,7 +63,7 @@ def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any
 
     assert "does not exceed the sensor noise" not in told
     assert "the residual of the speed is not white" in told
-    assert key_figures(result, coloured=["speed"])[1].tone == "fair"
+    assert error_bars(result, coloured=["speed"])[1].tone == "fair"
 
 
 def test_validation_runs_decide_the_verdict(result: dict[str, Any]) -> None:
@@ -195,3 +209,79 @@ def test_values_that_were_used_are_named(result: dict[str, Any], is_used: bool) 
     assert (
         "The intervals include the given knowledge (known values, nameplate) of Kt25 and J" in words
     ) is is_used
+
+
+def test_three_sentences_open_the_report() -> None:
+    """Effect, quality of the model and parameters; a certain effect keeps an upper limit."""
+    result = copy.deepcopy(dict(make_report(rows=300, with_effect=True).result))
+    result["effects"][0]["probability"] = 1.0
+
+    assert headline_sentences(result) == [
+        "The motor has an effect beyond the nominal model: coulomb friction "
+        "(probability > 99.9 %).",
+        "On the validation runs, the residual does not exceed the sensor noise.",
+        "The runs determine all 7 parameters.",
+    ]
+
+
+def test_an_effect_is_shown_with_its_evidence() -> None:
+    """The tile has the estimates of the missing torque and the fall of both squared errors."""
+    (tile,) = effect_tiles(make_report(rows=300, with_effect=True))
+
+    assert tile.term is not None
+    assert tile.term.effect == "coulomb_friction"
+    assert dict(tile.evidence) == {
+        "Squared error, training": "−93 %",
+        "Squared error, validation": "−92 %",
+    }
+    assert tile.alternatives == "viscous temperature 0.9 %"
+
+
+def test_errors_before_and_after_share_one_scale() -> None:
+    """Ratios 4.2 before and 1.0 after: the longest bar is full, the other 1 / 4.2 of it."""
+    for bar in error_bars(make_report(rows=300, with_effect=True).result):
+        before, after, noise = bar.widths
+
+        assert before == 100.0
+        assert after == noise == pytest.approx(100 / 4.2, abs=0.1)
+
+
+def test_warnings_are_grouped_with_the_most_important_first(result: dict[str, Any]) -> None:
+    """The remedy is separate from the message; a warning without details is no note."""
+    result["warnings"] = ["run1.csv: a gap", "the runs do not determine J; log longer runs", "odd"]
+    result["warning_details"] = [
+        {"code": "gap", "severity": "note", "fix": ""},
+        {"code": "x", "severity": "critical", "fix": "log longer runs"},
+    ]
+
+    groups = warning_groups(result)
+
+    assert [(group.severity, group.items) for group in groups] == [
+        ("critical", (("The runs do not determine J", "Log longer runs"),)),
+        ("warning", (("Odd", ""),)),
+        ("note", (("run1.csv: a gap", ""),)),
+    ]
+
+
+@pytest.mark.parametrize(("steps", "verdict"), [(500, "yes"), (400, "no")])
+def test_the_sampler_is_judged_by_the_limits_of_its_warning(steps: int, verdict: str) -> None:
+    """500 steps are 53 autocorrelation times of 9.4 steps; 50 are required.  Acceptance is not."""
+    data = make_report(rows=300)
+    assert data.posterior is not None
+    data.result["sampler"]["steps"] = steps
+    limited = replace(data.posterior, least_length=50.0, largest_r_hat=1.03)
+
+    rows = {row.label: row.verdict for row in sampler_rows(replace(data, posterior=limited))}
+
+    assert rows["Length of the chain"] == verdict
+    assert rows["R-hat, largest"] == "yes"
+    assert rows["Acceptance"] == ""
+
+
+def test_a_short_time_is_written_in_milliseconds(result: dict[str, Any]) -> None:
+    """Rise times of 0.72 and 0.58 s share the unit ms; the settling time of 1.28 s stays in s."""
+    (table,) = feedback_tables(result["feedback"])
+    units = {label: unit for label, unit, _ in table.rows}
+
+    assert units["Rise time, 10–90 %"] == "ms"
+    assert units["Settling time, 2 %"] == "s"

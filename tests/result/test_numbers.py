@@ -13,27 +13,53 @@ from identification.result.numbers import (
     scaled_unit,
     signed_percent_text,
     unit_power,
+    unit_prefix,
     unit_text,
 )
 
 
-def test_an_interval_has_two_digits_of_its_standard_deviation() -> None:
-    """A 90 % interval of a normal distribution has a width of 3.29 standard deviations."""
+@pytest.mark.parametrize(
+    ("deviation", "decimals"), [(0.03, 3), (0.0354, 3), (0.0356, 2), (0.09, 2), (0.098, 2)]
+)
+def test_an_interval_has_the_digits_of_its_standard_deviation(
+    deviation: float, decimals: int
+) -> None:
+    """A 90 % interval is 3.29 deviations wide; the rule of the Particle Data Group gives digits."""
+    written = interval_text(0.59, 0.59 - 1.645 * deviation, 0.59 + 1.645 * deviation)
+
+    assert {len(text.partition(".")[2]) for text in (written.median, written.low)} == {decimals}
+
+
+def test_the_ends_of_an_interval_have_the_decimals_of_the_median() -> None:
+    """A width of 0.00166 is 3.29 deviations of 0.0005, which has one digit."""
     written = interval_text(0.590343, 0.589513, 0.591173)
 
-    assert (written.median, written.low, written.high, written.power) == (
-        "0.59034",
-        "0.58951",
-        "0.59117",
-        "",
-    )
+    assert (written.median, written.low, written.high) == ("0.5903", "0.5895", "0.5912")
+
+
+@pytest.mark.parametrize(
+    ("values", "factor", "unit"),
+    [
+        ((0.00212, 0.0031), 1e3, "ms"),
+        ((2e-6, None), 1e6, "µs"),
+        ((0.4, 1.2), 1.0, "s"),
+        ((None,), 1.0, "s"),
+        ((0.0,), 1.0, "s"),
+    ],
+)
+def test_short_times_get_a_prefix(
+    values: tuple[float | None, ...], factor: float, unit: str
+) -> None:
+    """The largest value of a row is written with one to three digits before the point."""
+    assert unit_prefix("s", values) == (factor, unit)
+    assert unit_prefix("N m", values) == (1.0, "N m")
 
 
 def test_a_small_quantity_is_written_with_one_power_for_all_three() -> None:
     """42e-6 kg m^2 and both ends of its interval share one power of ten."""
     written = interval_text(4.2131e-5, 4.201e-5, 4.226e-5)
 
-    assert (written.median, written.power) == ("4.2131", " ×10⁻⁵")
+    assert (written.median, written.power) == ("4.213", " ×10⁻⁵")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +91,8 @@ def test_a_rounded_probability_is_not_written_as_a_certainty() -> None:
     """0.9999 would round to 100.0 % and is written as > 99.9 %."""
     assert probability_text(0.9999) == "> 99.9 %"
     assert probability_text(0.0002) == "< 0.1 %"
-    assert probability_text(1.0) == "100.0 %"
+    assert probability_text(1.0) == "> 99.9 %"
+    assert probability_text(0.0) == "< 0.1 %"
     assert probability_text(None) == "–"
 
 
@@ -73,6 +100,8 @@ def test_changes_carry_their_sign() -> None:
     """A change has a sign and at least two digits, with a true minus."""
     assert signed_percent_text(-0.76) == "−76 %"
     assert signed_percent_text(0.0123) == "+1.2 %"
+    assert signed_percent_text(-0.99654) == "−99.65 %"
+    assert signed_percent_text(-1.0) == "−100 %"
     assert signed_percent_text(None) == "–"
 
 
