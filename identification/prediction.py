@@ -30,7 +30,7 @@ from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
 from identification.surrogates.entry import term_of
 
-__all__ = ["model_of", "predict"]
+__all__ = ["model_of", "predict", "simulation_of"]
 
 Array = NDArray[np.float64]
 
@@ -59,12 +59,33 @@ def predict(
         result = read_result(result)
     content = result.result if isinstance(result, Identified) else result
     measured = run_of(run)
-    current, speed = _simulated(content, measured, declared).T
+    simulator, values, states = simulation_of(content, measured, declared)
+    logged = simulator.logged(values[:, None], states)
+    series = np.full((measured.rows, 2), np.nan)
+    for record, y in zip(simulator.records, logged, strict=True):
+        series[record.start : record.start + record.rows] = y[:, :, 0]
+    current, speed = series.T
     return pd.DataFrame({"time_s": measured.time, "current_A": current, "speed_rad_s": speed})
 
 
-def _simulated(result: Mapping[str, Any], run: Run, declared: bool) -> Array:
-    """(n_sample, 2) logged current and speed; NaN at samples between two records [A, rad/s]."""
+@np.errstate(all="ignore")
+def simulation_of(
+    result: Mapping[str, Any], run: Run, declared: bool = False
+) -> tuple[Simulator, Array, tuple[Array, ...]]:
+    """Simulation that a prediction evaluates.
+
+    Args:
+        result: Content of a result.json.
+        run: The run; see `predict`.
+        declared: Whether to use the nominal model instead of the final one.
+
+    Returns:
+        Simulator over the records of the run, (n_parameter,) physical values, and for each record
+        (n_state,) at its first sample.
+
+    Raises:
+        InputError: The result lacks data that the simulation needs.
+    """
     model, values = model_of(result, declared)
     before = _before(result, run)
     peaks = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
@@ -82,12 +103,8 @@ def _simulated(result: Mapping[str, Any], run: Run, declared: bool) -> Array:
     simulator = Simulator.fitting(model, records, values)
     states = fitted_initial_states(simulator, values, deviation)
     if model.terms:
-        simulator = simulator.accurate(values, states, deviation)
-    logged = simulator.logged(values[:, None], states)
-    series = np.full((run.rows, 2), np.nan)
-    for record, y in zip(records, logged, strict=True):
-        series[record.start : record.start + record.rows] = y[:, :, 0]
-    return series
+        simulator = simulator.converged(values, states)
+    return simulator, values, states
 
 
 def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorModel, Array]:

@@ -30,6 +30,7 @@ from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
 from identification.model.substeps import (
+    MOST_SUBSTEPS,
     Counts,
     divided,
     error_scan,
@@ -51,6 +52,10 @@ _LOCAL: Final = 0.02
 """Error of one sample interval over the noise, from which accurate substeps are searched."""
 _TOTAL: Final = 0.05
 """RMS discretisation error over the noise [-] that is accepted; it raises a residual by 0.1 %."""
+_CONVERGED: Final = 3e-9
+"""Error of one sample interval of a converged simulation, over the range of the signal."""
+_FINEST, _MOST_ROWS = 4096, 2**21
+"""Limits of a converged simulation: substeps of an interval, and of all records."""
 _FINER: Final = 8.0
 _ATTEMPTS: Final = 3
 _ROUNDS: Final = 6
@@ -210,8 +215,28 @@ class Simulator:
             counts += record.weight.sum(axis=0)
         return not np.all(np.sqrt(squares / np.maximum(counts, 1.0)) < _TOTAL * deviation)
 
+    def converged(self, values: Array, states: Sequence[Array]) -> Simulator:
+        """Simulator whose discretisation error is below a millionth of the signals.
+
+        Other programs that integrate the same equations then agree with it.  Long records have
+        fewer substeps, which bounds the memory.
+
+        Args:
+            values: (n_parameter,) physical values.
+            states: For each record (n_state,) at its first sample.
+        """
+        span = np.max([record.span for record in self.records], axis=0)
+        rows = sum(record.rows for record in self.records)
+        most = int(np.clip(_MOST_ROWS // rows, MOST_SUBSTEPS, _FINEST))
+        return self.with_tolerance(values, states, _CONVERGED * span, most=most)
+
     def with_tolerance(
-        self, values: Array, states: Sequence[Array], tolerance: Array, rounds: int = _ROUNDS
+        self,
+        values: Array,
+        states: Sequence[Array],
+        tolerance: Array,
+        rounds: int = _ROUNDS,
+        most: int = MOST_SUBSTEPS,
     ) -> Simulator:
         """Refine the substeps until each sample interval meets the tolerance at `values`.
 
@@ -220,6 +245,7 @@ class Simulator:
             states: For each record (n_state,) at its first sample.
             tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
             rounds: Largest number of error measurements.
+            most: Largest number of substeps of a sample interval.
         """
         substeps = self.substeps or evenly([record.rows for record in self.records], 1)
         carries = [_lanes(state, 1) for state in states]
@@ -227,7 +253,7 @@ class Simulator:
             inputs = replace(self, substeps=substeps).inputs
             errors = error_scan(self.model, self.plan)(inputs, values[:, None], carries)[1]
             more = tuple(
-                refined_counts(counts, error[:, :, 0], tolerance)
+                refined_counts(counts, error[:, :, 0], tolerance, most)
                 for counts, error in zip(substeps, errors, strict=True)
             )
             if all(np.array_equal(a, b) for a, b in zip(more, substeps, strict=True)):

@@ -122,20 +122,23 @@ def _moving(hold: Hold) -> tuple[str, ...]:
     return ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
 
 
-def refined_counts(counts: Counts, errors: Array, tolerance: Array) -> Counts:
+def refined_counts(
+    counts: Counts, errors: Array, tolerance: Array, most: int = MOST_SUBSTEPS
+) -> Counts:
     """Refine the substep counts from the measured integration errors.
 
     Args:
         counts: (n_sample,) substep counts at which the errors were measured.
         errors: (n_row, n_channel) error of each substep.
         tolerance: (n_channel,) allowed error of one sample interval.
+        most: Largest count.
 
     Returns:
-        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `MOST_SUBSTEPS`.
+        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `most`.
     """
     summed = np.add.reduceat(np.abs(errors), first_rows(counts), axis=0)
     excess = np.max(np.where(np.isfinite(summed), summed / tolerance, np.inf), axis=1)
     # With n substeps the error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is
     # a compromise; the next error measurement corrects it.
     doublings = np.ceil(0.5 * np.log2(np.clip(excess, 1.0, 64.0))).astype(np.int64)
-    return np.asarray(np.minimum(counts * 2**doublings, MOST_SUBSTEPS))
+    return np.asarray(np.minimum(counts * 2**doublings, most))

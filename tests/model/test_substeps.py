@@ -103,6 +103,23 @@ def test_substeps_converge_to_the_finest_division() -> None:
     assert error(1e-3) < 1e-4 * rated
 
 
+def test_a_converged_simulation_is_within_a_millionth_of_the_signals() -> None:
+    """Reference: sixteen times as many substeps as a fit may use, in every interval."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=5, warming=0.0)]))
+    rated = SERVO.voltage / SERVO.values[2]
+    model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
+    values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
+    simulator = Simulator.fitting(model, records, values)
+    exact = replace(simulator, substeps=evenly([ROWS], 16 * MOST_SUBSTEPS))
+
+    found, reference = (
+        one.logged(values[:, None], [START])[0][:, :, 0]
+        for one in (simulator.converged(values, [START]), exact)
+    )
+
+    assert np.all(np.abs(found - reference).max(axis=0) < 1e-6 * np.ptp(reference, axis=0))
+
+
 def test_divided_inputs_cover_the_interval() -> None:
     """Lengths add up to the interval, and each substep begins where the previous one ended."""
     record = records_of([driven(SERVO, 10, seed=6, warming=20.0)])[0]
