@@ -7,8 +7,9 @@ from pathlib import Path
 
 from identification.ingest.columns import Column
 from identification.ingest.display import plain
-from identification.ingest.file import Limits, naming, open_run_file
+from identification.ingest.file import Limits, naming, open_run_file, unpacked
 from identification.ingest.read import READERS
+from identification.ingest.tables import closest_table
 
 __all__ = ["list_columns"]
 
@@ -28,5 +29,6 @@ def list_columns(
     """
     shown = plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
     with naming(shown), open_run_file(Path(path), shown, limits or Limits()) as file:
-        reader = next(r for r in READERS if r.recognises(file.name, file.head))
-        return tuple(reader.open(file).columns)
+        content = unpacked(file)
+        reader = next(r for r in READERS if r.recognises(content.name, content.head))
+        return tuple(closest_table(reader.open(content)).columns)

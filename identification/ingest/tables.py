@@ -15,7 +15,7 @@ from identification.ingest.mapping import ChannelMapping, RunMapping
 from identification.ingest.reader import SourceTable, TableSet
 from identification.ingest.units import CHANNEL_QUANTITIES
 
-__all__ = ["choose_table"]
+__all__ = ["choose_table", "closest_table"]
 
 Assigned = tuple[SourceTable, dict[str, Channel]]
 
@@ -42,10 +42,7 @@ def choose_table(opened: SourceTable | TableSet, mapping: RunMapping) -> Assigne
         return opened, assign_channels(opened.columns, mapping.channels)
     tables = opened.tables
     if not tables:
-        raise NoTable(
-            f"the file has no {opened.kind} with columns of numbers{opened.notes}; expected one "
-            "column for each channel"
-        )
+        raise _no_table(opened)
     if mapping.table is not None:
         if mapping.table not in tables:
             raise MappingError(
@@ -106,17 +103,43 @@ def _closest(
     opened: TableSet, tables: Mapping[str, SourceTable], errors: Mapping[str, RunFileError]
 ) -> RunFileError:
     """Error of the table with the most channels, with the names of the others."""
-
-    def quantities(name: str) -> int:
-        columns = tables[name].columns
-        return sum(any(q in c.quantities for c in columns) for q in CHANNEL_QUANTITIES.values())
-
-    name = max(tables, key=quantities)
+    name = max(tables, key=lambda name: _quantities(tables[name]))
     if len(opened.tables) == 1:
         return _noted(errors[name], opened.notes)
     others = listed(other for other in opened.tables if other != name)
     where = f"; this is the {opened.kind} {quoted(name)}, the file also has {others}"
     return _noted(errors[name], where + opened.notes)
+
+
+def closest_table(opened: SourceTable | TableSet) -> SourceTable:
+    """The table of a file that looks most like a run.
+
+    Args:
+        opened: The table of the file, or all of its tables.
+
+    Raises:
+        NoTable: The file has no table.
+    """
+    if not isinstance(opened, TableSet):
+        return opened
+    if opened.joined is not None:
+        return opened.joined
+    if not opened.tables:
+        raise _no_table(opened)
+    return max(opened.tables.values(), key=_quantities)
+
+
+def _quantities(table: SourceTable) -> int:
+    """Number of channels for which the table has a column of the right quantity."""
+    wanted = CHANNEL_QUANTITIES.values()
+    return sum(any(q in c.quantities for c in table.columns) for q in wanted)
+
+
+def _no_table(opened: TableSet) -> NoTable:
+    return NoTable(
+        f"the file has no {opened.kind} with columns of numbers{opened.notes}; expected one "
+        "column for each channel"
+    )
 
 
 def _noted(error: RunFileError, note: str) -> RunFileError:
