@@ -161,7 +161,13 @@ def _run(
         segments=segments,
         clipped=clipped,
         sources={
-            name: Source(channel.column.title, channel.unit.name, channel.scale, channel.offset)
+            name: Source(
+                channel.column.title,
+                channel.unit.name,
+                channel.scale,
+                channel.offset,
+                samples.methods.get(name),
+            )
             for name, channel in channels.items()
         },
     )

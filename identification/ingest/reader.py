@@ -8,7 +8,7 @@ common to all formats.  docs/write-a-reader.md shows a complete reader.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -40,11 +40,14 @@ class Samples:
         cells: Channel name to (n_sample,), in the units of the file, NaN where a cell is blank.
         row: Function from sample index to row in the file: its line, or the row of its sheet.
         warnings: Warnings about the file as a whole.
+        methods: Channel name to ``linear`` or ``hold``, for channels brought to the clock of
+            another one.
     """
 
     cells: dict[str, Array]
     row: Callable[[int], int]
     warnings: tuple[RunWarning, ...] = ()
+    methods: Mapping[str, str] = field(default_factory=dict)
 
 
 class SourceTable(Protocol):

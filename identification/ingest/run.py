@@ -91,21 +91,26 @@ class SourceLocator:
 
 @dataclass(frozen=True)
 class Source:
-    """Source column of a channel; its value in `unit` is ``cell * scale + offset``."""
+    """Source column of a channel; its value in `unit` is ``cell * scale + offset``.
+
+    `method` is ``linear`` or ``hold`` for a channel brought to the clock of another one, else None.
+    """
 
     header: str
     unit: str
     scale: float = 1.0
     offset: float = 0.0
+    method: str | None = None
 
     def entry(self) -> dict[str, object]:
-        """The source as plain data, with the keys of a mapping."""
-        return {
+        """The source as plain data: the keys of a mapping, and the method if there is one."""
+        entry: dict[str, object] = {
             "column": self.header,
             "unit": self.unit,
             "scale": self.scale,
             "offset": self.offset,
         }
+        return entry | ({"method": self.method} if self.method else {})
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.errors import BackwardTime, RepeatedTime
 from identification.ingest.run import Array, RunWarning, SourceLocator
 
-__all__ = ["GAP_FACTOR", "check_time", "find_segments"]
+__all__ = ["GAP_FACTOR", "check_time", "find_gaps", "find_segments"]
 
 GAP_FACTOR = 5.0
 """An interval longer than this multiple of the median interval is a gap."""
@@ -59,15 +59,22 @@ def check_time(time: Array, locator: SourceLocator) -> None:
     )
 
 
+def find_gaps(time: Array) -> NDArray[np.intp]:
+    """Index of the last sample before each gap of a time [s]."""
+    interval = np.diff(time)
+    if not interval.size:
+        return np.empty(0, dtype=np.intp)
+    gaps = np.flatnonzero(interval > GAP_FACTOR * float(np.median(interval)))
+    return gaps[:0] if gaps.size > _MOST_GAPS * interval.size else gaps
+
+
 def find_segments(
     time: Array, locator: SourceLocator
 ) -> tuple[tuple[tuple[int, int], ...], list[RunWarning]]:
     """Half-open sample ranges between the gaps of a time [s], and warnings about its sampling."""
     interval = np.diff(time)
     median = float(np.median(interval))
-    gaps = np.flatnonzero(interval > GAP_FACTOR * median)
-    if gaps.size > _MOST_GAPS * interval.size:
-        gaps = gaps[:0]
+    gaps = find_gaps(time)
     edges = [0, *(int(gap) + 1 for gap in gaps), time.size]
     warnings = list(_timing_warnings(interval, gaps, median, locator))
     return tuple(zip(edges[:-1], edges[1:], strict=True)), warnings

@@ -11,14 +11,25 @@ import numpy as np
 from identification import errors
 from tests.ingest.specimens import (
     CANONICAL_SHEET,
+    CHANNELS,
+    CURRENT,
+    MDF,
     NAMED,
     NAMED_UNITS,
     PARQUET,
     RECORD,
+    SPEED,
+    STEPS,
+    TDMS,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
     XLSX,
     Specimen,
+    mdf,
     parquet,
     rows,
+    tdms,
     workbook,
 )
 
@@ -234,4 +245,118 @@ BROKEN_COLUMNAR = (
     ),
 )
 
-BROKEN = (*BROKEN_WORKBOOKS, *BROKEN_COLUMNAR)
+BROKEN_MEASUREMENTS = (
+    broken(
+        "run.tdms",
+        "a scaling that npTDMS leaves out",
+        lambda p: tdms(
+            p,
+            {"log": CHANNELS[1:]},
+            {**STEPS, "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Reciprocal"},
+        ),
+        errors.UnsupportedContent,
+        "column voltage",
+        "the scaling 'Reciprocal' is not supported",
+        needs=TDMS,
+    ),
+    broken(
+        "run.tdms",
+        "cut in the middle of the channels",
+        cut(lambda p: tdms(p, {"log": CHANNELS[1:]}, STEPS), 0.5),
+        errors.MissingColumn,
+        "no column for speed_rad_s",
+        "the end is missing, probably by a loss of power",
+        needs=TDMS,
+    ),
+    broken(
+        "run.tdms",
+        "no numbers",
+        lambda p: p.write_bytes(b"TDSm" + bytes(24)),
+        errors.RunFileError,
+        "run.tdms: ",
+        needs=TDMS,
+    ),
+    broken(
+        "run.tdms",
+        "neither increment nor time",
+        lambda p: tdms(p, {"log": CHANNELS[1:]}, {}),
+        errors.MissingColumn,
+        "no column for time_s",
+        needs=TDMS,
+    ),
+    broken(
+        "run.tdms",
+        "two complete runs",
+        lambda p: tdms(p, {"cold": CHANNELS, "hot": CHANNELS}, {}),
+        errors.AmbiguousTable,
+        "the groups 'cold', 'hot' all contain a run",
+        needs=TDMS,
+    ),
+    broken(
+        "run.tdms",
+        "an unknown and a missing unit",
+        lambda p: tdms(
+            p,
+            {"log": [TIME, ("voltage", "Vrms", VOLTAGE[2]), ("current", "", CURRENT[2]), SPEED]},
+            {},
+        ),
+        errors.UnknownUnit,
+        "the unit 'Vrms' is unknown",
+        "the column may be current_A, but has no unit",
+        needs=TDMS,
+    ),
+    broken(
+        "run.mf4",
+        "a damaged header",
+        lambda p: p.write_bytes(b"MDF     4.10" + bytes(200)),
+        errors.DamagedFile,
+        "looks like an MDF measurement file",
+        needs=MDF,
+    ),
+    broken(
+        "run.mf4",
+        "half of the file",
+        cut(lambda p: mdf(p, {"log": (TIME[2], CHANNELS[1:])}, "4.10"), 0.5),
+        errors.DamagedFile,
+        "copy or export the file again",
+        needs=MDF,
+    ),
+    broken(
+        "run.mf4",
+        "times that repeat",
+        lambda p: mdf(p, {"log": (np.floor(TIME[2] * 500) / 500, CHANNELS[1:])}, "4.10"),
+        errors.RepeatedTime,
+        "row 2, column time: the time 0 s is repeated",
+        needs=MDF,
+    ),
+    broken(
+        "run.mf4",
+        "a speed recorded after the other channels",
+        lambda p: mdf(
+            p,
+            {"a": (TIME[2], [VOLTAGE, CURRENT, TEMPERATURE]), "b": (TIME[2] + 1.0, [SPEED])},
+            "4.10",
+        ),
+        errors.NoRows,
+        "speed have no time in common with voltage",
+        needs=MDF,
+    ),
+    broken(
+        "run.mf4",
+        "two speeds",
+        lambda p: mdf(
+            p,
+            {
+                "electrical": (TIME[2], [VOLTAGE, CURRENT]),
+                "encoder": (TIME[2], [SPEED]),
+                "resolver": (TIME[2], [SPEED]),
+            },
+            "4.10",
+        ),
+        errors.AmbiguousColumn,
+        "'encoder/speed', 'resolver/speed' are all possible for speed_rad_s",
+        needs=MDF,
+    ),
+)
+
+BROKEN = (*BROKEN_WORKBOOKS, *BROKEN_COLUMNAR, *BROKEN_MEASUREMENTS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,8 @@ class Specimen:
         write: Function that writes it to a path.
         needs: Modules without which it cannot be written or read.
         mapping: Mapping for its reading.
+        is_clock_implied: True if the file holds an increment in place of times, whose multiples
+            differ from the times of the record in the last bit.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Specimen:
     write: Callable[[Path], object]
     needs: tuple[str, ...] = ()
     mapping: Mapping[str, object] | None = None
+    is_clock_implied: bool = False
 
     def made(self, folder: Path) -> Path:
         """Write the file into a folder, or skip the test without the packages."""
@@ -89,8 +92,52 @@ def compressed(write_inner: Callable[[Path], object]) -> Callable[[Path], None]:
     return written
 
 
+Channel = tuple[str, str, Array]
+"""Name, unit and samples of a channel."""
+
+
+def tdms(
+    path: Path, groups: Mapping[str, Sequence[Channel]], properties: Mapping[str, object]
+) -> None:
+    """Write a TDMS file with npTDMS, with properties of every channel."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(group, name, values, {"unit_string": unit, **properties})
+                for group, channels in groups.items()
+                for name, unit, values in channels
+            ]
+        )
+
+
+def mdf(
+    path: Path,
+    groups: Mapping[str, tuple[Array, Sequence[Channel]]],
+    version: str,
+) -> None:
+    """Write an MDF file with asammdf: each group has its times and its channels."""
+    from asammdf import MDF, Signal
+
+    file = MDF(version=version)
+    for title, (time, channels) in groups.items():
+        file.append(
+            [Signal(v, time, name=name, unit=unit) for name, unit, v in channels],
+            acq_name=title,
+            comment=title,
+        )
+    file.save(path, overwrite=True)
+    file.close()
+
+
 XLSX = ("openpyxl", "python_calamine")
 PARQUET = ("pyarrow",)
+TDMS = ("nptdms",)
+MDF = ("asammdf",)
+CHANNELS: list[Channel] = list(zip(NAMES, UNITS, RECORD.values(), strict=True))
+TIME, VOLTAGE, CURRENT, SPEED, TEMPERATURE = CHANNELS
+STEPS = {"wf_increment": 1e-3, "wf_start_offset": 0.0}
 CANONICAL_SHEET: list[list[object]] = [list(RECORD), *rows()]
 NAMED: dict[str, object] = dict(zip(NAMES, RECORD.values(), strict=True))
 NAMED_UNITS = dict(zip(NAMES, UNITS, strict=True))
@@ -165,4 +212,62 @@ COMPRESSED = (
     ),
 )
 
-SPECIMENS = (*WORKBOOKS, *COLUMNAR, *COMPRESSED)
+MEASUREMENTS = (
+    Specimen(
+        "waveform.tdms",
+        "waveforms with an increment",
+        lambda p: tdms(p, {"log": CHANNELS[1:]}, STEPS),
+        TDMS,
+        is_clock_implied=True,
+    ),
+    Specimen("time.tdms", "a channel of the time", lambda p: tdms(p, {"log": CHANNELS}, {}), TDMS),
+    Specimen(
+        "groups.tdms",
+        "two groups with a time each",
+        lambda p: tdms(p, {"electrical": CHANNELS[:3], "shaft": [TIME, SPEED, TEMPERATURE]}, {}),
+        TDMS,
+    ),
+    Specimen(
+        "chosen.tdms",
+        "two runs, one of them chosen",
+        lambda p: tdms(p, {"run 1": [TIME, VOLTAGE, SPEED, CURRENT], "run 2": CHANNELS}, {}),
+        TDMS,
+        {"table": "run 2"},
+    ),
+    Specimen(
+        "run.tdms.gz", "compressed", compressed(lambda p: tdms(p, {"log": CHANNELS}, {})), TDMS
+    ),
+    Specimen(
+        "run.mdf",
+        "version 3, units in the conversions",
+        lambda p: mdf(p, {"log": (TIME[2], CHANNELS[1:])}, "3.30"),
+        MDF,
+    ),
+    Specimen(
+        "run.mf4",
+        "version 4, names with a device",
+        lambda p: mdf(
+            p, {"log": (TIME[2], [(f"{n}\\XCP:1", u, v) for n, u, v in CHANNELS[1:]])}, "4.10"
+        ),
+        MDF,
+    ),
+    Specimen(
+        "groups.mf4",
+        "a group for each channel",
+        lambda p: mdf(p, {name: (TIME[2], [(name, u, v)]) for name, u, v in CHANNELS[1:]}, "4.20"),
+        MDF,
+    ),
+    Specimen(
+        "repeated.mf4",
+        "a setpoint of the same name in another group, chosen by its group",
+        lambda p: mdf(
+            p,
+            {"log": (TIME[2], CHANNELS[1:]), "command": (TIME[2], [("speed", "rpm", TIME[2])])},
+            "4.10",
+        ),
+        MDF,
+        {"speed_rad_s": {"column": "log/speed"}},
+    ),
+)
+
+SPECIMENS = (*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS)

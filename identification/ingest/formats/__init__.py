@@ -6,11 +6,18 @@ motorid belong to the extra ``formats``.
 
 from __future__ import annotations
 
+from identification.ingest.formats.mdf import MdfReader
 from identification.ingest.formats.parquet import ParquetReader
+from identification.ingest.formats.tdms import TdmsReader
 from identification.ingest.formats.workbook import WorkbookReader
 from identification.ingest.reader import Reader
 
 __all__ = ["FORMAT_READERS"]
 
-FORMAT_READERS: tuple[Reader, ...] = (WorkbookReader(), ParquetReader())
+FORMAT_READERS: tuple[Reader, ...] = (
+    WorkbookReader(),
+    ParquetReader(),
+    TdmsReader(),
+    MdfReader(),
+)
 """Readers of binary formats; each recognises its files by their first bytes."""

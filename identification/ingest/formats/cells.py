@@ -13,7 +13,7 @@ from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.file import Limits
 from identification.ingest.reader import Samples
-from identification.ingest.run import Array
+from identification.ingest.run import Array, RunWarning
 
 __all__ = ["ColumnTable", "numbers", "refuse_large"]
 
@@ -27,15 +27,17 @@ class ColumnTable:
     Args:
         columns: Columns from left to right.
         load: Function from a column to its cells, (n_sample,) of any numeric type.
+        warnings: Warnings about the file as a whole.
     """
 
     columns: Sequence[Column]
     load: Callable[[Column], ArrayLike]
+    warnings: tuple[RunWarning, ...] = ()
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Load the columns of the channels; samples are counted from 1 in messages."""
         cells = {c.name: numbers(self.load(c.column), c.column) for c in channels}
-        return Samples(cells, lambda sample: sample + 1)
+        return Samples(cells, lambda sample: sample + 1, self.warnings)
 
 
 def refuse_large(limits: Limits, rows: int, columns: int = 0) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import logging
 import struct
+import sys
+import traceback
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -73,6 +76,7 @@ def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[No
             warnings.simplefilter("ignore")
             yield
     except _FAULTS + faults as error:
+        _destroy(error)
         reason = plain(" ".join(str(error).split()) or type(error).__name__, 120)
         raise DamagedFile(
             f"this looks like {what}, and its content cannot be decoded ({reason}); copy or export "
@@ -80,3 +84,14 @@ def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[No
         ) from error
     finally:
         logging.disable(disabled)
+
+
+def _destroy(error: Exception) -> None:
+    """Destroy the half-built objects of a library; an error in a destructor is not reported."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook

@@ -1,0 +1,230 @@
+"""Channels with clocks of their own, brought together on one of them.
+
+The clock of the voltage is used, because the voltage is the input of the model and stays as logged;
+only if current or speed is logged faster by more than `_RATE_RATIO`, the clock of the fastest.
+The other channels follow by a stated method: a voltage keeps its previous value, any other channel
+is interpolated linearly.  Nothing is extrapolated and no gap is bridged, except by a temperature.
+A union of all clocks would repeat slow channels at times at which nothing was measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.errors import BackwardTime, NoRows, RaggedRow
+from identification.ingest.channels import Channel
+from identification.ingest.columns import Column, describe_column
+from identification.ingest.formats.cells import numbers
+from identification.ingest.reader import Samples
+from identification.ingest.run import Array, RunWarning
+from identification.ingest.timing import find_gaps
+
+__all__ = ["Clock", "Signal", "SignalTable", "join"]
+
+_RATE_RATIO = 1.5
+_MEASURED = ("voltage_V", "current_A", "speed_rad_s")
+_HELD = ("voltage_V",)
+
+
+class Clock:
+    """Sample times shared by some signals.
+
+    Args:
+        load: Function that returns the times, (n_sample,) [s].
+    """
+
+    def __init__(self, load: Callable[[], Array]) -> None:
+        self._load = load
+
+    @cached_property
+    def time(self) -> Array:
+        """Sample times (n_sample,) [s]."""
+        return np.asarray(self._load(), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One logged signal.
+
+    Args:
+        names: Its names; the first is its title.
+        unit: Its unit as the file gives it; empty if there is none.
+        clock: Its sample times.
+        load: Function that returns its samples, (n_sample,).
+    """
+
+    names: tuple[str, ...]
+    unit: str
+    clock: Clock
+    load: Callable[[], ArrayLike]
+
+
+@dataclass(frozen=True)
+class SignalTable:
+    """Source table of signals, whose first column is the common time.
+
+    Args:
+        signals: The signals.
+        file: Name of the file in messages.
+        warnings: Warnings about the file as a whole.
+    """
+
+    signals: Sequence[Signal]
+    file: str
+    warnings: tuple[RunWarning, ...] = ()
+    columns: Sequence[Column] = field(init=False)
+
+    def __post_init__(self) -> None:
+        columns = [describe_column(0, ["time"], ["s"])]
+        for index, signal in enumerate(self.signals, start=1):
+            # A name with its group, as in "fast/speed", serves a mapping and is not parsed.
+            column = describe_column(index, signal.names[-1:], [signal.unit])
+            texts = tuple(dict.fromkeys(signal.names))
+            columns.append(dataclasses.replace(column, texts=texts))
+        object.__setattr__(self, "columns", columns)
+
+    def read(self, channels: Sequence[Channel]) -> Samples:
+        """Bring the channels to one clock.
+
+        Raises:
+            BackwardTime: The times of a channel do not increase.
+            NoRows: The channels have no time in common.
+        """
+        used = {c.name: c for c in channels if c.column.index > 0}
+        clocks = {name: self.signals[c.column.index - 1].clock.time for name, c in used.items()}
+        cells = {
+            name: numbers(self.signals[channel.column.index - 1].load(), channel.column)
+            for name, channel in used.items()
+        }
+        _check_lengths(used, cells, clocks)
+        base = _base(clocks)
+        time = clocks[base]
+        others = {n: t for n, t in clocks.items() if not np.array_equal(t, time)}
+        kept = np.ones(time.size, dtype=bool)
+        for name, clock in others.items():
+            _check_increase(used[name], clock)
+            if not used[name].may_be_blank:
+                kept &= _covered(time, clock)
+        rows = np.flatnonzero(kept)
+        if not rows.size:
+            raise NoRows(
+                f"{', '.join(used[n].column.label for n in others)} have no time in common with "
+                f"{used[base].column.label}; expected channels of one run"
+            )
+        common = time[rows]
+        methods = {}
+        for name in used:
+            if name in others:
+                methods[name] = _method(name)
+                cells[name] = _brought(cells[name], others[name], common, used[name])
+            else:
+                cells[name] = cells[name][rows]
+        if "time_s" not in cells:
+            cells["time_s"] = common
+        notes = self._notes(used, base, clocks, methods, time.size - rows.size)
+        return Samples(cells, lambda s: int(rows[s]) + 1, (*self.warnings, *notes), methods)
+
+    def _notes(
+        self,
+        used: Mapping[str, Channel],
+        base: str,
+        clocks: Mapping[str, Array],
+        methods: Mapping[str, str],
+        omitted: int,
+    ) -> Iterable[RunWarning]:
+        """Warning that states the clock, the methods and the samples that were omitted."""
+        if not methods:
+            return
+        parts = []
+        for name, method in methods.items():
+            how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
+            parts.append(f"{used[name].column.label} ({_interval(clocks[name])}) {how}")
+        text = (
+            f"the channels have different clocks; that of {used[base].column.label} "
+            f"({_interval(clocks[base])}) is used: {', '.join(parts)}"
+        )
+        if omitted:
+            text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
+        yield RunWarning(code="different_clocks", message=text, file=self.file)
+
+
+def join(groups: Mapping[str, Sequence[Signal]]) -> list[Signal]:
+    """Signals of all groups; a name that occurs several times gets its group in front."""
+    names = [signal.names[-1] for signals in groups.values() for signal in signals]
+    repeated = {name for name in names if names.count(name) > 1} if len(names) < 10_000 else set()
+    return [
+        dataclasses.replace(signal, names=(f"{group}/{signal.names[-1]}", *signal.names))
+        if signal.names[-1] in repeated
+        else signal
+        for group, signals in groups.items()
+        for signal in signals
+    ]
+
+
+def _base(clocks: Mapping[str, Array]) -> str:
+    """Channel whose clock is used."""
+    intervals = {n: float(np.median(np.diff(clocks[n]))) for n in _MEASURED if clocks[n].size > 1}
+    if not intervals:
+        return _MEASURED[0]
+    fastest = min(intervals, key=lambda name: intervals[name])
+    voltage = intervals.get("voltage_V", np.inf)
+    return "voltage_V" if voltage <= _RATE_RATIO * intervals[fastest] else fastest
+
+
+def _check_lengths(
+    used: Mapping[str, Channel], cells: Mapping[str, Array], clocks: Mapping[str, Array]
+) -> None:
+    for name, channel in used.items():
+        if cells[name].shape != clocks[name].shape:
+            raise RaggedRow(
+                f"{cells[name].size} samples and {clocks[name].size} times; expected one time for "
+                "each sample",
+                column=channel.column.label,
+            )
+        if not cells[name].size:
+            raise NoRows("the channel has no samples", column=channel.column.label)
+
+
+def _check_increase(channel: Channel, clock: Array) -> None:
+    wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise BackwardTime(
+            f"the time of the channel goes from {clock[row - 1]:.9g} s to {clock[row]:.9g} s; "
+            "expected increasing times",
+            row=row + 1,
+            column=channel.column.label,
+            value=float(clock[row]),
+        )
+
+
+def _covered(time: Array, clock: Array) -> NDArray[np.bool_]:
+    """Mark the times inside the range of a clock and outside its gaps."""
+    inside: NDArray[np.bool_] = (time >= clock[0]) & (time <= clock[-1])
+    for gap in find_gaps(clock):
+        inside &= (time <= clock[gap]) | (time >= clock[gap + 1])
+    return inside
+
+
+def _method(name: str) -> str:
+    return "hold" if name in _HELD else "linear"
+
+
+def _brought(cells: Array, clock: Array, time: Array, channel: Channel) -> Array:
+    """Samples of a channel at the times of another clock."""
+    if _method(channel.name) == "hold":
+        return cells[np.searchsorted(clock, time, side="right") - 1]
+    blank = np.isnan(cells)
+    if channel.may_be_blank and np.any(blank) and not np.all(blank):
+        clock, cells = clock[~blank], cells[~blank]
+    return np.asarray(np.interp(time, clock, cells), dtype=np.float64)
+
+
+def _interval(clock: Array) -> str:
+    return f"{float(np.median(np.diff(clock))):.4g} s" if clock.size > 1 else "one sample"

@@ -1,0 +1,138 @@
+"""Reader of MDF files of versions 3 and 4 (CANape, INCA, MATLAB), with asammdf.
+
+Each channel group has its own clock, and all of them count from the start of the measurement.
+Channels are read one by one at their own times; samples marked as invalid are left out.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from identification.ingest.file import RunFile
+from identification.ingest.formats.cells import refuse_large
+from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.formats.library import decoding, imported
+from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.run import Array
+
+if TYPE_CHECKING:
+    from asammdf import MDF
+
+__all__ = ["MdfReader"]
+
+_WHAT: Final = "an MDF measurement file"
+# Channels of the time; those of angle, distance and index are no clocks.
+_TIME_MASTERS = (0, 1)
+_TEMPORARY = "NamedTemporaryFile"
+
+
+class MdfReader:
+    """Reader of all channel groups of an MDF file."""
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True for the signature of a finished or unfinished MDF file."""
+        return head.startswith((b"MDF     ", b"UnFinMF "))
+
+    def open(self, file: RunFile) -> TableSet:
+        """Read the metadata of all groups with a clock."""
+        library = imported("asammdf", _WHAT)
+        faults = imported("asammdf.blocks.utils", _WHAT)
+        groups: dict[str, list[Signal]] = {}
+        with decoding(_WHAT, (faults.MdfException,)), _temporary_data_in_memory():
+            opened = library.MDF(file.seekable())
+            for index, group in enumerate(opened.groups):
+                if not _is_time(opened, index):
+                    continue
+                refuse_large(file.limits, group.channel_group.cycles_nr, len(group.channels))
+                name = _name(opened, index)
+                groups[name if name not in groups else f"{name} {index + 1}"] = [
+                    _signal(_Channel(opened, index, k, channel.name))
+                    for k, channel in enumerate(group.channels)
+                    if k != opened.masters_db[index]
+                ]
+        tables: dict[str, SourceTable] = {
+            name: SignalTable(signals, file.name) for name, signals in groups.items()
+        }
+        joined = SignalTable(join(groups), file.name) if len(groups) > 1 else None
+        return TableSet("channel group", tables, joined)
+
+
+@contextmanager
+def _temporary_data_in_memory() -> Iterator[None]:
+    """Keep the temporary data of asammdf in memory; a process that reads uploads writes no file.
+
+    asammdf opens a temporary file for every MDF file and writes the records of unsorted ones to it.
+    """
+    modules = [imported(f"asammdf.blocks.{name}", _WHAT) for name in ("mdf_v3", "mdf_v4")]
+    files = [vars(module)[_TEMPORARY] for module in modules]
+    try:
+        for module in modules:
+            vars(module)[_TEMPORARY] = lambda dir: io.BytesIO()
+        yield
+    finally:
+        for module, file in zip(modules, files, strict=True):
+            vars(module)[_TEMPORARY] = file
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """One channel of an open file, with the indices of its group and of itself."""
+
+    opened: MDF
+    group: int
+    index: int
+    name: str
+
+    @cached_property
+    def unit(self) -> str:
+        """Unit of the physical values, which MDF 3 keeps with the conversion."""
+        return str(self.opened.get_channel_unit(group=self.group, index=self.index) or "")
+
+    @cached_property
+    def samples(self) -> tuple[Array, ArrayLike]:
+        """Times [s] and physical values of the valid samples."""
+        with decoding(_WHAT):
+            read = self.opened.get(group=self.group, index=self.index)
+            times = np.asarray(read.timestamps, dtype=np.float64)
+            if read.invalidation_bits is None:
+                return times, read.samples
+            valid = ~np.asarray(read.invalidation_bits, dtype=bool)
+            return times[valid], read.samples[valid]
+
+
+def _signal(channel: _Channel) -> Signal:
+    # Loggers append the device: "n_mot\\XCP:1".
+    short = channel.name.partition("\\")[0]
+    return Signal(
+        (channel.name, short),
+        channel.unit,
+        Clock(lambda: channel.samples[0]),
+        lambda: channel.samples[1],
+    )
+
+
+def _is_time(opened: MDF, index: int) -> bool:
+    """Return True unless the clock of a group is an angle, a distance or an index."""
+    from asammdf.blocks.v4_blocks import Channel
+
+    if index not in opened.masters_db:
+        return False
+    master = opened.groups[index].channels[opened.masters_db[index]]
+    return not isinstance(master, Channel) or master.sync_type in _TIME_MASTERS
+
+
+def _name(opened: MDF, index: int) -> str:
+    """Name of the acquisition, which MDF 3 does not have, or the comment."""
+    from asammdf.blocks.v4_blocks import ChannelGroup
+
+    group = opened.groups[index].channel_group
+    name = group.acq_name if isinstance(group, ChannelGroup) else ""
+    return " ".join(str(name or group.comment or "").split())[:60] or f"group {index + 1}"

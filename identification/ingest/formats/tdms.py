@@ -1,0 +1,178 @@
+"""Reader of TDMS files of LabVIEW and DIAdem, with npTDMS.
+
+A channel is a waveform with an increment, or the group has a channel of the time.  Units come from
+the property ``unit_string``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from identification.errors import UnsupportedContent
+from identification.ingest.columns import Column, describe_column
+from identification.ingest.display import plain, quoted
+from identification.ingest.file import RunFile
+from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
+from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.formats.library import decoding, imported
+from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.run import Array, RunWarning
+
+if TYPE_CHECKING:
+    from nptdms import TdmsChannel
+
+__all__ = ["TdmsReader"]
+
+_WHAT: Final = "a TDMS file"
+_UNITS = ("unit_string", "NI_UnitDescription", "unit")
+_STEP = "wf_increment"
+# npTDMS returns raw values for any other scaling.
+_SCALINGS = frozenset(
+    "Polynomial Linear RTD Strain Table Thermistor Thermocouple Add Subtract AdvancedAPI".split()
+)
+
+
+class TdmsReader:
+    """Reader of all groups of a TDMS file."""
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True for the signature of a segment; an index file has another one."""
+        return head.startswith(b"TDSm")
+
+    def open(self, file: RunFile) -> TableSet:
+        """Read the metadata of all groups.
+
+        Raises:
+            UnsupportedContent: A channel has a scaling that npTDMS does not apply.
+        """
+        library = imported("nptdms", _WHAT)
+        tables: dict[str, SourceTable] = {}
+        signals: dict[str, list[Signal]] = {}
+        with decoding(_WHAT):
+            opened = library.TdmsFile.open(file.seekable())
+            warnings = _warnings(file, opened.file_status.incomplete_final_segment)
+            every = {g.name: [c for c in g.channels() if _has_numbers(c)] for g in opened.groups()}
+            origin = _origin(channel for channels in every.values() for channel in channels)
+            for name, channels in every.items():
+                if not channels:
+                    continue
+                refuse_large(file.limits, max(map(len, channels)), len(channels))
+                for channel in channels:
+                    for holder in (channel, opened[name], opened):
+                        _refuse_scaling(channel.name, holder.properties)
+                group = _Group(channels, origin)
+                signals[name] = group.signals()
+                tables[name] = (
+                    ColumnTable(group.columns, group.load, warnings)
+                    if group.time is not None or not signals[name]
+                    else SignalTable(signals[name], file.name, warnings)
+                )
+        clocked = {name: found for name, found in signals.items() if found}
+        joined = SignalTable(join(clocked), file.name, warnings) if len(clocked) > 1 else None
+        notes = "".join(f"; {warning.message}" for warning in warnings)
+        return TableSet("group", tables, joined, notes)
+
+
+def _has_numbers(channel: TdmsChannel) -> bool:
+    return len(channel) > 0 and channel.dtype.kind in "biufM"
+
+
+def _warnings(file: RunFile, is_incomplete: bool) -> tuple[RunWarning, ...]:
+    if not is_incomplete:
+        return ()
+    text = "the end is missing, probably by a loss of power; the samples before it are read"
+    return (RunWarning(code="incomplete_file", message=text, file=file.name),)
+
+
+def _refuse_scaling(channel: str, properties: Mapping[str, object]) -> None:
+    """Reject a scaling that would be left out silently."""
+    for name, value in properties.items():
+        if name.endswith("_Scale_Type") and value not in _SCALINGS:
+            raise UnsupportedContent(
+                f"the scaling {quoted(str(value))} is not supported, and the raw values are no "
+                "measurement; let LabVIEW or DIAdem save scaled values",
+                column=plain(channel),
+                value=value,
+            )
+
+
+def _origin(channels: Iterable[TdmsChannel]) -> np.datetime64 | None:
+    """Earliest start of all waveforms, or None if one of them has no date."""
+    starts = [c.properties.get("wf_start_time") for c in channels if _is_waveform(c)]
+    return min(starts) if starts and all(start is not None for start in starts) else None
+
+
+def _is_waveform(channel: TdmsChannel) -> bool:
+    return float(channel.properties.get(_STEP, 0.0)) > 0.0
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Channels with numbers of one group.
+
+    Args:
+        channels: The channels.
+        origin: Date of the time 0 of waveforms, or None.
+    """
+
+    channels: Sequence[TdmsChannel]
+    origin: np.datetime64 | None
+
+    @cached_property
+    def columns(self) -> list[Column]:
+        """Columns of the channels."""
+        return [
+            describe_column(k, [c.name], ["s"] if c.dtype.kind == "M" else _units(c))
+            for k, c in enumerate(self.channels)
+        ]
+
+    @cached_property
+    def time(self) -> Column | None:
+        """Channel of the time, if there is one with a unit."""
+        times = [c for c in self.columns if c.unit is not None and c.quantities == {"time"}]
+        return times[0] if len(times) == 1 else None
+
+    def load(self, column: Column) -> ArrayLike:
+        """Scaled samples of a channel."""
+        with decoding(_WHAT):
+            return np.asarray(self.channels[column.index][:])
+
+    def signals(self) -> list[Signal]:
+        """Signals of the group, none if their clock is not known."""
+        if self.time is None and not all(map(_is_waveform, self.channels)):
+            return []
+        common = None if self.time is None else Clock(partial(self._logged_time, self.time))
+        return [
+            Signal(
+                (self.channels[column.index].name,),
+                next(iter(column.unit_texts), ""),
+                common or Clock(partial(self._implied_time, self.channels[column.index])),
+                partial(self.load, column),
+            )
+            for column in self.columns
+            if column is not self.time
+        ]
+
+    def _logged_time(self, column: Column) -> Array:
+        unit = column.unit
+        factor = 1.0 if unit is None else unit.factor
+        return numbers(self.load(column), column) * factor
+
+    def _implied_time(self, channel: TdmsChannel) -> Array:
+        properties = channel.properties
+        begin = float(properties.get("wf_start_offset", 0.0))
+        if self.origin is not None:
+            since = np.timedelta64(properties["wf_start_time"] - self.origin, "ns")
+            begin += int(since.astype(np.int64)) / 1e9
+        steps = np.arange(len(channel), dtype=np.float64)
+        return np.asarray(begin + steps * float(properties[_STEP]), dtype=np.float64)
+
+
+def _units(channel: TdmsChannel) -> list[str]:
+    return [str(channel.properties[key]) for key in _UNITS if key in channel.properties][:1]
