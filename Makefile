@@ -110,6 +110,11 @@ docstrings: $(READY) ## check with interrogate that each test has a docstring
 docs: $(READY) ## check links, commands, decision records and generated pages against the code
 	$(BIN)/python -m pytest --quiet tests/repository $(ARGS)
 
+.PHONY: docs-site
+docs-site: $(READY) ## build the documentation as a site in out/site; `motorid serve` shows it at /help
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir $(OUT)/site
+	@echo '$(OUT)/site/index.html'
+
 .PHONY: format
 format: $(READY) ## format the code and sort the imports with ruff
 	$(BIN)/ruff check --select I --fix
