@@ -21,6 +21,7 @@ from app.health.service import HealthService
 from app.housekeeping import Housekeeper
 from app.metrics import Metrics
 from app.retention.service import Retention
+from app.runs.choice import RunChoice
 from app.runs.pending import PendingRuns
 from app.runs.reading import ReadingQueue, RunReader
 from app.runs.service import RunService
@@ -47,6 +48,7 @@ class Services:
     access: AccessService
     runs: RunService
     pending: PendingRuns
+    choice: RunChoice
     fits: FitService
     batches: BatchService
     health: HealthService
@@ -83,6 +85,7 @@ class Services:
             access=access,
             runs=RunService(database, storage, reader, metrics, quotas),
             pending=PendingRuns(database, storage, reader, quotas),
+            choice=RunChoice(database, storage, reader),
             fits=FitService(database, storage, supervisor, quotas),
             batches=BatchService(database, storage, supervisor, quotas),
             health=HealthService(database, storage, supervisor, metrics),

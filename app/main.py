@@ -26,6 +26,7 @@ from app.http.gate import Gate
 from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, WellFormed
 from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
+from app.pages.choice import router as choice
 from app.pages.endpoints import router as pages
 from app.pages.errors import ErrorPages
 from app.pages.pending import router as pending
@@ -78,7 +79,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for router in (fits, batches, health):
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
-    application.include_router(pages, max_body_size=settings.max_body_bytes)
+    for router in (pages, choice):
+        application.include_router(router, max_body_size=settings.max_body_bytes)
     application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))

@@ -67,7 +67,8 @@ class SessionRow(Tables):
 class RunRow(Tables):
     """Accepted run; its bytes are in the data directory under its id.
 
-    `sent_at` is the time of a repeated upload of the same bytes, or None.
+    `sent_at` is the time of a repeated upload of the same bytes, or None.  `role` is the role that
+    the user chose on the page: "training", "validation", "" (unused), or None (not chosen yet).
     """
 
     __tablename__ = "runs"
@@ -91,6 +92,7 @@ class RunRow(Tables):
     warnings: Mapped[list[Any]]
     created_at: Mapped[float]
     sent_at: Mapped[float | None]
+    role: Mapped[str | None] = mapped_column(String(10))
 
 
 class PendingRow(Tables):

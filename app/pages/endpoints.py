@@ -13,35 +13,30 @@ from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
+from app.pages.choice import MotorFilter, choice_of
 from app.pages.pending_views import pending_list_view
 from app.pages.rendering import page
-from app.pages.views import batch_view, fit_view, outcome_view, run_view
-from app.runs.schemas import RunOut
+from app.pages.views import batch_view, fit_view, outcome_view
 
 __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
 
-_MOST_ROWS = 200
 _MOST_BATCHES = 50
 
 
 @router.get("/")
-def home(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) -> HTMLResponse:
     """Start page with runs, fits and batches."""
-    runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=None)
     fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
-    files = {run.id: run.file for run in runs}
     return page(
         "home",
         caller=caller,
         pending=pending_list_view(services.pending.all(caller)),
         benches=services.pending.benches(caller),
-        runs=[run_view(RunOut.of(run)) for run in runs],
-        more_runs=more is not None,
-        motors=sorted({run.motor for run in runs if run.motor}),
-        fits=[fit_view(FitSummary.of(fit), files) for fit in fits],
+        choice=choice_of(services, caller, motor),
+        fits=[fit_view(FitSummary.of(fit), {}) for fit in fits],
         batches=[batch_view(BatchSummary.of(batch)) for batch in batches],
     )
 

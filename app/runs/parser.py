@@ -32,8 +32,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
     Args:
         task: `path`, `name`, `mapping`, `max_rows`, `limits`, and `kind`: "run" to summarise the
-            file, "preview" to examine it as `motorid check` does, "pending" to show it to a user
-            who corrects the mapping.
+            file; "preview" to examine it, and the files in `further`, as `motorid check` does;
+            "pending" to show it to a user who corrects the mapping.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
@@ -55,10 +55,19 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
 
 def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
-    """Send the preview of a file, first without the precision, whose computation may fail."""
+    """Send the preview of files, first without the precision, whose computation may fail."""
     from identification.preview import examine
 
-    found = examine([task["path"]], task["mapping"], names=[task["name"]], limits=limits)
+    files = [(task["path"], task["name"], task["mapping"]), *task.get("further", [])]
+    mapping = task["mapping"]
+    names = [name for _, name, _ in files]
+    if len(files) > 1:
+        # Runs may share a file name, and each has a mapping of its own.
+        names = [n if names.count(n) == 1 else f"{n} ({at})" for at, n in enumerate(names, 1)]
+        mapping = {
+            "files": {name: own or {} for name, (_, _, own) in zip(names, files, strict=True)}
+        }
+    found = examine([path for path, _, _ in files], mapping, names=names, limits=limits)
     answers.send({"preview": found.content()})
     answers.send({"preview": found.with_prospects().content()})
 

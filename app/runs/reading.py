@@ -17,7 +17,7 @@ import dataclasses
 import math
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple
 
@@ -93,6 +93,22 @@ class RunReader:
             Unavailable: The file cannot be examined now.
         """
         return self._ask("pending", path, name, mapping, is_of_bench=is_of_bench)
+
+    def prospects(
+        self, files: Sequence[tuple[Path, str, Mapping[str, Any] | None]]
+    ) -> dict[str, Any]:
+        """Preview of several runs of one motor, with the precision that a fit of them can reach.
+
+        Args:
+            files: Path, name and mapping of each run.
+
+        Raises:
+            RunRefused: Examining the files exceeds the limits.
+            Unavailable: The files cannot be examined now.
+        """
+        path, name, mapping = files[0]
+        further = [(str(path), name, mapping) for path, name, mapping in files[1:]]
+        return self._ask("preview", path, name, mapping, further=further)
 
     def _ask(
         self, kind: str, path: Path, name: str, mapping: Mapping[str, Any] | None, **more: object

@@ -72,7 +72,8 @@ def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) ->
 
     assert_is_quiet(shown, bench.server)
     assert {a.partition("?")[0].removeprefix(bench.server.url) for a in shown.requests} >= {
-        "/", "/static/motorid.css", "/static/home.js", "/static/calls.js", "/static/words.js",
+        "/", "/static/motorid.css", "/static/home.js", "/static/calls.js",
+        "/static/vendor/htmx/htmx.min.js",
     }  # fmt: skip
     assert len(re.findall(r'<tr data-run="', shown.dom)) == 2
     assert len(re.findall(r'<tr data-fit="', shown.dom)) == SEVERAL + 1

@@ -1,4 +1,4 @@
-// All pages: times in the reader's time zone, also in parts that htmx exchanges.
+// All pages: times in the reader's time zone, and problems that end with the next success.
 
 function showLocalTimes(root) {
   for (const time of root.querySelectorAll("time[datetime]")) {
@@ -11,3 +11,7 @@ function showLocalTimes(root) {
 
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
+document.addEventListener("htmx:afterRequest", (event) => {
+  const { successful, requestConfig } = event.detail;
+  if (successful && requestConfig.verb !== "get") document.getElementById("problem").replaceChildren();
+});

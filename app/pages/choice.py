@@ -1,0 +1,207 @@
+"""Parts of the start page that choose the runs of a fit, and the request for the fit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from anyio import to_thread
+from fastapi import APIRouter, Form, Query, Request, Response
+from fastapi.responses import HTMLResponse
+from pydantic import ValidationError
+
+from app.access.service import Caller
+from app.composition import Services
+from app.errors import FieldRefused
+from app.fits.schemas import FitCreate
+from app.http.dependencies import CallerDep, ServicesDep
+from app.pages.choice_views import choice_view, prospects_view
+from app.pages.rendering import page
+from app.runs.roles import ROLES
+
+__all__ = ["MotorFilter", "choice_of", "options_from", "router"]
+
+router = APIRouter(include_in_schema=False)
+
+_MOST_ROWS = 200
+_ROLE = "role."
+
+MotorFilter = Annotated[str | None, Query(max_length=200)]
+
+
+def choice_of(services: Services, caller: Caller, motor: str | None) -> dict[str, Any]:
+    """View of the runs of a motor with their roles.
+
+    Args:
+        services: Components of the service.
+        caller: Caller of the request.
+        motor: Name of the motor; ``*`` for all; None for the motor of the newest run.
+    """
+    if motor is None:
+        newest, _ = services.runs.page(caller, after=None, limit=1, motor=None)
+        motor = (newest[0].motor if newest else None) or "*"
+    wanted = None if motor == "*" else motor
+    runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=wanted)
+    roles, is_proposal = services.choice.roles(runs)
+    return choice_view(
+        runs,
+        roles,
+        is_proposal=is_proposal,
+        has_more=more is not None,
+        motor=motor,
+        motors=services.choice.motors(caller),
+    )
+
+
+@router.get("/choice")
+def show(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) -> HTMLResponse:
+    """Runs of one motor."""
+    return page("choice", choice=choice_of(services, caller, motor))
+
+
+@router.post("/choice")
+async def choose(
+    request: Request, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+) -> HTMLResponse:
+    """Store the roles in the form, or those of a gesture: all, none, pattern, proposal."""
+    form = await _texts(request)
+    return await to_thread.run_sync(_chosen, services, caller, motor, form)
+
+
+def _chosen(
+    services: Services, caller: Caller, motor: str | None, form: Mapping[str, str]
+) -> HTMLResponse:
+    roles = _roles(form)
+    runs = [services.runs.get(caller, run_id) for run_id in roles]
+    gesture = form.get("gesture", "")
+    if gesture == "all":
+        roles = dict.fromkeys(roles, "training")
+    elif gesture == "none":
+        roles = dict.fromkeys(roles, "")
+    elif gesture == "pattern":
+        roles = services.choice.by_pattern(runs, form.get("pattern", ""))
+    elif gesture == "proposal":
+        for run in runs:
+            run.role = None
+        roles, _ = services.choice.roles(runs)
+    services.choice.set_roles(caller, roles)
+    return page("choice", choice=choice_of(services, caller, motor))
+
+
+@router.post("/prospects")
+async def prospects(request: Request, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Show what a fit of the training runs in the form can identify."""
+    form = await _texts(request)
+    training = _of_role(form, "training")
+    found = None
+    if training:
+        services.reading.check()
+        found = await services.reading.run(services.choice.prospects, caller, training)
+    return page("prospects", prospects=prospects_view(found, len(training)))
+
+
+@router.post("/runs/{run_id}/motor")
+def rename(
+    run_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    name: Annotated[str, Form(max_length=1_000)] = "",
+    motor: MotorFilter = None,
+) -> HTMLResponse:
+    """Set the motor of a run."""
+    services.choice.rename(caller, run_id, name)
+    return page("choice", choice=choice_of(services, caller, motor))
+
+
+@router.delete("/runs/{run_id}")
+def delete(
+    run_id: str, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+) -> HTMLResponse:
+    """Delete a run."""
+    services.runs.delete(caller, run_id)
+    return page("choice", choice=choice_of(services, caller, motor))
+
+
+@router.post("/fits")
+async def start(request: Request, services: ServicesDep, caller: CallerDep) -> Response:
+    """Request the fit of the form and open its page."""
+    form = await _texts(request)
+    fit = await to_thread.run_sync(_started, services, caller, form)
+    return Response(status_code=204, headers={"HX-Redirect": f"/fits/{fit}"})
+
+
+def _started(services: Services, caller: Caller, form: Mapping[str, str]) -> str:
+    training = _of_role(form, "training")
+    if not training:
+        raise FieldRefused("no training run is chosen; choose at least one", "training")
+    content = {
+        "training": training,
+        "validation": _of_role(form, "validation"),
+        "motor": services.runs.get(caller, training[0]).motor,
+        "options": options_from(form),
+    }
+    try:
+        body = FitCreate.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        field = ".".join(str(part) for part in first["loc"]).removeprefix("options.")
+        raise FieldRefused(f"{field}: {first['msg']}", field) from error
+    return services.fits.create(caller, body.request(), None).row.id
+
+
+def options_from(form: Mapping[str, str]) -> dict[str, Any]:
+    """Options of a fit in the fields of the form.
+
+    Raises:
+        FieldRefused: A temperature or the seed is not a number.
+    """
+    contradicting = form.get("contradicting", "")
+    return {
+        "posterior": "posterior" in form,
+        "effects": "effects" in form,
+        "hold": form.get("hold", "auto"),
+        "effort": form.get("effort", "normal"),
+        "set_aside": contradicting == "set_aside",
+        "force": contradicting == "force",
+        "temperatures": [
+            _number("temperatures", word)
+            for word in re.split(r"[\s;,]+", form.get("temperatures", ""))
+            if word
+        ],
+        "controllers": _words(form.get("controllers", "")),
+        # Blanks around the signs are allowed, as in "Kt25 = 0.048 ± 5 %".
+        "known": _words(
+            re.sub(r"\s+%", "%", re.sub(r"\s*(=|\+-|±)\s*", r"\1", form.get("known", "")))
+        ),
+        "nameplate": form.get("nameplate", "").strip(),
+        "seed": int(_number("seed", form.get("seed", "0") or "0")),
+    }
+
+
+def _words(text: str) -> list[str]:
+    """Parts of a text, separated by blanks, semicolons, or commas followed by a blank."""
+    return [word for word in re.split(r"[\s;]+|,\s+", text.strip()) if word]
+
+
+def _number(field: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise FieldRefused(f"{field}: {text[:40]!r} is not a number", field) from error
+
+
+async def _texts(request: Request) -> dict[str, str]:
+    async with request.form(max_files=0, max_fields=1_000) as form:
+        return {name: value for name, value in form.items() if isinstance(value, str)}
+
+
+def _roles(form: Mapping[str, str]) -> dict[str, str]:
+    """Role of each run in the form, newest first."""
+    return {name.removeprefix(_ROLE): v for name, v in form.items() if name.startswith(_ROLE)}
+
+
+def _of_role(form: Mapping[str, str], role: str) -> list[str]:
+    """Runs of a role in the order of upload; the table starts with the newest run."""
+    assert role in ROLES
+    return [run_id for run_id, chosen in reversed(_roles(form).items()) if chosen == role]

@@ -1,0 +1,114 @@
+"""Choice of the runs of a fit: roles, motor names, and what the chosen runs can identify."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sqlalchemy import select
+
+from app import queries
+from app.access.service import Caller
+from app.database import Database
+from app.errors import FieldRefused
+from app.runs.reading import RunReader
+from app.runs.roles import ROLES, proposed_roles
+from app.storage import Storage
+from app.tables import RunRow
+from app.texts import check_text, checked_label
+
+__all__ = ["RunChoice"]
+
+_MOST_KEPT = 100
+
+
+class RunChoice:
+    """Operations on the chosen runs; each is restricted to the workspace of its caller."""
+
+    def __init__(self, database: Database, storage: Storage, reader: RunReader) -> None:
+        self._database = database
+        self._storage = storage
+        self._reader = reader
+        self._previews: dict[tuple[str, ...], dict[str, Any]] = {}
+
+    def roles(self, runs: Sequence[RunRow]) -> tuple[dict[str, str], bool]:
+        """Role of each run by ID, empty if unused, and whether this is only a proposal.
+
+        Args:
+            runs: Runs of one motor, newest first.
+        """
+        if all(run.role is None for run in runs):
+            return proposed_roles(list(reversed(runs))), True
+        return {run.id: run.role or "" for run in runs}, False
+
+    def set_roles(self, caller: Caller, roles: Mapping[str, str]) -> None:
+        """Store the role of each run, by ID; an empty role leaves the run out.
+
+        Raises:
+            FieldRefused: A role is unknown.
+            NotFound: The workspace has no such run.
+        """
+        for run_id, role in roles.items():
+            if role not in ("", *ROLES):
+                raise FieldRefused(f"role is {role!r}; expected {' or '.join(ROLES)}", run_id)
+        with self._database.writing() as session:
+            for run_id, role in roles.items():
+                queries.known(session, RunRow, caller.workspace, run_id, lock=True).role = role
+
+    def by_pattern(self, runs: Sequence[RunRow], pattern: str) -> dict[str, str]:
+        """Roles in which the files that match a pattern validate and all others train.
+
+        Args:
+            runs: The runs.
+            pattern: Part of the file name, or a pattern with ``*`` and ``?``.
+
+        Raises:
+            FieldRefused: The pattern is empty or not printable.
+        """
+        check_text("pattern", pattern, 200)
+        if not pattern.strip():
+            raise FieldRefused("pattern: expected a part of a file name, such as val", "pattern")
+        wanted = pattern.strip().casefold()
+        wanted = wanted if set(wanted) & set("*?") else f"*{wanted}*"
+        return {run.id: ROLES[fnmatch.fnmatchcase(run.file.casefold(), wanted)] for run in runs}
+
+    def rename(self, caller: Caller, run_id: str, motor: str | None) -> None:
+        """Set the motor of a run.
+
+        Raises:
+            FieldRefused: The name is not accepted.
+            NotFound: The workspace has no such run.
+        """
+        motor = checked_label("motor", motor)
+        with self._database.writing() as session:
+            queries.known(session, RunRow, caller.workspace, run_id, lock=True).motor = motor
+
+    def motors(self, caller: Caller) -> list[str]:
+        """Names of all motors that have runs."""
+        query = select(RunRow.motor).where(RunRow.workspace == caller.workspace).distinct()
+        with self._database.reading() as session:
+            return sorted(motor for motor in session.scalars(query) if motor)
+
+    def prospects(self, caller: Caller, run_ids: Sequence[str]) -> dict[str, Any]:
+        """Preview of several runs: contradictions, excitation, and the precision to expect.
+
+        Args:
+            caller: Caller of the request.
+            run_ids: Training runs in the order of recording.
+
+        Raises:
+            NotFound: The workspace has no such run.
+            RunRefused: Examining the runs exceeds the limits.
+        """
+        with self._database.reading() as session:
+            rows = [queries.known(session, RunRow, caller.workspace, each) for each in run_ids]
+        key = tuple(run_ids)
+        if key not in self._previews:
+            files = [(self._storage.run(row.id), row.file, row.mapping) for row in rows]
+            found = self._reader.prospects(files)
+            while len(self._previews) >= _MOST_KEPT:
+                self._previews.pop(next(iter(self._previews)))
+            # The content of a run never changes, so a preview stays valid.
+            self._previews[key] = found
+        return self._previews[key]
