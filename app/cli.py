@@ -146,7 +146,7 @@ def check(
 
 @app.command(cls=SeveralWords)
 def predict(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")],
+    result: options.ResultFile,
     run: Annotated[Path, typer.Argument(metavar="RUN", help="File of the run to simulate.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="CSV file to write.")],
     declared: Annotated[
@@ -185,6 +185,23 @@ def feedback(
         out,
         show=motor.Show(as_json=json, quiet=quiet),
     )
+
+
+@app.command(cls=SeveralWords)
+def export(
+    result: options.ResultFile,
+    to: options.ExportFormat,
+    out: options.OutFile,
+    temperature: options.ExportTemperatures = None,
+) -> None:
+    """Write the identified motor in the format of another program.
+
+    The file holds the final model with its effects as far as the format can hold them; standard
+    error and the top of the file say what it does not hold.
+    """
+    from app.commands.export import export
+
+    export(result, to, out, temperature or [])
 
 
 @app.command(cls=SeveralWords)
@@ -241,14 +258,9 @@ def batch(
 
 @app.command()
 def demo(
-    campaign: Annotated[str, typer.Argument(help="Name of a directory in data/.")] = "paper_motor",
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Output directory.  [default: out/NAME]")
-    ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]"),
-    ] = None,
+    campaign: options.CampaignName = "paper_motor",
+    out: options.CampaignOut = None,
+    data: options.CampaignDir = None,
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,
     effort: options.Effort = "normal",
@@ -286,12 +298,7 @@ def serve(
 
 @app.command()
 def backup(
-    archive: Annotated[
-        Path,
-        typer.Argument(
-            metavar="BACKUP", help="New directory, or new file with a name that ends with .tar."
-        ),
-    ],
+    archive: options.NewBackup,
     data_dir: options.DataDir = None,
 ) -> None:
     """Back up the service's database, runs and results, even while the service runs."""

@@ -12,9 +12,14 @@ from app.commands.arguments import decimal, whole
 __all__ = [
     "ApiKey",
     "AsJson",
+    "CampaignDir",
+    "CampaignName",
+    "CampaignOut",
     "Controllers",
     "DataDir",
     "Effort",
+    "ExportFormat",
+    "ExportTemperatures",
     "Force",
     "Hold",
     "Host",
@@ -22,15 +27,18 @@ __all__ = [
     "Known",
     "MapWords",
     "MappingFile",
+    "NewBackup",
     "NoAuth",
     "NoEffects",
     "NoPosterior",
     "OutDir",
+    "OutFile",
     "Parameters",
     "Plate",
     "Port",
     "Quiet",
     "Result",
+    "ResultFile",
     "Runs",
     "Seed",
     "Server",
@@ -42,6 +50,21 @@ __all__ = [
 
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Files of the training runs.")]
 OutDir = Annotated[Path, typer.Option(metavar="DIR", help="Output directory.")]
+OutFile = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
+ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")]
+ExportFormat = Annotated[
+    str,
+    typer.Option(metavar="FORMAT", help="Format of the file: c."),
+]
+ExportTemperatures = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--temperature",
+        parser=decimal,
+        metavar="DEGC...",
+        help="Temperatures of linear models.  [default: those of the result]",
+    ),
+]
 Validation = Annotated[
     list[Path] | None,
     typer.Option(metavar="RUN...", help="Files of the validation runs, which are not fitted."),
@@ -187,5 +210,18 @@ Result = Annotated[
     typer.Option(
         metavar="RESULT",
         help="result.json of a fit; posterior.nc in the same directory is used if present.",
+    ),
+]
+CampaignName = Annotated[str, typer.Argument(help="Name of a directory in data/.")]
+CampaignOut = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Output directory.  [default: out/NAME]")
+]
+CampaignDir = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]")
+]
+NewBackup = Annotated[
+    Path,
+    typer.Argument(
+        metavar="BACKUP", help="New directory, or new file with a name that ends with .tar."
     ),
 ]

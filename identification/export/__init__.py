@@ -1,0 +1,16 @@
+"""Export of an identified motor to other programs.
+
+    model.py      model with the inputs of another program, from a result
+    accuracy.py   stiffness of the model, and the error of a fixed number of substeps
+    language.py   printer of CasADi expressions in C, Python, MATLAB and Modelica
+    c_code.py     C file
+    formats.py    the formats by name, and `export`
+
+All formats are printed from the expressions that `predict` simulates.
+"""
+
+from __future__ import annotations
+
+from identification.export.formats import FORMATS, Export, export
+
+__all__ = ["FORMATS", "Export", "export"]

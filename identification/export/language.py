@@ -1,0 +1,262 @@
+"""Printer of CasADi expressions as assignments in the language of another program.
+
+One walk over the instructions of an SX function serves all languages; a `Language` has the
+spelling of each operation.  A value that is used more than once becomes a local variable, all
+others are written where they are used.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import casadi as ca
+
+from identification.errors import ComputationError
+
+__all__ = ["C", "MATLAB", "MODELICA", "PYTHON", "Language", "Printed", "printed"]
+
+_LONGEST: Final = 400
+"""Length of an expression from which it becomes a local variable [characters]."""
+
+_COMMON: Final[Mapping[int, str]] = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "({0} + {1})",
+    ca.OP_SUB: "({0} - {1})",
+    ca.OP_MUL: "({0} * {1})",
+    ca.OP_DIV: "({0} / {1})",
+    ca.OP_NEG: "(-{0})",
+    ca.OP_SQ: "({0} * {0})",
+    ca.OP_TWICE: "(2.0 * {0})",
+    ca.OP_INV: "(1.0 / {0})",
+    ca.OP_EXP: "exp({0})",
+    ca.OP_LOG: "log({0})",
+    ca.OP_SIN: "sin({0})",
+    ca.OP_COS: "cos({0})",
+    ca.OP_TANH: "tanh({0})",
+    ca.OP_SQRT: "sqrt({0})",
+    ca.OP_FLOOR: "floor({0})",
+    ca.OP_CEIL: "ceil({0})",
+    ca.OP_FABS: "fabs({0})",
+    ca.OP_POW: "pow({0}, {1})",
+    ca.OP_CONSTPOW: "pow({0}, {1})",
+    ca.OP_FMIN: "fmin({0}, {1})",
+    ca.OP_FMAX: "fmax({0}, {1})",
+}
+
+_REPEATED: Final = (ca.OP_SQ,)
+"""Operations that write their operand twice."""
+
+
+def _compared(template: str) -> dict[int, str]:
+    """Comparisons as numbers zero and one, from a template with the condition as {0}."""
+    return {
+        operation: template.replace("{0}", condition)
+        for operation, condition in (
+            (ca.OP_LT, "{0} < {1}"),
+            (ca.OP_LE, "{0} <= {1}"),
+            (ca.OP_EQ, "{0} == {1}"),
+        )
+    }
+
+
+@dataclass(frozen=True)
+class Language:
+    """Spelling of expressions and assignments.
+
+    Args:
+        operations: Template of each operation; {0} and {1} are the operands.
+        local: Template of a local variable: name and value.
+        output: Template of an output element: name, index from `first` and value.
+        index: Template of an element: name and index.
+        first: Index of the first element of an array.
+    """
+
+    operations: Mapping[int, str] = field(hash=False)
+    local: str
+    output: str
+    index: str
+    first: int = 0
+
+
+C: Final = Language(
+    {
+        **_COMMON,
+        **_compared("(double)({0})"),
+        ca.OP_NE: "(double)({0} != {1})",
+        ca.OP_NOT: "(double)({0} == 0.0)",
+        ca.OP_AND: "(double)({0} != 0.0 && {1} != 0.0)",
+        ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
+        ca.OP_SIGN: "(double)(({0} > 0.0) - ({0} < 0.0))",
+        ca.OP_COPYSIGN: "copysign({0}, {1})",
+        ca.OP_IF_ELSE_ZERO: "({0} != 0.0 ? {1} : 0.0)",
+    },
+    "    const double {0} = {1};",
+    "    {0}[{1}] = {2};",
+    "{0}[{1}]",
+)
+
+PYTHON: Final = Language(
+    {
+        **_COMMON,
+        **_compared("float({0})"),
+        ca.OP_FABS: "abs({0})",
+        ca.OP_FMIN: "min({0}, {1})",
+        ca.OP_FMAX: "max({0}, {1})",
+        ca.OP_NE: "float({0} != {1})",
+        ca.OP_NOT: "float({0} == 0.0)",
+        ca.OP_AND: "float({0} != 0.0 and {1} != 0.0)",
+        ca.OP_OR: "float({0} != 0.0 or {1} != 0.0)",
+        ca.OP_SIGN: "float(({0} > 0.0) - ({0} < 0.0))",
+        ca.OP_COPYSIGN: "copysign({0}, {1})",
+        ca.OP_IF_ELSE_ZERO: "({1} if {0} != 0.0 else 0.0)",
+    },
+    "    {0} = {1}",
+    "    {0}[{1}] = {2}",
+    "{0}[{1}]",
+)
+
+MATLAB: Final = Language(
+    {
+        **_COMMON,
+        **_compared("double({0})"),
+        ca.OP_FABS: "abs({0})",
+        ca.OP_POW: "({0})^({1})",
+        ca.OP_CONSTPOW: "({0})^({1})",
+        ca.OP_FMIN: "min({0}, {1})",
+        ca.OP_FMAX: "max({0}, {1})",
+        ca.OP_NE: "double({0} ~= {1})",
+        ca.OP_NOT: "double({0} == 0.0)",
+        ca.OP_AND: "double({0} ~= 0.0 && {1} ~= 0.0)",
+        ca.OP_OR: "double({0} ~= 0.0 || {1} ~= 0.0)",
+        ca.OP_SIGN: "sign({0})",
+        ca.OP_COPYSIGN: "(abs({0}) * (2.0 * double({1} >= 0.0) - 1.0))",
+        ca.OP_IF_ELSE_ZERO: "where({0}, {1})",
+    },
+    "    {0} = {1};",
+    "    {0}({1}) = {2};",
+    "{0}({1})",
+    1,
+)
+
+MODELICA: Final = Language(
+    {
+        **_COMMON,
+        **_compared("(if {0} then 1.0 else 0.0)"),
+        ca.OP_FABS: "abs({0})",
+        ca.OP_POW: "({0})^({1})",
+        ca.OP_CONSTPOW: "({0})^({1})",
+        ca.OP_FMIN: "min({0}, {1})",
+        ca.OP_FMAX: "max({0}, {1})",
+        ca.OP_NE: "(if abs({0} - {1}) > 0.0 then 1.0 else 0.0)",
+        ca.OP_EQ: "(if abs({0} - {1}) > 0.0 then 0.0 else 1.0)",
+        ca.OP_NOT: "(if abs({0}) > 0.0 then 0.0 else 1.0)",
+        ca.OP_AND: "(if abs({0}) > 0.0 and abs({1}) > 0.0 then 1.0 else 0.0)",
+        ca.OP_OR: "(if abs({0}) > 0.0 or abs({1}) > 0.0 then 1.0 else 0.0)",
+        ca.OP_SIGN: "sign({0})",
+        ca.OP_COPYSIGN: "(if {1} >= 0.0 then abs({0}) else -abs({0}))",
+        ca.OP_IF_ELSE_ZERO: "(if abs({0}) > 0.0 then {1} else 0.0)",
+    },
+    "  {0} := {1};",
+    "  {0}[{1}] := {2};",
+    "{0}[{1}]",
+    1,
+)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """Body of a printed function.
+
+    Args:
+        lines: Assignments in their order.
+        local: Names of the local variables.
+    """
+
+    lines: tuple[str, ...]
+    local: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The assignments, one per line."""
+        return "\n".join(self.lines)
+
+
+def printed(
+    function: ca.Function,
+    language: Language,
+    inputs: Sequence[str | Sequence[str]],
+    outputs: Sequence[str],
+) -> Printed:
+    """Assignments that compute an SX function.
+
+    Args:
+        function: The function; its inputs and outputs are dense vectors.
+        language: Spelling of the result.
+        inputs: For each input the name of its array, or a name of each element.
+        outputs: Name of the array of each output.
+
+    Raises:
+        ComputationError: The function has an operation that the language lacks.
+    """
+    operations = [function.instruction_id(k) for k in range(function.n_instructions())]
+    made, uses = _uses(function, operations)
+    work: dict[int, str] = {}
+    lines: list[str] = []
+    local: list[str] = []
+    for k, operation in enumerate(operations):
+        target = function.instruction_output(k)
+        if operation == ca.OP_CONST:
+            work[k] = _number(function.instruction_constant(k))
+        elif operation == ca.OP_INPUT:
+            which, row = function.instruction_input(k)
+            name = inputs[which]
+            work[k] = name[row] if not isinstance(name, str) else _element(language, name, row)
+        elif operation == ca.OP_OUTPUT:
+            which, row = target
+            value = work[made[k][0]]
+            lines.append(language.output.format(outputs[which], row + language.first, value))
+        else:
+            if operation not in language.operations:
+                raise ComputationError(
+                    f"operation {operation} of a model has no translation for this export; "
+                    "expected arithmetic, exp, log, sin, cos, tanh, sqrt, powers, comparisons or "
+                    "if_else"
+                )
+            operands = [work[j] for j in made[k]]
+            text = language.operations[operation].format(*operands)
+            if uses[k] > 1 or len(text) > _LONGEST:
+                name = f"a{len(local) + 1}"
+                local.append(name)
+                lines.append(language.local.format(name, text))
+                text = name
+            work[k] = text
+    return Printed(tuple(lines), tuple(local))
+
+
+def _uses(
+    function: ca.Function, operations: Sequence[int]
+) -> tuple[dict[int, list[int]], Counter[int]]:
+    """For each instruction those that make its operands, and how often its own value is used."""
+    latest: dict[int, int] = {}
+    made: dict[int, list[int]] = {}
+    uses: Counter[int] = Counter()
+    for k, operation in enumerate(operations):
+        if operation not in (ca.OP_CONST, ca.OP_INPUT):
+            made[k] = [latest[j] for j in function.instruction_input(k)]
+            uses.update(made[k] * (2 if operation in _REPEATED else 1))
+        if operation != ca.OP_OUTPUT:
+            latest[function.instruction_output(k)[0]] = k
+    return made, uses
+
+
+def _element(language: Language, name: str, row: int) -> str:
+    return language.index.format(name, row + language.first)
+
+
+def _number(value: float) -> str:
+    """Shortest decimal that reads back as the same number, in brackets if negative."""
+    text = repr(float(value))
+    return f"({text})" if value < 0 else text

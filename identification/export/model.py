@@ -1,0 +1,253 @@
+"""Model of an export: the equations of the final model with the inputs of another program.
+
+`predict` takes the shaft angle from the log and knows the run; another program has neither.  The
+angle is therefore a state, an input may replace it, and a load torque is a further input.  The run
+is a new one after the campaign, so effects of single runs do not act in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+from identification.export.accuracy import design_stiffness
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.parameter import Parameter
+from identification.model.step import step_function
+from identification.model.step_plan import StepPlan, plan_for
+from identification.model.term import (
+    AbstractDelay,
+    AbstractHold,
+    AbstractMean,
+    AbstractTerm,
+    AbstractTorque,
+    Expression,
+    Signals,
+    Values,
+)
+from identification.prediction import model_of
+
+__all__ = ["EXTERNAL", "ExportModel", "Exported", "exported_model"]
+
+Array = NDArray[np.float64]
+
+EXTERNAL: Final = ("load_torque", "angle_given")
+"""Last two parameters of an exported model, which are inputs of the program that uses it."""
+
+_MARGIN: Final = 1.5
+_USUAL_INTERVAL: Final = 1e-3
+_ANGLE: Final = INPUTS.index("angle")
+
+
+@dataclass(frozen=True)
+class _External(AbstractTorque):
+    """External load torque, against positive speed."""
+
+    name = "external"
+    equation = "mechanical"
+    drivers = ()
+    parameters = (
+        Parameter(EXTERNAL[0], "N m", "external load torque, positive against positive speed"),
+        Parameter(EXTERNAL[1], "1", "1 if the input angle is used, 0 for the simulated angle"),
+    )
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque of the load [N m]."""
+        return -values.load_torque
+
+
+@dataclass(frozen=True)
+class ExportModel(MotorModel):
+    """Motor model in a new run, whose last state is the shaft angle [rad].
+
+    Args:
+        run: Number of runs in the campaign, which is the index of the new run.
+    """
+
+    run: int = 0
+
+    @cached_property
+    def motor(self) -> MotorModel:
+        """Motor without the state of the shaft angle."""
+        return MotorModel(self.terms, self.hold)
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """States of the motor, and the shaft angle."""
+        return (*self.motor.state_names, "angle")
+
+    def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+        """Right-hand side (n_state,) of the motor and of the shaft angle."""
+        own, driven = self._driven(state, inputs, parameter)
+        return ca.vertcat(self.motor.rates(own, driven, parameter), own[1])
+
+    def logged(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+        """Sensor readings of current and speed before averaging and delay, (2,) [A, rad/s]."""
+        own, driven = self._driven(state, inputs, parameter)
+        return self.motor.logged(own, driven, parameter)
+
+    def _driven(
+        self, state: Expression, inputs: Expression, parameter: Expression
+    ) -> tuple[Expression, Expression]:
+        count = len(self.motor.state_names)
+        rows = [inputs[k] for k in range(len(INPUTS))]
+        given = parameter[len(self.parameters) - 1]
+        rows[_ANGLE] = given * rows[_ANGLE] + (1 - given) * state[count]
+        rows[INPUTS.index("run")] = ca.SX(self.run)
+        return state[:count], ca.vertcat(*rows)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A model ready for export.
+
+    Args:
+        model: The model; its last two parameters are `EXTERNAL`.
+        values: (n_parameter,) physical values.
+        interval: Sample interval of the runs, the design step of the export [s].
+        span: (2,) range of current and speed in the training runs [A, rad/s].
+        peak: Highest temperature that the motor has had [degC].
+        plan: Settings of the integration step at `interval`.
+        notes: What the export does not hold, as sentences.
+    """
+
+    model: ExportModel
+    values: Array
+    interval: float
+    span: Array
+    peak: float
+    plan: StepPlan
+    notes: tuple[str, ...] = ()
+
+    @property
+    def step(self) -> ca.Function:
+        """SX function (carry, inputs, parameter) -> (carry at the next sample, readings)."""
+        return step_function(self.model, self.plan)
+
+    @property
+    def parameters(self) -> tuple[tuple[Parameter, float], ...]:
+        """Parameters of motor and effects with their values, without `EXTERNAL`."""
+        own = self.model.parameters[: -len(EXTERNAL)]
+        return tuple(zip(own, self.values.tolist(), strict=False))
+
+    @property
+    def uses_angle(self) -> bool:
+        """Whether an effect depends on the shaft angle."""
+        x, u, p = self.model.symbols()
+        rates = self.model.motor.rates(x[: x.numel() - 1], u, p)
+        return bool(ca.depends_on(rates, u[_ANGLE]))
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """For each state what it equals at the start: a signal, or ``zero``."""
+        own = [state.follows for term in self.model.terms for state in term.states]
+        return ("current", "speed", *own, "zero")
+
+
+def exported_model(result: Mapping[str, Any]) -> Exported:
+    """The final model of a result, prepared for export.
+
+    Args:
+        result: Content of a result.json.
+
+    Raises:
+        InputError: A parameter or effect is missing or unknown.
+    """
+    model, values = model_of(result)
+    given = result.get("runs") or []
+    runs = [run for run in given if isinstance(run, Mapping)] if isinstance(given, list) else []
+    named = dict(zip([p.name for p in model.parameters], values, strict=True))
+    notes, kept = [], []
+    for term in model.terms:
+        note = _note(term, len(runs))
+        notes += [note] if note else []
+        if not note or note.startswith(_kept(term)):
+            kept.append(term)
+    new = ExportModel((*kept, _External()), model.hold, run=len(runs))
+    named |= {f"{_External.name}.{name}": 0.0 for name in EXTERNAL}
+    own = np.array([named[p.name] for p in new.parameters])
+    rates = [_number(run.get("sample_rate_hz")) for run in runs if run.get("role") == "training"]
+    rate = float(np.median([r for r in rates if r] or [1.0 / _USUAL_INTERVAL]))
+    interval = next((t.interval for t in new.delays), float(f"{1.0 / rate:.9g}"))
+    peaks = [_number(run.get("hottest_degC")) for run in runs]
+    span = _span(result)
+    stiffness = design_stiffness(new, own, span) * interval
+    if not np.isfinite(stiffness):
+        raise InputError(
+            "the model of the result cannot be evaluated; expected a result.json as written by "
+            "'motorid fit'"
+        )
+    return Exported(
+        new, own, interval, span, max([p for p in peaks if p is not None], default=25.0),
+        plan_for(_MARGIN * stiffness), tuple(notes),
+    )  # fmt: skip
+
+
+def _kept(term: AbstractTerm) -> str:
+    """Beginning of a note about a term that stays in the export."""
+    return f"{term.name} has"
+
+
+def _note(term: AbstractTerm, run: int) -> str:
+    """What the export does not hold of a term, in a sentence; empty if it holds all."""
+    if isinstance(term, AbstractDelay) and term.channel == "voltage":
+        return (
+            f"{term.name}: the logged voltage lagged the terminals; the input of the export is "
+            "the voltage at the terminals"
+        )
+    if isinstance(term, AbstractDelay | AbstractHold | AbstractMean):
+        return ""
+    if not _acts(term, run):
+        return f"{term.name} acts only in runs of the campaign ({_variant(term)}); it is left out"
+    own = [state.name for state in term.states if state.is_own]
+    if own:
+        return (
+            f"{_kept(term)} values of each run ({', '.join(own)}); they are zero at the start of "
+            "the export, and predict fits them to the first samples"
+        )
+    return ""
+
+
+def _variant(term: AbstractTerm) -> str:
+    return str(getattr(term, "variant", "") or "of the campaign")
+
+
+def _acts(term: AbstractTerm, run: int) -> bool:
+    """Whether a term changes the motor or a reading in a new run."""
+    alone = ExportModel((term, _External()), run=run)
+    x, u, p = alone.symbols()
+    first = len(MotorModel().parameters)
+    own = [p[first + k] for k in range(len(term.parameters))]
+    own += [x[2 + k] for k in range(len(term.states))]
+    seen = ca.vertcat(alone.rates(x, u, p)[:2], alone.logged(x, u, p))
+    return not own or bool(ca.depends_on(seen, ca.vertcat(*own)))
+
+
+def _number(value: object) -> float | None:
+    """A finite number above zero or below; None for anything else."""
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+    return float(value) if usable and value else None  # type: ignore[arg-type]
+
+
+def _span(result: Mapping[str, Any]) -> Array:
+    """Four standard deviations of current and speed in the training runs (2,) [A, rad/s].
+
+    A result contains the standard deviation as the ratio of RMSE and relative RMSE.
+    """
+    errors: Any = result
+    for name in ("errors", "after", "training"):
+        errors = errors.get(name) if isinstance(errors, Mapping) else None
+    found = []
+    for channel in ("current", "speed"):
+        entry = errors.get(channel) if isinstance(errors, Mapping) else None
+        entry = entry if isinstance(entry, Mapping) else {}
+        rmse, relative = _number(entry.get("rmse")), _number(entry.get("nrmse"))
+        found.append(4.0 * rmse / relative if rmse and relative else 1.0)
+    return np.array(found)
