@@ -8,19 +8,21 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from app.batches.schemas import BatchSummary
-from app.errors import BadKey, NotFound
-from app.fits.schemas import FitOut, FitSummary
+from app.errors import BadKey
+from app.fits.schemas import FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
 from app.pages.choice import MotorFilter, choice_of
+from app.pages.fits import router as fits
 from app.pages.pending_views import pending_list_view
 from app.pages.rendering import page
-from app.pages.views import batch_view, fit_view, outcome_view
+from app.pages.views import batch_view, fit_view
 
 __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
+router.include_router(fits)
 
 _MOST_BATCHES = 50
 
@@ -38,24 +40,6 @@ def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) ->
         choice=choice_of(services, caller, motor),
         fits=[fit_view(FitSummary.of(fit), {}) for fit in fits],
         batches=[batch_view(BatchSummary.of(batch)) for batch in batches],
-    )
-
-
-@router.get("/fits/{fit_id}")
-def fitpage(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
-    """Page of one fit: its progress, then its result."""
-    fit = FitOut.of(services.fits.get(caller, fit_id))
-    files = {}
-    for run_id in (*fit.training, *fit.validation):
-        try:
-            files[run_id] = services.runs.get(caller, run_id).file
-        except NotFound:
-            files[run_id] = "deleted run"
-    return page(
-        "fit",
-        caller=caller,
-        fit=fit_view(fit, files),
-        outcome=None if fit.result is None else outcome_view(fit.result),
     )
 
 

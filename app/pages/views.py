@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -11,7 +10,7 @@ from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary
 from app.runs.schemas import RunOut, RunWarningOut
 
-__all__ = ["batch_view", "duration", "fit_view", "outcome_view", "run_view", "span"]
+__all__ = ["batch_view", "duration", "fit_view", "run_view", "span"]
 
 _CHANNELS = {
     "voltage_V": "V",
@@ -68,37 +67,6 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
     }
 
 
-def outcome_view(result: Mapping[str, Any]) -> dict[str, Any]:
-    """View of the main content of a result for the page of a fit; the report has the rest."""
-    # Lazy import: numpy would slow down every start.
-    from identification.result.entries import known_only_from
-
-    return {
-        "warnings": [_text(warning) for warning in result.get("warnings", [])],
-        "effects": [
-            {
-                "name": str(effect["name"]).replace("_", " "),
-                "equation": effect["equation"],
-                "drivers": ", ".join(effect["drivers"]) or _NONE,
-                "probability": _number(effect["probability"]),
-            }
-            for effect in result.get("effects", [])
-        ],
-        "parameters": [
-            {
-                "name": name,
-                "median": _number(entry["median"], digits),
-                "interval": f"{_number(entry['q05'], digits)} … {_number(entry['q95'], digits)}",
-                "unit": entry["unit"],
-                "identified": entry["identified"],
-                "known_only_from": known_only_from(entry),
-            }
-            for name, entry in result.get("parameters", {}).items()
-            for digits in [_digits(entry["median"], entry["sd"])]
-        ],
-    }
-
-
 def _placed(warning: RunWarningOut) -> str:
     """Text of a warning with the column that it concerns."""
     return f"column {warning.column}: {warning.message}" if warning.column else warning.message
@@ -109,24 +77,6 @@ def _range(run: RunOut, name: str) -> str:
     if channel is None:
         return _NONE
     return span(name, channel.min, channel.max)
-
-
-def _number(value: float | None, digits: int = 4) -> str:
-    return _NONE if value is None else f"{value:#.{digits}g}".rstrip(".").replace("-", "\u2212")
-
-
-def _digits(value: float | None, sd: float | None) -> int:
-    """Number of significant digits that shows two digits of the standard deviation."""
-    if not value or not sd:
-        return 4
-    return min(max(math.ceil(math.log10(abs(value) / sd)) + 2, 2), 9)
-
-
-def _text(warning: object) -> str:
-    """Text of a warning that is a string or an entry with a message."""
-    if isinstance(warning, Mapping):
-        return str(warning.get("message", warning))
-    return str(warning)
 
 
 def _option(value: object) -> str:

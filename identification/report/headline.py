@@ -14,7 +14,7 @@ from identification.report.summary import (
     identified_sentence,
     verdict_words,
 )
-from identification.result.entries import known_only_from
+from identification.result.entries import NEAR_NOISE, known_only_from
 from identification.result.numbers import (
     count_text,
     interval_text,
@@ -27,7 +27,6 @@ from identification.result.numbers import (
     unit_text,
 )
 from identification.result.report_data import CandidateRow, MissingTerm, ReportData
-from identification.result.simulation_errors import NEAR_NOISE
 
 __all__ = [
     "EffectTile",

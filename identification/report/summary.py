@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from identification.report.loops import loop_sentence
-from identification.result.entries import known_only_from
+from identification.result.entries import NEAR_NOISE, known_only_from
 from identification.result.numbers import (
     count_text,
     listed,
@@ -14,7 +14,6 @@ from identification.result.numbers import (
     percent_text,
     probability_text,
 )
-from identification.result.simulation_errors import NEAR_NOISE
 
 __all__ = [
     "DOWN_TO_NOISE",

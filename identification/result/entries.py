@@ -24,6 +24,7 @@ from identification.result.atomic import write_text
 __all__ = [
     "INTERVAL_KIND",
     "INTERVAL_LEVEL",
+    "NEAR_NOISE",
     "SCHEMA_VERSION",
     "finite_or_null",
     "known_only_from",
@@ -37,6 +38,8 @@ __all__ = [
 SCHEMA_VERSION: Final = 1
 INTERVAL_KIND: Final = "equal-tailed"
 INTERVAL_LEVEL: Final = 0.90
+NEAR_NOISE: Final = 1.10
+"""Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
 
 _QUANTILES: Final = (0.05, 0.5, 0.95)
 

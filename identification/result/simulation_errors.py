@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from identification.diagnosis.outliers import outlying_run_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.fit.evaluate import Simulated
-from identification.result.entries import finite_or_null
+from identification.result.entries import NEAR_NOISE, finite_or_null
 from identification.result.findings import CHANNELS, Findings
 from identification.warning import ResultWarning
 
 __all__ = [
-    "NEAR_NOISE",
     "UNEXPLAINED_CHANNEL",
     "error_entries",
     "missed_channels",
@@ -28,8 +27,6 @@ __all__ = [
 Array = NDArray[np.float64]
 Errors = dict[str, dict[str, float | None]]
 
-NEAR_NOISE: Final = 1.10
-"""Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
 UNEXPLAINED_CHANNEL: Final = "unexplained_channel"
 """Code of the warnings on a channel whose error exceeds the sensor noise."""
 _NOTHING: Final = 0.9

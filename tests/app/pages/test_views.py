@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.fits.schemas import FitSummary
-from app.pages.views import fit_view, outcome_view, run_view
+from app.pages.views import fit_view, run_view
 from app.runs.schemas import RunOut
 
 RUN = RunOut.model_json_schema()["examples"][0]
@@ -67,32 +67,3 @@ def test_option_that_was_not_given_is_a_dash() -> None:
     assert shown == {
         "time_limit": "–", "known": "–", "nameplate": "–", "seed": "0", "force": "no",
     }  # fmt: skip
-
-
-def test_parameter_shows_two_digits_of_its_standard_deviation() -> None:
-    """With a standard deviation of 5e-5, the value is rounded to 1e-6."""
-    entry = {"median": 1.0999912, "q05": 1.0999112, "q95": 1.1000672, "sd": 5e-5, "unit": "ohm"}
-    result = {"parameters": {"Ra25": entry | {"identified": True}}}
-
-    [shown] = outcome_view(result)["parameters"]
-
-    assert (shown["median"], shown["interval"]) == ("1.099991", "1.099911 … 1.100067")
-
-
-def test_unknown_numbers_and_warnings_of_both_forms_are_shown() -> None:
-    """Null is a dash; a warning is a string or an entry with a message."""
-    entry = {"median": None, "q05": None, "q95": None, "sd": None, "unit": "H", "identified": False}
-    result = {
-        "parameters": {"L": entry},
-        "warnings": ["a sentence", {"code": "c", "message": "another"}],
-        "effects": [
-            {"name": "load_torque", "equation": "mechanical", "drivers": [], "probability": 0.97}
-        ],
-    }
-
-    shown = outcome_view(result)
-
-    assert shown["parameters"][0]["interval"] == "– … –"
-    assert shown["warnings"] == ["a sentence", "another"]
-    assert shown["effects"][0]["name"] == "load torque"
-    assert shown["effects"][0]["drivers"] == "–"

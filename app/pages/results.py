@@ -1,0 +1,87 @@
+"""View of the result of a fit: the parts of its report that answer the first questions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+__all__ = ["result_view"]
+
+_TONES = {"critical": "bad", "warning": "fair", "note": "plain"}
+
+
+def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
+    """Story, evidence, parameters, errors and step responses of a result.
+
+    A part that the result does not have, or that its values do not allow, is empty.
+
+    Args:
+        result: Content of result.json.
+        report: Text of the report, which has the figures; empty if it cannot be read.
+    """
+    # Lazy imports, here and in the other views: numpy would slow down every start.
+    from identification.report.excerpt import report_figures
+    from identification.report.headline import headline_sentences, key_figures
+    from identification.report.tables import error_rows, feedback_tables, parameter_rows
+    from identification.result.attempts import Attempts
+    from identification.result.numbers import probability_text
+    from identification.result.report_data import ReportData
+
+    attempts = Attempts()
+    rows = attempts.rows
+    parameters = rows("table of parameters", parameter_rows, ReportData(result, ()))
+    meanings = _meanings(result)
+    return {
+        "story": rows("summary", headline_sentences, result),
+        "key_figures": rows("key figures", key_figures, result),
+        "warnings": _warnings(result),
+        "effects": [
+            {
+                "name": _words(effect["name"]),
+                "variant": effect.get("variant") or "",
+                "equation": effect["equation"],
+                "drivers": ", ".join(effect["drivers"]) or "none (constant)",
+                "probability": probability_text(effect["probability"]),
+                "alternatives": [
+                    f"{_words(other['name'])} {probability_text(other['probability'])}"
+                    for other in effect.get("alternatives") or ()
+                ],
+            }
+            for effect in result.get("effects") or ()
+        ],
+        "evidence": report_figures(report, "missing"),
+        "parameters": [
+            replace(row, meaning=meanings.get((row.meaning, row.name), row.meaning))
+            for row in parameters
+        ],
+        "has_before": any(row.before for row in parameters),
+        "errors": rows("table of errors", error_rows, result),
+        "steps": report_figures(report, "loop"),
+        "feedback": rows("table of the loop", feedback_tables, result.get("feedback") or ()),
+        "remarks": attempts.remarks,
+    }
+
+
+def _meanings(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
+    """Meaning of each parameter of an effect, by the text that the report has and its name."""
+    return {
+        (f"of {effect['name']}", name): f"{_words(effect['name'])}: {entry['meaning']}"
+        for effect in result.get("effects") or ()
+        for name, entry in effect["parameters"].items()
+        if entry.get("meaning")
+    }
+
+
+def _warnings(result: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Warnings that limit the result, each with its tone, and notes about the runs."""
+    texts = [str(text) for text in result.get("warnings") or ()]
+    details = result.get("warning_details") or [{}] * len(texts)
+    found: dict[str, list[str]] = {"bad": [], "fair": [], "plain": []}
+    for text, detail in zip(texts, details, strict=False):
+        found[_TONES.get(detail.get("severity", ""), "fair")].append(text)
+    return found
+
+
+def _words(name: object) -> str:
+    return str(name).replace("_", " ")

@@ -1,0 +1,83 @@
+"""Result of a fit as shown on its page."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.pages.rendering import STATIC_FILES
+from app.pages.results import result_view
+from identification.report.html import render_report
+from tests.reports import make_report
+
+DATA = make_report(with_effect=True)
+RESULT: dict[str, Any] = dict(DATA.result)
+REPORT = render_report(DATA)
+
+
+def test_story_names_the_effect_its_consequence_and_the_quality() -> None:
+    """The campaign lacks Coulomb friction, which biases the nominal model by 11 %."""
+    story = result_view(RESULT, REPORT)["story"]
+
+    assert len(story) == 3
+    assert "coulomb friction" in story[0]
+    assert "11 % too high" in story[1]
+    assert "validation runs" in story[2]
+
+
+def test_parameters_of_the_motor_and_of_its_effects_are_listed() -> None:
+    """The seven nominal parameters come first, then those of the effect."""
+    shown = result_view(RESULT, REPORT)
+
+    names = [row.name for row in shown["parameters"]]
+    [effect] = RESULT["effects"]
+    assert names[:7] == ["Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L"]
+    assert names[7:] == list(effect["parameters"])
+    assert shown["has_before"]
+
+
+def test_figures_are_those_of_the_report() -> None:
+    """Without a readable report the page has its tables and no figures."""
+    whole, without = result_view(RESULT, REPORT), result_view(RESULT, "")
+
+    assert whole["evidence"]
+    assert whole["steps"]
+    assert (without["evidence"], without["steps"]) == ([], [])
+    assert without["errors"] == whole["errors"]
+
+
+def test_every_mark_of_a_figure_has_a_style() -> None:
+    """Each class of a figure on the page appears in its style sheet."""
+    shown = result_view(RESULT, REPORT)
+    sheet = Path(STATIC_FILES, "result.css").read_text(encoding="utf-8")
+    figures = "".join(one.svg for one in (*shown["evidence"], *shown["steps"]))
+
+    used = {name for names in re.findall(r'class="([^"]+)"', figures) for name in names.split()}
+
+    styled = set(re.findall(r"\.([a-z][a-z0-9]*)", sheet))
+    assert used - styled <= {"after"}, "the line of the final model has the default colour"
+    assert used
+
+
+@pytest.mark.parametrize(
+    ("severity", "tone"), [("critical", "bad"), ("warning", "fair"), ("note", "plain")]
+)
+def test_warning_has_the_tone_of_its_severity(severity: str, tone: str) -> None:
+    """Notes are separate from the warnings that limit the result."""
+    details = [{"code": "x", "severity": severity, "fix": ""}]
+
+    shown = result_view(RESULT | {"warnings": ["text"], "warning_details": details}, "")
+
+    assert shown["warnings"][tone] == ["text"]
+
+
+def test_result_with_few_members_is_shown_with_remarks() -> None:
+    """A part that cannot be computed is replaced by a sentence."""
+    shown = result_view({"schema_version": 1, "parameters": {}, "warnings": ["a"]}, "")
+
+    assert shown["parameters"] == []
+    assert shown["warnings"]["fair"] == ["a"]
+    assert any("table of parameters" in remark for remark in shown["remarks"])
