@@ -18,14 +18,14 @@ RESULT: dict[str, Any] = dict(DATA.result)
 REPORT = render_report(DATA)
 
 
-def test_story_names_the_effect_its_consequence_and_the_quality() -> None:
-    """The campaign lacks Coulomb friction, which biases the nominal model by 11 %."""
+def test_story_names_the_effect_the_quality_and_the_parameters() -> None:
+    """The campaign lacks Coulomb friction; the story is that of the report's first screen."""
     story = result_view(RESULT, REPORT)["story"]
 
     assert len(story) == 3
     assert "coulomb friction" in story[0]
-    assert "11 % too high" in story[1]
-    assert "validation runs" in story[2]
+    assert "validation runs" in story[1]
+    assert "determine" in story[2]
 
 
 def test_parameters_of_the_motor_and_of_its_effects_are_listed() -> None:
