@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests.app.service import Caller
-from tests.ingest.broken_formats import BROKEN, BrokenSpecimen
-from tests.ingest.specimens import SPECIMENS, Specimen
+from tests.ingest.broken_formats import BROKEN
+from tests.ingest.specimens import SPECIMENS
+from tests.ingest.writers import BrokenSpecimen, Specimen
 
 
 @pytest.mark.parametrize(

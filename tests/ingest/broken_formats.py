@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from identification import errors
-from tests.ingest.specimens import (
+from tests.ingest.broken_matlab import BROKEN_HDF5, BROKEN_MATLAB
+from tests.ingest.writers import (
     CANONICAL_SHEET,
     CHANNELS,
     CURRENT,
@@ -25,7 +24,8 @@ from tests.ingest.specimens import (
     TIME,
     VOLTAGE,
     XLSX,
-    Specimen,
+    broken,
+    cut,
     mdf,
     parquet,
     rows,
@@ -33,38 +33,7 @@ from tests.ingest.specimens import (
     workbook,
 )
 
-
-@dataclass(frozen=True)
-class BrokenSpecimen:
-    """A broken file, its error, and texts that the message contains."""
-
-    file: Specimen
-    error: type[errors.RunFileError]
-    words: tuple[str, ...] = field(default=())
-
-
-def broken(
-    name: str,
-    title: str,
-    write: Callable[[Path], object],
-    error: type[errors.RunFileError],
-    *words: str,
-    needs: tuple[str, ...] = (),
-    mapping: Mapping[str, object] | None = None,
-) -> BrokenSpecimen:
-    """Describe a broken file."""
-    return BrokenSpecimen(Specimen(name, title, write, needs, mapping), error, words)
-
-
-def cut(write: Callable[[Path], object], share: float) -> Callable[[Path], None]:
-    """Writer of the first part of a file."""
-
-    def written(path: Path) -> None:
-        write(path)
-        content = path.read_bytes()
-        path.write_bytes(content[: int(len(content) * share)])
-
-    return written
+__all__ = ["BROKEN"]
 
 
 def with_cell(row: int, column: int, value: object) -> list[list[object]]:
@@ -86,8 +55,6 @@ def feather(path: Path) -> None:
 
     library.write_feather(pyarrow.table(RECORD), path)
 
-
-MISNAMED = {"time": "s", "voltage": "mph", "current": "rpm"}
 
 BROKEN_WORKBOOKS = (
     broken(
@@ -359,4 +326,4 @@ BROKEN_MEASUREMENTS = (
     ),
 )
 
-BROKEN = (*BROKEN_WORKBOOKS, *BROKEN_COLUMNAR, *BROKEN_MEASUREMENTS)
+BROKEN = (*BROKEN_MATLAB, *BROKEN_HDF5, *BROKEN_WORKBOOKS, *BROKEN_COLUMNAR, *BROKEN_MEASUREMENTS)

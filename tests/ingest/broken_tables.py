@@ -78,8 +78,6 @@ BROKEN_TABLES = (
     Refusal("gzip in gzip", gzip.compress(gzip.compress(b"")), errors.NotText, "twice"),
     Refusal("cut gzip", gzip.compress(write(record()))[:500], errors.DamagedFile, "gzip .*ended"),
     Refusal("spoilt gzip", spoilt_gzip(), errors.DamagedFile, "gzip compression is damaged"),
-    Refusal("MATLAB", b"MATLAB 5.0 MAT-file, 2026" + b"\0" * 99, errors.NotText, "MATLAB"),
-    Refusal("HDF5", b"\x89HDF\r\n\x1a\n" + b"\0" * 99, errors.NotText, "HDF5"),
     Refusal("TDMS index", b"TDSh" + b"\x0e\0\0\0" * 20, errors.NotText, "beside it"),
     Refusal("picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 99, errors.NotText, "picture"),
     Refusal("zeros", bytes(5000), errors.NotText, "not text"),

@@ -3,158 +3,55 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import pytest
-from numpy.typing import NDArray
 
-from tests.ingest.samples import record, write
+from tests.ingest.samples import write
+from tests.ingest.writers import (
+    CANONICAL_SHEET,
+    CHANNELS,
+    CURRENT,
+    MDF,
+    NAMED,
+    NAMED_UNITS,
+    NAMES,
+    PARQUET,
+    RECORD,
+    SPEED,
+    STEPS,
+    TDMS,
+    TEMPERATURE,
+    TIME,
+    UNITS,
+    VOLTAGE,
+    XLSX,
+    Specimen,
+    compound,
+    compressed,
+    datasets,
+    hdf5,
+    mat,
+    mat73,
+    matlab_simulink,
+    matlab_struct,
+    matrix,
+    mdf,
+    parquet,
+    rows,
+    simulink,
+    tdms,
+    timeseries,
+    workbook,
+)
 
-Array = NDArray[np.float64]
-
-RECORD = record()
-UNITS = ("s", "V", "A", "rad/s", "degC")
-NAMES = ("time", "voltage", "current", "speed", "temperature")
-
-
-@dataclass(frozen=True)
-class Specimen:
-    """A file of one format.
-
-    Args:
-        name: File name.
-        title: What is particular about the file.
-        write: Function that writes it to a path.
-        needs: Modules without which it cannot be written or read.
-        mapping: Mapping for its reading.
-        is_clock_implied: True if the file holds an increment in place of times, whose multiples
-            differ from the times of the record in the last bit.
-    """
-
-    name: str
-    title: str
-    write: Callable[[Path], object]
-    needs: tuple[str, ...] = ()
-    mapping: Mapping[str, object] | None = None
-    is_clock_implied: bool = False
-
-    def made(self, folder: Path) -> Path:
-        """Write the file into a folder, or skip the test without the packages."""
-        for module in self.needs:
-            pytest.importorskip(module)
-        path = folder / self.name
-        self.write(path)
-        return path
-
-
-def rows() -> list[list[object]]:
-    """Samples of the record."""
-    return [list(row) for row in zip(*(c.tolist() for c in RECORD.values()), strict=True)]
-
-
-def workbook(path: Path, sheets: Mapping[str, list[list[object]]]) -> None:
-    """Write a workbook with openpyxl."""
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    book.remove(book.worksheets[0])
-    for title, lines in sheets.items():
-        sheet = book.create_sheet(title)
-        for line in lines:
-            sheet.append(line)
-    book.save(path)
-
-
-def parquet(path: Path, columns: Mapping[str, object], units: Mapping[str, str]) -> None:
-    """Write a Parquet file with pyarrow, with units in the metadata of the fields."""
-    import pyarrow
-    from pyarrow import parquet as library
-
-    arrays = [pyarrow.array(values) for values in columns.values()]
-    fields = [
-        pyarrow.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
-        for name, array in zip(columns, arrays, strict=True)
-    ]
-    library.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
-
-
-def compressed(write_inner: Callable[[Path], object]) -> Callable[[Path], None]:
-    """Writer of the same file, compressed."""
-
-    def written(path: Path) -> None:
-        inner = path.with_suffix(".inner")
-        write_inner(inner)
-        path.write_bytes(gzip.compress(inner.read_bytes()))
-
-    return written
-
-
-Channel = tuple[str, str, Array]
-"""Name, unit and samples of a channel."""
-
-
-def tdms(
-    path: Path, groups: Mapping[str, Sequence[Channel]], properties: Mapping[str, object]
-) -> None:
-    """Write a TDMS file with npTDMS, with properties of every channel."""
-    from nptdms import ChannelObject, TdmsWriter
-
-    with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                ChannelObject(group, name, values, {"unit_string": unit, **properties})
-                for group, channels in groups.items()
-                for name, unit, values in channels
-            ]
-        )
-
-
-def mdf(
-    path: Path,
-    groups: Mapping[str, tuple[Array, Sequence[Channel]]],
-    version: str,
-) -> None:
-    """Write an MDF file with asammdf: each group has its times and its channels."""
-    from asammdf import MDF, Signal
-
-    file = MDF(version=version)
-    for title, (time, channels) in groups.items():
-        file.append(
-            [Signal(v, time, name=name, unit=unit) for name, unit, v in channels],
-            acq_name=title,
-            comment=title,
-        )
-    file.save(path, overwrite=True)
-    file.close()
-
-
-XLSX = ("openpyxl", "python_calamine")
-PARQUET = ("pyarrow",)
-TDMS = ("nptdms",)
-MDF = ("asammdf",)
-CHANNELS: list[Channel] = list(zip(NAMES, UNITS, RECORD.values(), strict=True))
-TIME, VOLTAGE, CURRENT, SPEED, TEMPERATURE = CHANNELS
-STEPS = {"wf_increment": 1e-3, "wf_start_offset": 0.0}
-CANONICAL_SHEET: list[list[object]] = [list(RECORD), *rows()]
-NAMED: dict[str, object] = dict(zip(NAMES, RECORD.values(), strict=True))
-NAMED_UNITS = dict(zip(NAMES, UNITS, strict=True))
+__all__ = ["SPECIMENS"]
 
 
 def dated() -> dict[str, object]:
     """The record with the times as dates in nanoseconds."""
     ticks = np.round(RECORD["time_s"] * 1e9).astype("timedelta64[ns]")
-    return {**RECORD, "time_s": None} | {
-        "time": np.datetime64("2026-03-01T08:00:00", "ns") + ticks,
-        **{name: values for name, values in RECORD.items() if name != "time_s"},
-    }
-
-
-def without_blank(columns: Mapping[str, object]) -> dict[str, object]:
-    """Columns that have values."""
-    return {name: values for name, values in columns.items() if values is not None}
+    time: dict[str, object] = {"time": np.datetime64("2026-03-01T08:00:00", "ns") + ticks}
+    return time | {name: values for name, values in RECORD.items() if name != "time_s"}
 
 
 WORKBOOKS = (
@@ -197,7 +94,7 @@ COLUMNAR = (
         lambda p: parquet(p, NAMED, NAMED_UNITS),
         PARQUET,
     ),
-    Specimen("dates.parquet", "dates", lambda p: parquet(p, without_blank(dated()), {}), PARQUET),
+    Specimen("dates.parquet", "dates", lambda p: parquet(p, dated(), {}), PARQUET),
 )
 
 COMPRESSED = (
@@ -270,4 +167,57 @@ MEASUREMENTS = (
     ),
 )
 
-SPECIMENS = (*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS)
+MATLAB = (
+    Specimen("struct.mat", "a struct", lambda p: mat(p, {"log": RECORD, "gain": 3.0})),
+    Specimen("workspace.mat", "variables", lambda p: mat(p, {**RECORD, "note": "bench 3"})),
+    Specimen(
+        "units.mat",
+        "a struct with units",
+        lambda p: mat(p, {"log": {**NAMED, "units": dict(zip(NAMES, UNITS, strict=True))}}),
+    ),
+    Specimen("nested.mat", "structs", lambda p: mat(p, {"bench": {"x": 1.0, "run": RECORD}})),
+    Specimen(
+        "columns.mat", "columns", lambda p: mat(p, {k: v[:, None] for k, v in RECORD.items()})
+    ),
+    Specimen(
+        "integers.mat",
+        "times in integers",
+        lambda p: mat(
+            p,
+            {**RECORD, "time_s": [], "time_us": np.round(RECORD["time_s"] * 1e6).astype("uint32")},
+        ),
+        mapping={"time_s": {"column": "time_us", "unit": "us"}},
+        is_clock_implied=True,
+    ),
+    Specimen(
+        "chosen.mat",
+        "two runs, one of them chosen",
+        lambda p: mat(p, {"cold": {**RECORD, "voltage_V": RECORD["time_s"]}, "hot": RECORD}),
+        mapping={"table": "hot"},
+    ),
+    Specimen("simulink.mat", "a log of Simulink", lambda p: mat(p, simulink())),
+    Specimen("timeseries.mat", "exported timeseries", lambda p: mat(p, timeseries())),
+    Specimen("run.mat.gz", "compressed", compressed(lambda p: mat(p, {"log": RECORD}))),
+    Specimen("imitation73.mat", "version 7.3, imitated", lambda p: mat73(p, matlab_struct)),
+    Specimen("simulink73.mat", "Simulink in 7.3, imitated", lambda p: mat73(p, matlab_simulink)),
+)
+
+HDF5 = (
+    Specimen("run.h5", "datasets", lambda p: hdf5(p, datasets)),
+    Specimen("units.h5", "units", lambda p: hdf5(p, lambda f: datasets(f, CHANNELS))),
+    Specimen(
+        "groups.h5",
+        "the run in a group beside another one",
+        lambda p: hdf5(
+            p,
+            lambda f: (
+                datasets(f.create_group("bench/run 1"), CHANNELS),
+                datasets(f.create_group("calibration"), CHANNELS[:2]),
+            ),
+        ),
+    ),
+    Specimen("compound.h5", "a compound dataset", lambda p: hdf5(p, compound)),
+    Specimen("matrix.h5", "a matrix with names", lambda p: hdf5(p, matrix)),
+)
+
+SPECIMENS = (*MATLAB, *HDF5, *WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS)

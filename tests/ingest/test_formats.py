@@ -12,9 +12,10 @@ import pytest
 
 from identification import errors
 from identification.ingest import Limits, read_run
-from tests.ingest.broken_formats import BROKEN, BrokenSpecimen
+from tests.ingest.broken_formats import BROKEN
 from tests.ingest.samples import channels, write
-from tests.ingest.specimens import RECORD, SPECIMENS, Specimen
+from tests.ingest.specimens import SPECIMENS
+from tests.ingest.writers import RECORD, BrokenSpecimen, Specimen
 
 
 @pytest.mark.parametrize("specimen", SPECIMENS, ids=lambda s: f"{s.name} {s.title}")

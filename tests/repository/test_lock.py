@@ -161,10 +161,10 @@ def test_every_import_of_the_packages_is_a_declared_dependency() -> None:
 
 
 def test_every_declared_dependency_is_imported() -> None:
-    """Only h5py is not imported; another package, h5netcdf, uses it."""
+    """A dependency that no file of the packages imports is a leftover."""
     distributions = packages_distributions()
     used = {
         canonicalize_name(name) for module in imported() for name in distributions.get(module, [])
     }
 
-    assert declared() - used == {"h5py"}
+    assert declared() - used == set()

@@ -6,6 +6,8 @@ motorid belong to the extra ``formats``.
 
 from __future__ import annotations
 
+from identification.ingest.formats.hdf5 import Hdf5Reader
+from identification.ingest.formats.matlab import MatlabReader
 from identification.ingest.formats.mdf import MdfReader
 from identification.ingest.formats.parquet import ParquetReader
 from identification.ingest.formats.tdms import TdmsReader
@@ -19,5 +21,7 @@ FORMAT_READERS: tuple[Reader, ...] = (
     ParquetReader(),
     TdmsReader(),
     MdfReader(),
+    MatlabReader(),
+    Hdf5Reader(),
 )
 """Readers of binary formats; each recognises its files by their first bytes."""

@@ -47,8 +47,6 @@ _SIGNATURES = (
     (b"\xfd7zXZ", "xz-compressed"),
     (b"7z\xbc\xaf", "a 7-Zip archive"),
     (b"\x28\xb5\x2f\xfd", "zstd-compressed"),
-    (b"\x89HDF", "HDF5 or MATLAB 7.3"),
-    (b"MATLAB 5.0 MAT", "a MATLAB file"),
     (b"TDSh", "the index of a TDMS file, whose data are in the .tdms file beside it"),
     (b"SQLite format 3", "an SQLite database"),
     (b"%PDF", "a PDF document"),

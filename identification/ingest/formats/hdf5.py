@@ -1,0 +1,181 @@
+"""Reader of HDF5 and of MATLAB files of version 7.3, with h5py.
+
+Arrays of one group are a table; units stand in the attribute ``unit`` or ``units``.  Nothing
+outside of the file is read: external links, external storage and virtual datasets are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import FileTooLarge, UnsupportedContent
+from identification.ingest.display import plain, quoted
+from identification.ingest.file import RunFile
+from identification.ingest.formats.library import decoding, imported
+from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
+from identification.ingest.reader import TableSet
+
+if TYPE_CHECKING:
+    import h5py
+
+__all__ = ["Hdf5Reader"]
+
+_WHAT: Final = "an HDF5 or MATLAB 7.3 file"
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_MATLAB = b"MATLAB 7.3 MAT"
+# Files of other programs may begin with a block of their own.
+_POSITIONS = (0, 512, 1024, 2048)
+_LONGEST_TEXT = 1000
+_MOST_NODES = 100_000
+_COLUMN_NAMES = ("columns", "column_names", "names", "labels")
+
+
+class Hdf5Reader:
+    """Reader of the numeric datasets of all groups."""
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True for the signature of HDF5 at one of its usual positions."""
+        return any(head[at:].startswith(_SIGNATURE) for at in _POSITIONS)
+
+    def open(self, file: RunFile) -> TableSet:
+        """List all datasets; their cells are read when their column is needed.
+
+        Raises:
+            UnsupportedContent: The file refers to other files.
+        """
+        library = imported("h5py", _WHAT)
+        with decoding(_WHAT):
+            opened = library.File(file.seekable(), "r")
+            root = _Tree(opened).root()
+        is_matlab = file.head.startswith(_MATLAB)
+        return tables_of(root, file, "variable" if is_matlab else "group")
+
+
+@dataclass
+class _Tree:
+    """Conversion of groups and datasets to the nodes of a tree."""
+
+    opened: h5py.File
+    nodes: int = 0
+    open_groups: set[int] = field(default_factory=set)
+
+    def root(self) -> Mapping[str, Node]:
+        """All groups of the file."""
+        return dict(self._members(self.opened))
+
+    def _members(self, group: h5py.Group) -> Iterator[tuple[str, Node]]:
+        import h5py
+
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                raise _outside(
+                    f"{group.name}/{name}", f"a link to the file {quoted(link.filename)}"
+                )
+            # The target of a soft link has a place of its own; MATLAB hides its objects behind #.
+            if isinstance(link, h5py.HardLink) and not name.startswith("#"):
+                yield name, self._node(group[name])
+
+    def _node(self, item: h5py.Group | h5py.Dataset) -> Node:
+        import h5py
+
+        self.nodes += 1
+        if self.nodes > _MOST_NODES:
+            raise FileTooLarge(
+                f"more than {_MOST_NODES} groups and datasets; save only the channels of the run",
+                value=self.nodes,
+            )
+        if "MATLAB_object_decode" in item.attrs:
+            return Opaque(plain(_text(item.attrs.get("MATLAB_class", ""))))
+        if isinstance(item, h5py.Group):
+            return self._group(item)
+        if isinstance(item, h5py.Dataset) and "MATLAB_empty" not in item.attrs:
+            return self._dataset(item)
+        return ""
+
+    def _group(self, group: h5py.Group) -> Node:
+        import h5py
+
+        address = h5py.h5o.get_info(group.id).addr
+        if address in self.open_groups:
+            # A group that contains itself.
+            return ""
+        self.open_groups.add(address)
+        found = dict(self._members(group))
+        self.open_groups.discard(address)
+        lists = [child for child in found.values() if isinstance(child, list)]
+        if lists and len(lists) == len(found) and len({len(one) for one in lists}) == 1:
+            # MATLAB stores an array of structs as one list for each field.
+            return [dict(zip(found, items, strict=True)) for items in zip(*lists, strict=True)]
+        return found
+
+    def _dataset(self, dataset: h5py.Dataset) -> Node:
+        import h5py
+
+        if dataset.external is not None:
+            raise _outside(dataset.name, "data in another file")
+        if dataset.is_virtual:
+            raise _outside(dataset.name, "a virtual dataset of other files")
+        if h5py.check_ref_dtype(dataset.dtype) is not None:
+            if dataset.size > _MOST_NODES:
+                return ""
+            return [self._node(self.opened[r]) for r in np.ravel(dataset[()]) if r]
+        if _text(dataset.attrs.get("MATLAB_class", "")) == "char" or dataset.dtype.kind in "SO":
+            return _string(dataset)
+        if dataset.dtype.names:
+            return {name: _leaf(dataset, name) for name in dataset.dtype.names}
+        if dataset.dtype.kind not in "biuf":
+            return ""
+        names = next((dataset.attrs[k] for k in _COLUMN_NAMES if k in dataset.attrs), None)
+        if dataset.ndim == 2 and names is not None and len(names) == dataset.shape[1]:
+            return {_text(name): _leaf(dataset, k) for k, name in enumerate(names)}
+        return _leaf(dataset)
+
+
+def _leaf(dataset: h5py.Dataset, part: str | int | None = None) -> Leaf:
+    """A dataset, one field of a compound one, or one column of a matrix."""
+    unit = next((_text(dataset.attrs[k]) for k in ("unit", "units") if k in dataset.attrs), "")
+    # netCDF: "seconds since 2026-03-01".
+    unit = unit.partition(" since ")[0]
+    shape = dataset.shape if part is None else dataset.shape[:1]
+    if part is None and "MATLAB_class" in dataset.attrs:
+        shape = shape[::-1]
+    return Leaf(tuple(shape), partial(_cells, dataset, part), unit)
+
+
+def _cells(dataset: h5py.Dataset, part: str | int | None) -> NDArray[np.generic]:
+    with decoding(_WHAT):
+        if isinstance(part, str):
+            return np.asarray(dataset[part])
+        if part is not None:
+            return np.asarray(dataset[:, part])
+        cells = np.asarray(dataset[()])
+        # MATLAB stores columns first.
+        return cells.T if "MATLAB_class" in dataset.attrs else cells
+
+
+def _string(dataset: h5py.Dataset) -> str:
+    if dataset.size != 1 and (dataset.dtype.kind in "SO" or dataset.size > _LONGEST_TEXT):
+        return ""
+    cells = np.ravel(dataset[()])
+    if dataset.dtype.kind in "SO":
+        return _text(cells[0])
+    return "".join(chr(code) for code in cells.tolist())
+
+
+def _text(value: object) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _outside(name: str, what: str) -> UnsupportedContent:
+    return UnsupportedContent(
+        f"{quoted(name)} is {what}, and nothing outside of the file is read; copy the data into "
+        "the file",
+        value=name,
+    )

@@ -1,0 +1,219 @@
+"""Tables in a tree of named arrays: structs of MATLAB, logs of Simulink, groups of HDF5.
+
+struct with fields that are vectors               a table; units in a field ``unit`` or ``units``
+struct with ``time`` and ``signals``              a log of Simulink, "structure with time"
+struct with ``Time`` and ``Data``                 an exported timeseries: one signal
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.errors import FileTooLarge
+from identification.ingest.columns import Column, describe_column
+from identification.ingest.file import RunFile
+from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
+from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.run import Array
+
+__all__ = ["Leaf", "Node", "Opaque", "tables_of"]
+
+_TOP: Final = "workspace"
+_MOST_NODES = 100_000
+_DEEPEST = 20
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """Numeric array.
+
+    Args:
+        shape: Its shape.
+        load: Function that returns its cells.
+        unit: Unit from its attributes; empty if there is none.
+    """
+
+    shape: tuple[int, ...]
+    load: Callable[[], ArrayLike]
+    unit: str = ""
+
+    @property
+    def length(self) -> int:
+        """Number of elements of a vector; 0 for a scalar or a matrix."""
+        size = int(np.prod(self.shape)) if self.shape else 0
+        return size if size > 1 and size == max(self.shape) else 0
+
+    def vector(self) -> NDArray[np.generic]:
+        """Cells of a vector in one dimension."""
+        return np.ravel(np.asarray(self.load()))
+
+
+@dataclass(frozen=True)
+class Opaque:
+    """Object that only MATLAB can decode, with the name of its class."""
+
+    kind: str
+
+
+Node: TypeAlias = "Mapping[str, Node] | list[Node] | Leaf | Opaque | str"
+
+
+def tables_of(root: Mapping[str, Node], file: RunFile, kind: str, notes: str = "") -> TableSet:
+    """Tables of a tree, and the signals with clocks of their own as one table.
+
+    Args:
+        root: Variables or groups of the file.
+        file: The file, for its name and limits.
+        kind: Word for a table in messages.
+        notes: Content that is not read.
+
+    Raises:
+        FileTooLarge: The tree has more than 100,000 nodes.
+    """
+    walk = _Walk(file)
+    walk.visit("", root, 0)
+    tables: dict[str, SourceTable] = dict(walk.tables)
+    for name, signals in walk.signals.items():
+        tables[name if name not in tables else f"{name} (signals)"] = SignalTable(
+            signals, file.name
+        )
+    joined = None
+    if len(walk.signals) > 1:
+        joined = SignalTable(join(walk.signals), file.name)
+    return TableSet(kind, tables, joined, walk.opaque_note() + notes)
+
+
+@dataclass
+class _Walk:
+    """Search of a tree; it collects tables, signals and opaque objects by path."""
+
+    file: RunFile
+    tables: dict[str, ColumnTable] = field(default_factory=dict)
+    signals: dict[str, list[Signal]] = field(default_factory=dict)
+    opaque: dict[str, str] = field(default_factory=dict)
+    nodes: int = 0
+
+    def visit(self, path: str, node: Node, depth: int) -> None:
+        """Collect the tables of a node and of the nodes below."""
+        self.nodes += 1
+        if self.nodes > _MOST_NODES or depth > _DEEPEST:
+            raise FileTooLarge(
+                f"more than {_MOST_NODES} variables or {_DEEPEST} levels of structs; save only "
+                "the channels of the run",
+                value=self.nodes,
+            )
+        if isinstance(node, Opaque):
+            self.opaque[path] = node.kind
+        elif isinstance(node, list):
+            for number, item in enumerate(node, start=1):
+                if isinstance(item, (Mapping, Opaque)):
+                    self.visit(f"{path}({number})", item, depth + 1)
+        elif isinstance(node, Mapping):
+            self._visit_struct(path, node, depth)
+
+    def _visit_struct(self, path: str, node: Mapping[str, Node], depth: int) -> None:
+        keys = {key.casefold(): key for key in node}
+        time = node.get(keys.get("time", ""))
+        signals, data = (node.get(keys.get(key, "")) for key in ("signals", "data"))
+        if isinstance(time, Leaf) and time.length and isinstance(signals, (Mapping, list)):
+            self.signals.setdefault(path or _TOP, []).extend(self._logged(time, signals))
+            return
+        if isinstance(time, Leaf) and isinstance(data, Leaf) and data.length == time.length > 0:
+            group, _, name = path.rpartition(".")
+            title = node.get(keys.get("name", ""))
+            named = title if isinstance(title, str) and title.strip() else name
+            info = node.get(keys.get("datainfo", ""))
+            unit = _unit(info) if isinstance(info, Mapping) else ""
+            signal = self._signal(named, unit or _unit(node) or data.unit, time, data)
+            self.signals.setdefault(group or _TOP, []).append(signal)
+            return
+        vectors = {name: leaf for name, leaf in _vectors(node)}
+        if len(vectors) > 1:
+            self.tables[path or _TOP] = self._table(vectors, _units(node))
+        for name, child in node.items():
+            self.visit(f"{path}.{name}" if path else name, child, depth + 1)
+
+    def _table(self, vectors: Mapping[str, Leaf], units: Mapping[str, Node]) -> ColumnTable:
+        columns, leaves = [], list(vectors.values())
+        for index, (name, leaf) in enumerate(vectors.items()):
+            unit = units.get(name)
+            text = unit if isinstance(unit, str) else leaf.unit
+            columns.append(describe_column(index, [name], [text]))
+
+        def load(column: Column) -> ArrayLike:
+            return self._vector(leaves[column.index])
+
+        return ColumnTable(columns, load)
+
+    def _logged(self, time: Leaf, signals: Node) -> Iterator[Signal]:
+        """Signals of a "structure with time"; a matrix gives one signal for each column."""
+        for number, entry in enumerate(signals if isinstance(signals, list) else [signals], 1):
+            values = entry.get("values") if isinstance(entry, Mapping) else None
+            if not isinstance(entry, Mapping) or not isinstance(values, Leaf):
+                continue
+            label = next((t for k in ("label", "name") if isinstance(t := entry.get(k), str)), "")
+            name = label.strip() or f"signal {number}"
+            if values.length == time.length:
+                yield self._signal(name, _unit(entry), time, values)
+            elif len(values.shape) == 2 and values.shape[0] == time.length:
+                for k in range(values.shape[1]):
+                    part = partial(_matrix_column, values, k)
+                    leaf = Leaf((time.length,), part)
+                    yield self._signal(f"{name}({k + 1})", _unit(entry), time, leaf)
+
+    def _signal(self, name: str, unit: str, time: Leaf, data: Leaf) -> Signal:
+        return Signal(
+            (name,), unit, Clock(partial(self._seconds, time)), partial(self._vector, data)
+        )
+
+    def _vector(self, leaf: Leaf) -> NDArray[np.generic]:
+        refuse_large(self.file.limits, leaf.length)
+        return leaf.vector()
+
+    def _seconds(self, leaf: Leaf) -> Array:
+        """Times of a log, which Simulink counts in seconds."""
+        return numbers(self._vector(leaf), describe_column(0, ["time"], ["s"]))
+
+    def opaque_note(self) -> str:
+        """Objects that were left out, and what to save in their place."""
+        if not self.opaque:
+            return ""
+        listed = ", ".join(f"{path} ({kind})" for path, kind in list(self.opaque.items())[:6])
+        return (
+            f"; {listed} cannot be read outside MATLAB: save a struct of vectors instead, such as "
+            "log = struct('time_s', seconds(tt.Time), 'speed_rad_s', tt.speed) for a timetable tt, "
+            "or log.speed_rad_s = struct('Time', ts.Time, 'Data', ts.Data) for a timeseries ts"
+        )
+
+
+def _vectors(node: Mapping[str, Node]) -> Iterator[tuple[str, Leaf]]:
+    for name, child in node.items():
+        if isinstance(child, Leaf) and child.length:
+            yield name, child
+
+
+def _units(node: Mapping[str, Node]) -> Mapping[str, Node]:
+    """Field with the unit of each other field."""
+    for name, child in node.items():
+        if name.casefold() in ("unit", "units") and isinstance(child, Mapping):
+            return child
+    return {}
+
+
+def _unit(node: Mapping[str, Node]) -> str:
+    """Unit of one signal."""
+    for name, child in node.items():
+        if name.casefold() in ("unit", "units") and isinstance(child, str):
+            return child.strip()
+    return ""
+
+
+def _matrix_column(leaf: Leaf, column: int) -> NDArray[np.generic]:
+    return np.asarray(leaf.load())[:, column]
