@@ -4,6 +4,7 @@
     accuracy.py   stiffness of the model, and the error of a fixed number of substeps
     language.py   printer of CasADi expressions in C, Python, MATLAB and Modelica
     c_code.py     C file
+    fmu.py        FMU for co-simulation, FMI 2.0 and 3.0
     formats.py    the formats by name, and `export`
 
 All formats are printed from the expressions that `predict` simulates.

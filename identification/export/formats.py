@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import OptionError
 from identification.export.c_code import c_code
+from identification.export.fmu import fmu
 from identification.export.model import Exported, exported_model
 from identification.feedback.spread import checked_temperatures
 
@@ -122,7 +123,13 @@ def _c(request: Request) -> Export:
     return Export(c_code(request.motor, request.header).encode())
 
 
+def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
+    return Export(*fmu(request.motor, request.header, fmi))
+
+
 FORMATS: Final[Mapping[str, ExportFormat]] = {
+    "fmu": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 2)),
+    "fmu3": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 3)),
     "c": ExportFormat(".c", "text/x-c", _c),
 }
 """Formats by the name in ``--to``."""
