@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
+from identification.export.linear import state_space, transfer_function
 from identification.feedback import feedback_metrics, parse_controllers
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
@@ -53,6 +54,9 @@ from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = ["FitOptions", "Identification", "Progress", "identify"]
 
@@ -95,6 +99,34 @@ class Identification(Identified):
         Every file appears complete or not at all.
         """
         write_outputs(Path(directory), self.result, self.findings)
+
+    def transfer_function(self, temperature: float) -> control.TransferFunction:
+        """Transfer function of python-control from voltage [V] to speed [rad/s].
+
+        Args:
+            temperature: Temperature of winding and magnet [degC].
+
+        Raises:
+            OptionError: python-control is not installed, or the temperature is not accepted.
+        """
+        return transfer_function(self.result, temperature)
+
+    def state_space(self, temperature: float, samples: int = 0) -> list[control.StateSpace]:
+        """State spaces of python-control: of the best values, then of samples of the posterior.
+
+        The inputs are voltage [V] and load torque [N m], the outputs current and speed.
+
+        Args:
+            temperature: Temperature of winding and magnet [degC].
+            samples: Number of samples.
+
+        Raises:
+            OptionError: python-control is not installed, or the temperature is not accepted.
+        """
+        count = next(iter(self.findings.draws.values())).size
+        kept = np.unique(np.linspace(0, count - 1, samples).astype(int))
+        draws = {name: values[kept] for name, values in self.findings.draws.items()}
+        return state_space(self.result, temperature, draws if samples else None)
 
 
 _SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")

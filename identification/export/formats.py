@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from identification.errors import OptionError
 from identification.export.c_code import c_code
 from identification.export.fmu import fmu
+from identification.export.language import PYTHON
 from identification.export.model import Exported, exported_model
+from identification.export.scripts import continuous_notes, script
+from identification.export.table import csv_table
 from identification.feedback.spread import checked_temperatures
 
 __all__ = ["FORMATS", "Export", "ExportFormat", "export"]
@@ -127,9 +130,29 @@ def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
     return Export(*fmu(request.motor, request.header, fmi))
 
 
+def _python(request: Request) -> Export:
+    notes = continuous_notes(request.motor, delays=False)
+    text = script(
+        "python_control.py.txt",
+        request.motor,
+        PYTHON,
+        [*request.header, *(f"Not in this file: {note}." for note in notes)],
+        result=request.result,
+        draws=request.draws,
+        temperatures=request.temperatures,
+    )
+    return Export(text.encode(), notes)
+
+
+def _csv(request: Request) -> Export:
+    return Export(csv_table(request.result).encode())
+
+
 FORMATS: Final[Mapping[str, ExportFormat]] = {
+    "python-control": ExportFormat(".py", "text/x-python", _python, is_sampled=True),
     "fmu": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 2)),
     "fmu3": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 3)),
     "c": ExportFormat(".c", "text/x-c", _c),
+    "csv": ExportFormat(".csv", "text/csv", _csv),
 }
 """Formats by the name in ``--to``."""

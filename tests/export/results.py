@@ -14,7 +14,9 @@ from tests.motors import NAMES, drive, motor_named, run_of
 
 __all__ = [
     "CASES",
+    "FRICTION",
     "INTERVAL",
+    "MOTOR",
     "STEP",
     "Inputs",
     "effect",

@@ -1,0 +1,140 @@
+"""Scripts for python-control and MATLAB: linear motor with samples, and the motor with effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any, Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.export.c_code import TEMPLATES
+from identification.export.language import Language, printed
+from identification.export.linear import best_values, matrices, polynomials
+from identification.export.model import EXTERNAL, Exported
+from identification.model.composite import INPUTS
+
+__all__ = ["SIGNALS", "continuous_notes", "equations", "script"]
+
+Array = NDArray[np.float64]
+
+SIGNALS: Final = (
+    "voltage", "temperature", "load_torque", "position", "position_given", "temperature_rate",
+    "peak_temperature", "time",
+)  # fmt: skip
+"""Inputs of the continuous equations, in their order."""
+
+_SAMPLES: Final = 100
+
+
+def equations(
+    motor: Exported, language: Language, names: Sequence[str | Sequence[str]]
+) -> tuple[str, str, tuple[str, ...]]:
+    """Right-hand sides and sensor readings in a language.
+
+    Args:
+        motor: The model.
+        language: The language.
+        names: Names of the states, the inputs `SIGNALS` and the parameters.
+
+    Returns:
+        Assignments to the array `dx`, assignments to the array `y`, and all local variables.
+    """
+    model = motor.model
+    x, _, p = model.symbols()
+    s = ca.SX.sym("s", len(SIGNALS))
+    column = {name: s[k] for k, name in enumerate(SIGNALS)} | {"angle": s[3]}
+    u = ca.vertcat(*[column.get(name.removesuffix("_next"), ca.SX(0)) for name in INPUTS])
+    own = p[: p.numel() - len(EXTERNAL)]
+    known = ca.vertcat(own, column["load_torque"], column["position_given"])
+    rates = ca.Function("rates", [x, s, own], [model.rates(x, u, known)])
+    logged = ca.Function("logged", [x, s, own], [model.logged(x, u, known)])
+    first, second = (
+        printed(function, language, names, [output])
+        for function, output in ((rates, "dx"), (logged, "y"))
+    )
+    return first.text, second.text, tuple(dict.fromkeys((*first.local, *second.local)))
+
+
+def continuous_notes(motor: Exported, *, delays: bool) -> tuple[str, ...]:
+    """What continuous equations do not hold of a sampled model, as sentences.
+
+    Args:
+        motor: The model.
+        delays: Whether the format holds delays of channels.
+    """
+    notes = []
+    if motor.model.delays and not delays:
+        notes.append("channel_delay is left out, because the equations are continuous")
+    if motor.model.averaged:
+        notes.append(
+            "the mean over the sample interval (speed_filter) is left out, because the equations "
+            "are continuous"
+        )
+    return tuple(notes)
+
+
+def script(
+    template: str,
+    motor: Exported,
+    language: Language,
+    header: list[str],
+    *,
+    result: Mapping[str, Any],
+    draws: Mapping[str, Array],
+    temperatures: Sequence[float],
+) -> str:
+    """Text of a script.
+
+    Args:
+        template: Name of the template.
+        motor: The model.
+        language: Language of the script.
+        header: Lines about the motor.
+        result: Content of a result.json.
+        draws: (n_draw,) for each nominal parameter.
+        temperatures: Temperatures of the linear motor [degC].
+    """
+    rates, logged, _ = equations(motor, language, ["x", "u", "p"])
+    model = motor.model
+    return TEMPLATES.get_template(template).render(
+        version=version("motorid"),
+        header=[" ".join(line.split()) for line in header],
+        rates=rates,
+        logged=logged,
+        states=model.state_names,
+        starts=motor.starts,
+        signals=SIGNALS,
+        parameters=motor.parameters,
+        peak=motor.peak,
+        delays=_delays(motor),
+        linear=[_linear(best_values(result), draws, temperature) for temperature in temperatures],
+    )
+
+
+def _delays(motor: Exported) -> dict[str, float]:
+    """Delay of each delayed channel [s]."""
+    known = {parameter.name: value for parameter, value in motor.parameters}
+    return {term.channel: known[f"{term.name}.delay"] for term in motor.model.delays}
+
+
+def _linear(
+    values: Mapping[str, float], draws: Mapping[str, Array], temperature: float
+) -> dict[str, Any]:
+    """Numbers of the linear motor at one temperature: of the best values, then of the samples."""
+    count = np.asarray(draws["J"]).size
+    kept = np.unique(np.linspace(0, count - 1, _SAMPLES).astype(int))
+    some = {name: np.asarray(draws[name])[kept] for name in values}
+    entry: dict[str, Any] = {"temperature": float(temperature)}
+    for name, chosen in (("best", values), ("samples", some)):
+        gain, denominator = polynomials(chosen, temperature)
+        a, b = matrices(chosen, temperature)
+        entry[name] = [
+            {"gain": g, "denominator": d, "a": m, "b": n}
+            for g, d, m, n in zip(
+                gain.tolist(), denominator.tolist(), a.tolist(), b.tolist(), strict=True
+            )
+        ]
+    return entry

@@ -1,0 +1,64 @@
+"""CSV table of a result: parameters, parameters of effects, and feedback metrics."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from identification.feedback.metrics import METRIC_UNITS
+
+__all__ = ["COLUMNS", "csv_table"]
+
+COLUMNS: Final = (
+    "group", "name", "temperature_degC", "controller", "mean", "sd", "q05", "median", "q95", "unit",
+    "identified",
+)  # fmt: skip
+
+_GROUPS: Final = ("feedback", "feedback_nonlinear")
+
+
+def csv_table(result: Mapping[str, Any]) -> str:
+    """Table with one row per parameter and per metric; unknown numbers are empty cells.
+
+    Args:
+        result: Content of a result.json.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in _rows(result):
+        writer.writerow({name: _cell(row.get(name)) for name in COLUMNS})
+    return text.getvalue()
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for name, entry in _members(result.get("parameters")):
+        yield {**entry, "group": "parameters", "name": name}
+    for effect in _entries(result.get("effects")):
+        for name, entry in _members(effect.get("parameters")):
+            yield {**entry, "group": "effects", "name": f"{effect.get('name')}.{name}"}
+    for group in _GROUPS:
+        for loop in _entries(result.get(group)):
+            place = {name: loop.get(name) for name in ("temperature_degC", "controller")}
+            for name, entry in _members({name: loop.get(name) for name in METRIC_UNITS}):
+                yield {**entry, **place, "group": group, "name": name}
+
+
+def _members(found: object) -> Sequence[tuple[str, Mapping[str, Any]]]:
+    members = found.items() if isinstance(found, Mapping) else ()
+    return [(str(name), entry) for name, entry in members if isinstance(entry, Mapping)]
+
+
+def _entries(found: object) -> list[Mapping[str, Any]]:
+    return [one for one in found if isinstance(one, Mapping)] if isinstance(found, list) else []
+
+
+def _cell(value: object) -> object:
+    """Cell of the table; a text that a spreadsheet would evaluate is marked as text."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"'{value}" if isinstance(value, str) and value[:1] in "=+-@\t\r" and value else value

@@ -1,0 +1,137 @@
+"""python-control: transfer function, state space with samples, and the motor with its effects."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.errors import OptionError
+from identification.export import export, state_space, transfer_function
+from identification.feedback import parse_controller, step_curves
+from identification.prediction import predict
+from tests.export.results import (
+    CASES,
+    INTERVAL,
+    MOTOR,
+    inputs_of,
+    result_with,
+    run_of_the_motor,
+)
+from tests.motors import NAMES, drive, run_of
+
+control: Any = pytest.importorskip("control", reason="python-control is not installed")
+
+TOLERANCE = 1e-6
+DRAWS = {name: value * np.linspace(0.9, 1.1, 5) for name, value in zip(NAMES, MOTOR.values)}  # noqa: B905
+
+
+def module(case: str) -> SimpleNamespace:
+    """Exported module of a case, executed."""
+    made = export(result_with(*CASES[case]), "python-control", lambda: (DRAWS, ""), [25.0, 125.0])
+    names: dict[str, Any] = {"__name__": "exported"}
+    exec(compile(made.content, "motor.py", "exec"), names)  # noqa: S102  what a user imports
+    return SimpleNamespace(**names)
+
+
+@pytest.mark.parametrize("temperature", [25.0, 125.0])
+def test_transfer_function_has_the_step_response_of_the_loop(temperature: float) -> None:
+    """The library's own closed form of the loop with P:1 is the reference."""
+    found = module("nominal").transfer_functions[temperature]
+    values = {name: np.array([value]) for name, value in zip(NAMES, MOTOR.values, strict=True)}
+    (curve,) = step_curves(values, [temperature], [parse_controller("P:1")])
+
+    _, speed = control.step_response(control.feedback(found, 1), np.asarray(curve.time))
+
+    np.testing.assert_allclose(speed, np.asarray(curve.median), atol=TOLERANCE)
+    own = transfer_function(result_with(), temperature)
+    np.testing.assert_allclose(own.num[0][0], found.num[0][0])
+    np.testing.assert_allclose(own.den[0][0], found.den[0][0])
+
+
+def test_state_space_follows_predict() -> None:
+    """Sampled with a zero-order hold, it is the nominal model at a constant temperature."""
+    rows = 500
+    voltage = drive(MOTOR, "steps", rows, np.random.default_rng(1))
+    run = run_of(MOTOR, voltage, np.full(rows, 125.0), np.zeros(2))
+    result = result_with()
+    _, state = inputs_of(result, run)
+    sampled = control.sample_system(module("nominal").state_spaces[125.0], INTERVAL, "zoh")
+
+    found = control.forced_response(
+        sampled, run.time, np.vstack([voltage, np.zeros(rows)]), initial_state=state[:2]
+    ).outputs
+
+    predicted = predict(result, run)
+    for row, wanted in zip(found, (predicted.current, predicted.speed), strict=True):
+        assert np.abs(row - wanted).max() < TOLERANCE * np.ptp(wanted)
+
+
+def test_samples_are_those_of_the_draws() -> None:
+    """Each sample is the state space of one draw, and the best values come first in the library."""
+    found = module("nominal").sampled_state_spaces[25.0]
+
+    best, *own = state_space(result_with(), 25.0, DRAWS)
+
+    assert len(found) == len(own) == 5
+    for one, other, inductance in zip(found, own, DRAWS["L"], strict=True):
+        np.testing.assert_allclose(one.A, other.A)
+        assert one.B[0, 0] == pytest.approx(1.0 / inductance)
+    np.testing.assert_allclose(best.A, found[2].A)
+
+
+def test_motor_with_effects_follows_predict() -> None:
+    """Linear interpolation of the inputs is the first-order hold of this model."""
+    case = "cogging and a first-order hold"
+    result, run = result_with(*CASES[case]), run_of_the_motor(120)
+    inputs, state = inputs_of(result, run)
+    motor = module(case).motor
+    given = np.vstack(
+        [inputs["voltage"], inputs["temperature"], np.zeros(run.rows), inputs["angle"]]
+    )
+
+    found = control.input_output_response(
+        motor, run.time, given, [*state, 0.0], params={"position_given": 1.0},
+        solve_ivp_method="DOP853",
+        solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-9, "max_step": INTERVAL},
+    ).outputs  # fmt: skip
+
+    predicted = predict(result, run)
+    for row, wanted in zip(found[:2], (predicted.current, predicted.speed), strict=True):
+        assert np.abs(row - wanted).max() < TOLERANCE * np.ptp(wanted)
+
+
+def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message is the command that installs it."""
+    monkeypatch.setitem(sys.modules, "control", None)
+
+    with pytest.raises(OptionError, match=r"pip install 'motorid\[control\]'"):
+        transfer_function(result_with(), 25.0)
+
+
+def test_delay_that_the_equations_lack_is_said_in_the_file() -> None:
+    """Continuous equations have no delay and no mean; the file names both."""
+    made = export(
+        result_with(*CASES["a delay and a mean"]), "python-control", lambda: (DRAWS, "few"), [25.0]
+    )
+
+    assert [remark.split()[0] for remark in made.remarks] == ["few", "channel_delay", "the"]
+    assert "channel_delay is left out" in made.content.decode()
+
+
+def test_file_is_a_program(tmp_path: Path) -> None:
+    """Executed as a script, it prints the poles at each temperature."""
+    import subprocess
+
+    path = tmp_path / "motor.py"
+    path.write_bytes(
+        export(result_with(), "python-control", lambda: (DRAWS, ""), [25.0, 125.0]).content
+    )
+
+    said = subprocess.run([sys.executable, path], check=True, capture_output=True, text=True).stdout
+
+    assert [line.split(":")[0] for line in said.splitlines()] == ["25 degC", "125 degC"]
