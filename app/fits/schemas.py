@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
@@ -35,6 +36,8 @@ RunId = Annotated[
 Motor = Annotated[str, StringConstraints(max_length=200)]
 
 _DEFAULT = FitOptions()
+_FORESEEABLE = 0.05
+"""Completed fraction from which the time so far predicts the remaining time."""
 _FIT: dict[str, Any] = {
     "id": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
     "status": "succeeded",
@@ -162,6 +165,20 @@ class Progress(BaseModel):
 
     stage: str
     fraction: float = Field(ge=0.0, le=1.0, description="Completed fraction, 0 to 1.")
+    remaining_s: float | None = Field(
+        default=None,
+        description="Estimated time to the end, from the time so far [s]; null before a twentieth "
+        "is done and unless the fit is running.",
+    )
+
+    @classmethod
+    def of(cls, row: FitRow, now: float) -> Progress:
+        """Progress of a fit at a time [s since 1970]."""
+        remaining = None
+        if row.status == "running" and row.started_at and row.fraction >= _FORESEEABLE:
+            elapsed = max(0.0, now - row.started_at)
+            remaining = round(elapsed * (1.0 - row.fraction) / row.fraction, 1)
+        return cls(stage=row.stage, fraction=row.fraction, remaining_s=remaining)
 
 
 class FitError(BaseModel):
@@ -250,7 +267,7 @@ class FitEvent(BaseModel):
             {
                 "id": row.id,
                 "status": row.status,
-                "progress": {"stage": row.stage, "fraction": row.fraction},
+                "progress": Progress.of(row, time.time()),
                 "attempt": row.attempt,
                 "error": row.error,
             }
@@ -268,7 +285,7 @@ def _fields(fit: StoredFit) -> dict[str, Any]:
     return {
         "id": row.id,
         "status": row.status,
-        "progress": {"stage": row.stage, "fraction": row.fraction},
+        "progress": Progress.of(row, time.time()),
         "motor": row.motor,
         "training": list(fit.training),
         "validation": list(fit.validation),

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from app.batches.schemas import BatchSummary
-from app.fits.schemas import FitSummary
+from app.fits.schemas import FitSummary, Progress
 from app.runs.schemas import RunOut, RunWarningOut
 
 __all__ = ["batch_view", "duration", "fit_view", "run_view", "span"]
@@ -50,6 +50,7 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
         "validation": [files.get(run, run) for run in fit.validation],
         "begun": _when(fit.created_at),
         "percent": f"{100 * fit.progress.fraction:.0f} %",
+        "progress_text": _progress(fit.progress),
         "took": took,
         "options": {name: _option(value) or _NONE for name, value in fit.options.items()},
     }
@@ -65,6 +66,14 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
         "has_ended": batch.status not in ("queued", "running"),
         "counts_text": ", ".join(counts),
     }
+
+
+def _progress(progress: Progress) -> str:
+    """Stage, percent and time left; `progressText` in calls.js does the same for later events."""
+    parts = [progress.stage, f"{100 * progress.fraction:.0f} %"]
+    if progress.remaining_s is not None:
+        parts.append(f"about {duration(max(1, round(progress.remaining_s)))} left")
+    return " · ".join(parts)
 
 
 def _placed(warning: RunWarningOut) -> str:

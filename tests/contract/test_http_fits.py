@@ -62,7 +62,8 @@ def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
     assert accepted.headers["location"] == f"/api/v1/fits/{fit['id']}"
     assert accepted.json()["status"] == "queued"
     assert accepted.json()["result"] is None
-    assert (fit["status"], fit["progress"]) == ("succeeded", {"stage": "done", "fraction": 1.0})
+    ended = {"stage": "done", "fraction": 1.0, "remaining_s": None}
+    assert (fit["status"], fit["progress"]) == ("succeeded", ended)
     assert (fit["training"], fit["validation"]) == (body["training"], body["validation"])
     assert fit["result"]["runs"] == [
         {"file": "31.csv", "sha256": runs[1]["sha256"], "role": "training"},

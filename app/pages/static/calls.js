@@ -28,29 +28,36 @@ export async function call(method, path, body) {
   return { content, isNew: answer.status === 201 };
 }
 
+function duration(seconds) {
+  const whole = Math.max(1, Math.round(seconds));
+  if (whole < 120) return `${whole} s`;
+  const minutes = Math.floor(whole / 60);
+  return minutes < 60 ? `${minutes} min ${whole % 60} s` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+/** Stage, percent and time left, as the server writes them in the page. */
+function progressText({ stage, fraction, remaining_s: remaining }) {
+  const parts = [stage, `${Math.round(100 * fraction)} %`];
+  if (remaining != null) parts.push(`about ${duration(remaining)} left`);
+  return parts.join(" · ");
+}
+
 /** Shows status and progress of a fit in the elements of `place` with the attribute `data-part`. */
-export function showProgress(place, fit) {
-  const status = document.createElement("span");
+export function showProgress(place, fit, text = progressText(fit.progress)) {
+  const status = place.querySelector("[data-part=status] .state");
   status.className = `state ${fit.status}`;
   status.textContent = fit.status;
-  place.querySelector("[data-part=status]").replaceChildren(status);
-  const bar = document.createElement("progress");
-  bar.max = 1;
+  const part = place.querySelector("[data-part=progress]");
+  const bar = part.querySelector("progress");
+  if (!bar) return;
   bar.value = fit.progress.fraction;
-  bar.setAttribute("aria-label", "Progress");
-  const stage = document.createElement("span");
-  stage.className = "muted stage";
-  stage.textContent = fit.progress.stage;
-  place.querySelector("[data-part=progress]").replaceChildren(bar, stage);
+  part.querySelector(".stage").textContent = text;
 }
 
 /** Shows status, progress and the number of fits in each state of a batch. */
 export function showBatch(place, batch) {
   const counts = Object.entries(batch.counts).map(([state, number]) => `${number} ${state}`).join(", ");
-  showProgress(place, {
-    status: batch.status,
-    progress: { fraction: batch.progress.fraction, stage: counts },
-  });
+  showProgress(place, batch, counts);
 }
 
 /** Whether a fit or a batch has ended. */

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from app.fits.schemas import FitSummary
+from app.fits.schemas import FitSummary, Progress
 from app.pages.views import fit_view, run_view
 from app.runs.schemas import RunOut
+from tests.app.rows import fit_row
 
 RUN = RunOut.model_json_schema()["examples"][0]
 FIT = FitSummary.model_json_schema()["examples"][0]
@@ -46,6 +47,39 @@ def test_warnings_of_a_run_name_the_column() -> None:
 def test_duration_of_a_fit_is_shown_in_suitable_units(ended: str | None, took: str) -> None:
     """The start time of the example is 12:00:00.12."""
     assert fit_view(FitSummary.model_validate(FIT | {"ended_at": ended}), {})["took"] == took
+
+
+@pytest.mark.parametrize(
+    ("remaining_s", "shown"),
+    [
+        (None, "posterior · 62 %"),
+        (0.2, "posterior · 62 % · about 1 s left"),
+        (40.4, "posterior · 62 % · about 40 s left"),
+        (150.0, "posterior · 62 % · about 2 min 30 s left"),
+    ],
+)
+def test_progress_names_stage_percent_and_time_left(remaining_s: float | None, shown: str) -> None:
+    """Seconds are whole; less than one is not worth a digit."""
+    progress = {"stage": "posterior", "fraction": 0.62, "remaining_s": remaining_s}
+
+    assert (
+        fit_view(FitSummary.model_validate(FIT | {"progress": progress}), {})["progress_text"]
+        == shown
+    )
+
+
+@pytest.mark.parametrize(
+    ("status", "fraction", "remaining_s"),
+    [("running", 0.25, 90.0), ("running", 0.04, None), ("queued", 0.0, None)],
+)
+def test_remaining_time_follows_from_the_time_so_far(
+    status: str, fraction: float, remaining_s: float | None
+) -> None:
+    """A quarter took 30 s, so three quarters take 90 s."""
+    row = fit_row("w", status)
+    row.fraction, row.started_at = fraction, 1000.0
+
+    assert Progress.of(row, 1030.0).remaining_s == remaining_s
 
 
 def test_runs_of_a_fit_are_shown_by_name_if_known() -> None:
