@@ -212,7 +212,7 @@ class BatchService:
         from identification.fleet.page import render_fleet
 
         batch, refits = self._refits(caller, batch_id)
-        return render_fleet(batch.row.name or "Batch", refits)
+        return render_fleet(batch.row.name or "Batch", refits, back="/")
 
     def _refits(self, caller: Caller, batch_id: str) -> tuple[StoredBatch, list[Refit]]:
         batch = self.get(caller, batch_id)

@@ -12,7 +12,7 @@ from app.fits.events import EventStream, has_heard_the_end, last_version
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
 from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
 from app.http.files import OpenFileResponse
-from app.http.headers import REPORT_POLICY
+from app.http.headers import FRAMED
 from app.http.problems import responses
 
 __all__ = ["router"]
@@ -144,7 +144,7 @@ def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenF
     return OpenFileResponse(
         services.fits.report(caller, fit_id),
         media_type="text/html; charset=utf-8",
-        headers={"Content-Security-Policy": REPORT_POLICY},
+        headers=FRAMED,
     )
 
 

@@ -7,18 +7,30 @@ policy: the scripts run in a sandbox without origin, cookies or network access.
 
 from __future__ import annotations
 
-__all__ = ["FLEET_POLICY", "PAGE_POLICY", "REPORT_POLICY", "SECURITY_HEADERS", "STATIC_CACHE"]
+__all__ = [
+    "FLEET_POLICY",
+    "FRAMED",
+    "PAGE_POLICY",
+    "REPORT_POLICY",
+    "SECURITY_HEADERS",
+    "STATIC_CACHE",
+]
 
 PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+    "connect-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
 )
 
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
+    "form-action 'none'; frame-ancestors 'self'"
 )
+"""Policy of a report, which a page of this service frames to add the way back.
+
+A link in the report itself would leave its sandbox, and the browser would send no cookie along.
+"""
 
 FLEET_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
@@ -28,6 +40,9 @@ FLEET_POLICY = (
 
 The page is not sandboxed: from a sandbox, a browser would follow a link without the cookie.
 """
+
+FRAMED = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+"""Headers of a report."""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": PAGE_POLICY,

@@ -11,6 +11,7 @@ from app.access.service import Caller
 from app.composition import Services
 from app.errors import FileLost, NotFound, NotReady
 from app.fits.schemas import FitOut
+from app.http import API_PREFIX
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.rendering import page
 from app.pages.results import result_view
@@ -50,3 +51,19 @@ def _report(services: Services, caller: Caller, fit_id: str) -> str:
             return file.read().decode("utf-8", "replace")
     except (FileLost, NotReady):
         return ""
+
+
+@router.get("/fits/{fit_id}/report")
+def report_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Report of a fit below the bar of the pages, with the way back."""
+    # Closed at once; a fit without a report is an error of this page and not of its frame.
+    services.fits.report(caller, fit_id).close()
+    motor = services.fits.row(caller, fit_id).motor
+    return page(
+        "framed",
+        caller=caller,
+        title=f"Report: {motor or 'motor without name'}",
+        address=f"{API_PREFIX}/fits/{fit_id}/report",
+        back=f"/fits/{fit_id}",
+        back_text=motor or "Fit",
+    )

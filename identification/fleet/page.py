@@ -47,12 +47,13 @@ class _Remarkable:
     size: float
 
 
-def render_fleet(title: str, refits: Sequence[Refit]) -> str:
+def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
     """Render the complete page.
 
     Args:
         title: Name of the batch.
         refits: All motors of the table.
+        back: Address of the page that led here; empty for a file.
 
     Returns:
         HTML text, UTF-8 when written.
@@ -63,6 +64,7 @@ def render_fleet(title: str, refits: Sequence[Refit]) -> str:
     moved = _moved(refits, changes)
     return _environment().get_template("fleet.html.j2").render(
         title=title,
+        back=back,
         policy=content_security_policy(),
         styles=_styles(),
         counts=_counts(refits),

@@ -122,6 +122,24 @@ def test_fit_page_of_another_workspace_is_not_found(
     assert httpx.get(f"{server.url}/fits/{fit}", headers=bob.http.headers).status_code == 404
 
 
+def test_report_and_fleet_page_have_a_way_back(alice: Caller, server: Server, stored: str) -> None:
+    """The report is framed: its sandbox sends no cookie with a link. No other site can frame it."""
+    fit = alice.wait(alice.begin(stored)["id"])["id"]
+    batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
+
+    framed = httpx.get(f"{server.url}/fits/{fit}/report", headers=of_key(alice))
+    report = alice.http.get(f"/fits/{fit}/report")
+    fleet = alice.http.get(f"/batches/{batch}/report")
+
+    assert f'href="/fits/{fit}"' in framed.text
+    assert f'<iframe src="/api/v1/fits/{fit}/report"' in framed.text
+    assert "frame-src 'self'" in framed.headers["content-security-policy"]
+    assert "frame-ancestors 'none'" in framed.headers["content-security-policy"]
+    assert "frame-ancestors 'self'" in report.headers["content-security-policy"]
+    assert report.headers["x-frame-options"] == "SAMEORIGIN"
+    assert 'href="/"' in fleet.text
+
+
 def test_pages_refer_to_this_service_only(alice: Caller, server: Server) -> None:
     """Each URL in a page or script is local, and nothing is inline."""
     for path in ("/", "/docs", "/login"):
