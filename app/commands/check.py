@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.commands.arguments import check_mapped_files, run_names
-from app.commands.console import print_json, remark, results_console, table_with
+from app.commands.console import print_help, print_json, remark, results_console, table_with
 from app.commands.files import writable_file
 from identification.errors import InputError, OptionError, RunFileError
 from identification.result.numbers import number_text, unit_text
@@ -123,6 +123,10 @@ def _print(
             console.print(f"  correct it with --map {shlex.quote(correction)}", soft_wrap=True)
     if content["parameters"]:
         console.print(_prospects(content["parameters"]))
+    remarks = [warning for run in content["runs"] for warning in run["warnings"]]
+    noticed = [*content["errors"], *content["findings"], *remarks]
+    if codes := [one["code"] for one in noticed if one["code"]]:
+        print_help(codes)
     for note in content["notes"]:
         console.print(f"Note: {note}", soft_wrap=True)
     if saved is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ __all__ = [
     "fit_summary",
     "print_feedback",
     "print_fit",
+    "print_help",
     "print_json",
     "print_rows",
     "progress_bar",
@@ -115,6 +116,9 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
     console = results_console()
     for warning in result.get("warnings") or ():
         console.print(f"Warning: {warning}", style="yellow")
+    codes = [detail["code"] for detail in result.get("warning_details") or ()]
+    if codes:
+        print_help(codes)
     for sentence in summary_sentences(result):
         console.print(sentence)
     console.print(_parameters(result))
@@ -126,6 +130,12 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
         if (out / file).exists():
             # Paths are not wrapped, so that they can be copied.
             print(out / file)  # noqa: T201
+
+
+def print_help(codes: Iterable[str]) -> None:
+    """Print where each code is explained."""
+    listed = ", ".join(dict.fromkeys(codes))
+    results_console().print(f"What to do: docs/troubleshooting.md on {listed}", style="yellow")
 
 
 def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:

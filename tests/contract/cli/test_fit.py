@@ -129,6 +129,7 @@ def test_table_names_every_parameter_warnings_first_and_files_last(
     warnings = json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]
     for number, warning in enumerate(warnings):
         assert shown.splitlines()[number] == f"Warning: {warning}"
+    assert shown.splitlines()[len(warnings)].startswith("What to do: docs/troubleshooting.md on ")
     assert remarks == ""
 
 
