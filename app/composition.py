@@ -8,6 +8,7 @@ from typing import Self
 
 from app.access.quotas import Quotas
 from app.access.service import AccessService
+from app.analyses.service import AnalysisService
 from app.batches.service import BatchService
 from app.damage import check_file, check_present
 from app.database import Database
@@ -51,6 +52,7 @@ class Services:
     choice: RunChoice
     fits: FitService
     batches: BatchService
+    analyses: AnalysisService
     health: HealthService
     fork_server: ForkServer
     engine: AbstractEngine
@@ -77,6 +79,7 @@ class Services:
         retention = Retention(database, storage, metrics, settings.retention_days)
         quotas = Quotas(settings.quota_bytes, settings.quota_runs, settings.quota_waiting_fits)
         supervisor = Supervisor(database, storage, engine, settings, metrics)
+        fits = FitService(database, storage, supervisor, quotas)
         return cls(
             settings=settings,
             database=database,
@@ -86,8 +89,9 @@ class Services:
             runs=RunService(database, storage, reader, metrics, quotas),
             pending=PendingRuns(database, storage, reader, quotas),
             choice=RunChoice(database, storage, reader),
-            fits=FitService(database, storage, supervisor, quotas),
+            fits=fits,
             batches=BatchService(database, storage, supervisor, quotas),
+            analyses=AnalysisService(fits, storage),
             health=HealthService(database, storage, supervisor, metrics),
             fork_server=readers,
             engine=engine,

@@ -15,6 +15,7 @@ from anyio import to_thread
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from app.analyses.endpoints import router as analyses
 from app.batches.endpoints import router as batches
 from app.composition import Services
 from app.fits.endpoints import router as fits
@@ -76,7 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.include_router(
         runs, prefix=API_PREFIX, max_body_size=settings.max_upload_bytes + _FORM_BYTES
     )
-    for router in (fits, batches, health):
+    for router in (fits, analyses, batches, health):
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
     for router in (pages, choice):

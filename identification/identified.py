@@ -24,8 +24,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import IdentificationError, InputError, UnreadableFile
-from identification.quantities import DECLARED_PARAMETERS
 from identification.report.summary import summary_sentences
+from identification.result.draws import chain_draws, normal_draws
 from identification.result.numbers import interval_text, unit_text
 from identification.result.tables import TableName, result_table
 
@@ -33,10 +33,6 @@ __all__ = ["Identified", "MissingPackage", "StoredResult", "inference_data", "re
 
 Array = NDArray[np.float64]
 
-_SEED: Final = 0
-_LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
-_WIDEST: Final = 100.0
-"""Largest absolute log ratio of a drawn parameter to its median."""
 _MOST_DRAWS: Final = 2000
 
 
@@ -130,8 +126,15 @@ class StoredResult(Identified):
             InputError: The posterior cannot be read, or the result lacks a parameter.
         """
         if not self.has_posterior:
-            return _normal(self.result, self.path, most)
-        return _chain(self.path.with_name("posterior.nc"), most)
+            return normal_draws(self.result, most, str(self.path))
+        posterior = self.path.with_name("posterior.nc")
+        try:
+            if not posterior.is_file():
+                raise OSError("not a regular file")
+            with posterior.open("rb") as content:
+                return chain_draws(content, most, str(posterior))
+        except OSError as error:
+            raise _no_posterior(posterior, error) from error
 
 
 def read_result(path: str | os.PathLike[str]) -> StoredResult:
@@ -222,53 +225,6 @@ def _no_posterior(path: Path, error: Exception) -> InputError:
         f"is not a posterior of 'motorid fit' ({error}); repeat the fit or remove the file",
         file=str(path),
     )
-
-
-def _chain(path: Path, most: int) -> dict[str, Array]:
-    """Draws of all variables of a posterior.nc, thinned evenly."""
-    # Imported here: a program that only reads results needs no netCDF.
-    import h5netcdf
-
-    try:
-        if not path.is_file():
-            raise OSError("not a regular file")
-        with h5netcdf.File(path, "r") as file:
-            group = file.groups["posterior"]
-            names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
-            draws = {
-                name: np.asarray(group[name][...]).T.ravel()
-                for name in names
-                if name not in group.dimensions
-            }
-    except (OSError, KeyError, ValueError) as error:
-        raise _no_posterior(path, error) from error
-    count = draws["J"].size
-    kept = np.unique(np.linspace(0, count - 1, most).astype(int))
-    return {name: values[kept].astype(np.float64) for name, values in draws.items()}
-
-
-def _normal(result: Mapping[str, Any], path: Path, count: int) -> dict[str, Array]:
-    """Independent draws of the nominal parameters from their medians and standard deviations."""
-    rng = np.random.default_rng(_SEED)
-    draws = {}
-    for name in DECLARED_PARAMETERS:
-        entry = result["parameters"].get(name) or {}
-        centre, spread = entry.get("median"), entry.get("sd")
-        if not isinstance(centre, int | float) or not isinstance(spread, int | float):
-            raise InputError(
-                f"has no median and sd of {name}; give the parameters with --set NAME=VALUE "
-                "instead",
-                file=str(path),
-            )
-        steps = rng.standard_normal(count) * spread
-        if name in _LOGARITHMIC:
-            # The spread of an undetermined parameter would overflow the exponential.
-            draws[name] = centre * np.exp(np.clip(steps / centre, -_WIDEST, _WIDEST))
-        elif name in ("b", "L"):
-            draws[name] = np.abs(centre + steps)
-        else:
-            draws[name] = centre + steps
-    return draws
 
 
 def _parameters_html(table: pd.DataFrame) -> str:

@@ -13,6 +13,7 @@ from app.fits.schemas import FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
+from app.pages.analyses import router as analyses
 from app.pages.choice import MotorFilter, choice_of
 from app.pages.fits import router as fits
 from app.pages.pending_views import pending_list_view
@@ -23,6 +24,7 @@ __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
 router.include_router(fits)
+router.include_router(analyses)
 
 _MOST_BATCHES = 50
 

@@ -1,0 +1,1 @@
+"""Analyses of succeeded fits: other controllers and temperatures, history, comparison."""

@@ -1,0 +1,70 @@
+"""Request and response schemas of analyses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, StringConstraints
+
+from app.analyses.service import LoopAnalysis
+from app.texts import Received, with_example
+
+__all__ = ["FeedbackIn", "FeedbackOut", "StepOut"]
+
+_MOST = 5
+
+
+class FeedbackIn(Received):
+    """Controllers and temperatures of the speed loop."""
+
+    model_config = with_example({"controllers": ["PI:2,0.5"], "temperatures": [25.0, 80.0]})
+
+    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+        min_length=1,
+        max_length=_MOST,
+        description="`P:kp`, `PI:kp,ki` or `PID:kp,ki,kd`, gains in V s/rad.",
+    )
+    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default=[25.0, 125.0],
+        min_length=1,
+        max_length=_MOST,
+        description="Temperatures of winding and magnet [degC].",
+    )
+
+
+class StepOut(BaseModel):
+    """Step response of one controller at one temperature: speed over reference."""
+
+    controller: str
+    temperature_degC: float  # noqa: N815
+    time_s: list[float] = Field(description="Time after the step [s].")
+    q05: list[float] = Field(description="Lower end of the pointwise 90 % band [-].")
+    median: list[float] = Field(description="Pointwise median [-].")
+    q95: list[float] = Field(description="Upper end of the pointwise 90 % band [-].")
+
+
+class FeedbackOut(BaseModel):
+    """Metrics and step responses of the speed loop."""
+
+    feedback: list[Mapping[str, Any]] = Field(
+        description="Member `feedback` of result.json for these controllers and temperatures."
+    )
+    steps: list[StepOut]
+    remarks: list[str] = Field(description="Limits of the numbers, in words.")
+
+    @classmethod
+    def of(cls, loop: LoopAnalysis) -> FeedbackOut:
+        """Build the schema from an analysis."""
+        steps = [
+            StepOut(
+                controller=step.controller,
+                temperature_degC=step.temperature_degC,
+                time_s=step.time.tolist(),
+                q05=step.q05.tolist(),
+                median=step.median.tolist(),
+                q95=step.q95.tolist(),
+            )
+            for step in loop.steps
+        ]
+        return cls(feedback=list(loop.feedback), steps=steps, remarks=list(loop.remarks))

@@ -1,0 +1,142 @@
+"""Analysis service: what a result says beyond the requested metrics.
+
+Nothing here is stored: each analysis follows from stored results, so a page of it survives a
+reload and can be shared by its address.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from app.access.service import Caller
+from app.batches.results import refits_of
+from app.errors import NotReady, Unavailable
+from app.fits.service import FitService, StoredFit
+from app.storage import Storage
+from identification.fleet.refit import Refit
+
+if TYPE_CHECKING:
+    from identification.result.report_data import StepResponse
+
+__all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis"]
+
+APPROXIMATE: Final = (
+    "The fit has no posterior: independent draws from its medians and standard deviations are "
+    "used, so the intervals are approximate."
+)
+"""Remark on a loop whose draws lack the correlations of the parameters."""
+
+_AT_ONCE: Final = 2
+_WAIT_S: Final = 20.0
+
+
+@dataclass(frozen=True)
+class LoopAnalysis:
+    """Speed loop of an identified motor.
+
+    Args:
+        feedback: The list as in result.json: metrics of each controller at each temperature.
+        steps: Step response of each, with its 90 % band.
+        remarks: Limits of the numbers, in words.
+    """
+
+    feedback: Sequence[Mapping[str, Any]]
+    steps: Sequence[StepResponse]
+    remarks: tuple[str, ...] = ()
+
+
+class AnalysisService:
+    """Analyses of fits; each is restricted to the workspace of its caller."""
+
+    def __init__(self, fits: FitService, storage: Storage) -> None:
+        self._fits = fits
+        self._storage = storage
+        self._free = threading.BoundedSemaphore(_AT_ONCE)
+
+    def loop(
+        self,
+        caller: Caller,
+        fit_id: str,
+        controllers: Sequence[str],
+        temperatures: Sequence[float],
+        *,
+        draws: int,
+    ) -> LoopAnalysis:
+        """Speed loop of the motor with other controllers, at other temperatures.
+
+        Args:
+            caller: Caller of the request.
+            fit_id: ID of a succeeded fit.
+            controllers: Controllers such as ``PI:2,0.5``.
+            temperatures: Temperatures of winding and magnet [degC].
+            draws: Largest number of posterior draws.
+
+        Raises:
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded.
+            FileLost: The result or the posterior is missing or damaged.
+            OptionError: A controller or a temperature is not accepted.
+            InputError: The result lacks a parameter.
+            Unavailable: Too many analyses are computed at the moment.
+        """
+        # Lazy imports: numpy and scipy would slow down every start.
+        from identification.feedback import feedback_metrics, parse_controllers, step_curves
+        from identification.feedback.spread import checked_temperatures
+        from identification.result.draws import chain_draws, normal_draws
+        from identification.result.report_data import StepResponse
+
+        parsed, asked = parse_controllers(controllers), checked_temperatures(temperatures)
+        fit = self.succeeded(caller, fit_id)
+        with self._turn():
+            if fit.has_posterior:
+                with self._fits.posterior(caller, fit_id) as file:
+                    motors = chain_draws(file, draws, f"posterior.nc of {fit_id}")
+            else:
+                motors = normal_draws(fit.result or {}, draws, f"result.json of {fit_id}")
+            curves = step_curves(motors, asked, parsed)
+            return LoopAnalysis(
+                feedback_metrics(motors, asked, parsed),
+                [StepResponse(**vars(curve)) for curve in curves],
+                () if fit.has_posterior else (APPROXIMATE,),
+            )
+
+    def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
+        """Succeeded fit with its result.
+
+        Raises:
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded.
+            FileLost: The result is missing or damaged.
+        """
+        fit = self._fits.get(caller, fit_id)
+        if fit.result is None:
+            raise NotReady(f"{fit_id} is {fit.row.status}; only a succeeded fit has a result")
+        return fit
+
+    def history(
+        self, caller: Caller, motor: str, *, limit: int
+    ) -> tuple[list[StoredFit], list[Refit]]:
+        """Newest fits of a motor, and the compared parts of the succeeded ones, newest first.
+
+        Args:
+            caller: Caller of the request.
+            motor: Name of the motor.
+            limit: Largest number of fits.
+        """
+        fits, _ = self._fits.page(caller, after=None, limit=limit, status=None, motor=motor)
+        rows = [fit.row for fit in fits if fit.row.status == "succeeded"]
+        return fits, refits_of(self._storage, rows, {})
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """Limit the analyses that are computed at the same time."""
+        if not self._free.acquire(timeout=_WAIT_S):
+            raise Unavailable("too many analyses are being computed; try again in a few seconds")
+        try:
+            yield
+        finally:
+            self._free.release()

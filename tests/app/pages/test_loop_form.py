@@ -1,0 +1,49 @@
+"""Form of the speed loop."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.pages.loop_form import LoopForm
+from identification.errors import OptionError
+
+RESULT = {
+    "feedback": [
+        {"controller": controller, "temperature_degC": temperature}
+        for controller in ("PI:2,0.5", "P:1")
+        for temperature in (25.0, 125.0)
+    ]
+}
+
+
+def test_empty_address_shows_the_first_controller_of_the_fit() -> None:
+    """The temperatures are those of the fit, each once."""
+    form = LoopForm.of({}, RESULT)
+
+    assert form.controller == "PI:2,0.5"
+    assert form.temperatures == [25.0, 125.0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "controller"), [("P", "P:3"), ("PI", "PI:3,4"), ("PID", "PID:3,4,5")]
+)
+def test_controller_has_the_gains_of_its_kind(kind: str, controller: str) -> None:
+    """A hidden field of another kind does not enter."""
+    given = {"kind": kind, "kp": " 3 ", "ki": "4", "kd": "5"}
+
+    assert LoopForm.of(given, {}).controller == controller
+
+
+@pytest.mark.parametrize("text", ["25, 80", "25;80", " 25 80 80 "])
+def test_temperatures_may_be_separated_in_any_usual_way(text: str) -> None:
+    """A repeated temperature is computed once."""
+    assert LoopForm.of({"temperature": text}, {}).temperatures == [25.0, 80.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"), [("warm", "'warm' are not numbers"), ("1 2 3 4 5 6", "6 temperatures")]
+)
+def test_refused_temperatures_are_shown_with_what_was_expected(text: str, reason: str) -> None:
+    """The message contains the text and an example, or the limit."""
+    with pytest.raises(OptionError, match=reason):
+        _ = LoopForm.of({"temperature": text}, {}).temperatures

@@ -1,0 +1,107 @@
+"""Analyses of fits by HTTP and on their pages, with the real pipeline."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+
+from identification.ingest import write_run
+from motorid.client import Client
+from tests.app.service import serving
+from tests.motors import campaign, motor_named
+
+MOTOR = "servo <1>"
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Service with two fits of one motor.
+
+    Args:
+        http: Client of the service.
+        first: ID of the fit of the first run.
+        second: ID of the fit of both runs.
+        runs: IDs of the runs.
+    """
+
+    http: httpx.Client
+    first: str
+    second: str
+    runs: tuple[str, ...]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Two runs of the 100 W servo, fitted alone and together."""
+    directory = tmp_path_factory.mktemp("analyses")
+    files = []
+    for number, run in enumerate(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=400)):
+        files.append(directory / f"run{number}.csv")
+        write_run(run, files[-1])
+    options = {"posterior": False, "effects": False}
+    settings = {"PIPELINE": "identification.pipeline:identify"}
+    with (
+        serving(Path(directory, "data"), "--no-auth", **settings) as server,
+        Client(server.url) as client,
+        httpx.Client(base_url=server.url, timeout=60) as http,
+    ):
+        runs = tuple(client.upload(file, motor=MOTOR).id for file in files)
+        fits = [
+            client.wait(client.fit(some, motor=MOTOR, options=options)).id
+            for some in (runs[:1], runs)
+        ]
+        yield Bench(http, fits[0], fits[1], runs)
+
+
+def test_loop_by_http_agrees_with_the_result(bench: Bench) -> None:
+    """The same controller and temperature give the final value of result.json within 1 %."""
+    result = bench.http.get(f"/api/v1/fits/{bench.second}").json()["result"]
+
+    answer = bench.http.post(
+        f"/api/v1/fits/{bench.second}/feedback",
+        json={"controllers": ["P:1"], "temperatures": [25.0, 125.0]},
+    ).json()
+
+    for found, own in zip(answer["feedback"], result["feedback"], strict=True):
+        assert found["controller"] == own["controller"]
+        assert found["steady_state"]["median"] == pytest.approx(
+            own["steady_state"]["median"], rel=0.01
+        )
+    assert len(answer["steps"]) == 2
+    assert {len(step["median"]) for step in answer["steps"]} == {300}
+
+
+def test_refused_controller_is_a_problem(bench: Bench) -> None:
+    """The problem names the controller."""
+    answer = bench.http.post(
+        f"/api/v1/fits/{bench.second}/feedback", json={"controllers": ["PD:1,2"]}
+    )
+
+    assert answer.status_code == 422
+    assert "PD:1,2" in answer.json()["detail"]
+
+
+def test_page_of_the_loop_is_a_form_with_its_answer(bench: Bench) -> None:
+    """The address has all fields, so a reload shows the same response without a script."""
+    query = {"kind": "PI", "kp": "0.5", "ki": "3", "temperature": "25, 80"}
+
+    page = bench.http.get(f"/fits/{bench.second}/loop", params=query)
+
+    assert page.status_code == 200
+    assert "PI:0.5,3" in page.text
+    assert "Step responses with PI:0.5,3" in page.text
+    assert re.search(r'name="temperature"[^>]*value="25, 80"', page.text)
+
+
+def test_page_keeps_what_was_typed_wrongly(bench: Bench) -> None:
+    """The field has its text, and the message says what is expected."""
+    page = bench.http.get(f"/fits/{bench.second}/loop", params={"kp": "<b>"})
+
+    assert page.status_code == 422
+    assert 'value="&lt;b&gt;"' in page.text
+    assert "which is not a number" in page.text
