@@ -1,25 +1,34 @@
-"""Pages of analyses: the speed loop with other controllers and temperatures."""
+"""Pages of analyses: the speed loop, the history of a motor, the comparison of two fits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
+from app.access.service import Caller
 from app.analyses.service import LoopAnalysis
+from app.composition import Services
 from app.fits.schemas import FitSummary
+from app.fits.service import StoredFit
 from app.http.dependencies import CallerDep, ServicesDep
+from app.pages.comparison import comparison_view
+from app.pages.history import history_view
 from app.pages.loop_form import LoopForm
 from app.pages.rendering import page
 from app.pages.views import fit_view
 from identification.errors import InputError
 
+if TYPE_CHECKING:
+    from identification.result.report_data import StepResponse
+
 __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
 
+_MOST_FITS = 100
 _DRAWS = 400
 """Draws of the page, which shall answer while the gains are typed."""
 
@@ -51,6 +60,76 @@ def loop_page(
         problem=problem,
         loop=shown,
     )
+
+
+@router.get("/motor")
+def motor_page(
+    services: ServicesDep, caller: CallerDep, name: Annotated[str, Query(max_length=200)]
+) -> HTMLResponse:
+    """Page of a motor: its fits, and its parameters over them."""
+    fits, refits = services.analyses.history(caller, name, limit=_MOST_FITS)
+    shown = [fit_view(FitSummary.of(fit), {}) for fit in fits]
+    return page(
+        "motor",
+        caller=caller,
+        motor=name,
+        fits=shown,
+        more=len(fits) == _MOST_FITS,
+        history=history_view(refits, {fit["id"]: fit["created_at"] for fit in shown}),
+    )
+
+
+@router.get("/compare")
+def compare_page(
+    services: ServicesDep,
+    caller: CallerDep,
+    fit: Annotated[list[str] | None, Query(max_length=20)] = None,
+) -> HTMLResponse:
+    """Two fits side by side, the older one first, and a form to select others."""
+    chosen = [one for one in dict.fromkeys(fit or ()) if one]
+    choices, _ = services.fits.page(
+        caller, after=None, limit=_MOST_FITS, status="succeeded", motor=None
+    )
+    listed = [fit_view(FitSummary.of(one), {}) for one in choices]
+    problem, comparison, compared = "", None, []
+    if len(chosen) == 2:
+        both = [services.analyses.succeeded(caller, fit_id) for fit_id in chosen]
+        both.sort(key=lambda one: one.row.created_at)
+        compared = [fit_view(FitSummary.of(one), {}) for one in both]
+        steps, problem = _compared_steps(services, caller, both)
+        comparison = comparison_view([one.result or {} for one in both], steps)
+    elif chosen:
+        problem = f"Select two different fits (selected: {len(chosen)})."
+    return page(
+        "compare",
+        caller=caller,
+        fits=compared,
+        chosen=[one["id"] for one in compared] or (chosen + [""] * 2)[:2],
+        # A selected fit may be older than all that the list holds.
+        choices=[*compared, *(one for one in listed if one not in compared)],
+        problem=problem,
+        comparison=comparison,
+    )
+
+
+def _compared_steps(
+    services: Services, caller: Caller, fits: Sequence[StoredFit]
+) -> tuple[list[Sequence[StepResponse]], str]:
+    """Step responses of two fits with the first controller of the first one, or why there are none.
+
+    The coldest and the hottest temperature of the first fit are shown.
+    """
+    form = LoopForm.of({}, fits[0].result or {})
+    try:
+        asked = sorted(form.temperatures)
+        ends = list(dict.fromkeys((asked[0], asked[-1])))
+        loops = [
+            services.analyses.loop(caller, one.row.id, [form.controller], ends, draws=_DRAWS)
+            for one in fits
+        ]
+    except InputError as error:
+        return [(), ()], f"The step responses cannot be computed: {error}."
+    return [loop.steps for loop in loops], ""
 
 
 def _loop_view(loop: LoopAnalysis, result: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.entries import known_only_from
 
-__all__ = ["Estimate", "Refit", "compared_with", "refit_of"]
+__all__ = ["Estimate", "Refit", "compared_with", "estimate_of", "refit_of"]
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,9 @@ def refit_of(
         motor=motor,
         status=status,
         estimates={
-            name: _estimate(parameters[name]) for name in DECLARED_PARAMETERS if name in parameters
+            name: estimate_of(parameters[name])
+            for name in DECLARED_PARAMETERS
+            if name in parameters
         },
         effects=tuple(str(effect["name"]) for effect in result.get("effects") or ()),
         noise_ratios={
@@ -127,7 +129,12 @@ def compared_with(refit: Refit, previous: Refit | None) -> Refit:
     return replace(refit, previous=None if previous is None else replace(previous, previous=None))
 
 
-def _estimate(entry: Mapping[str, Any]) -> Estimate:
+def estimate_of(entry: Mapping[str, Any]) -> Estimate:
+    """Extract the summary of one parameter from its entry in a result; absent members are unknown.
+
+    Args:
+        entry: PARAMETER of result.json.
+    """
     return Estimate(
         median=entry.get("median"),
         sd=entry.get("sd"),

@@ -105,3 +105,49 @@ def test_page_keeps_what_was_typed_wrongly(bench: Bench) -> None:
     assert page.status_code == 422
     assert 'value="&lt;b&gt;"' in page.text
     assert "which is not a number" in page.text
+
+
+def test_page_of_a_motor_lists_its_fits_and_draws_its_history(bench: Bench) -> None:
+    """Both fits are linked, and each plot has the estimates of both."""
+    page = bench.http.get("/motor", params={"name": MOTOR})
+
+    assert page.status_code == 200
+    assert "<h1" in page.text
+    assert "servo &lt;1&gt;" in page.text
+    for fit in (bench.first, bench.second):
+        assert f'href="/fits/{fit}"' in page.text
+    plots = page.text.count(" over the fits</title>")
+    assert 0 < plots <= 7
+    assert plots <= page.text.count('<path class="stem') <= 2 * plots
+
+
+def test_unknown_motor_has_a_page_that_says_so(bench: Bench) -> None:
+    """A motor exists by its fits only."""
+    page = bench.http.get("/motor", params={"name": "none"})
+
+    assert page.status_code == 200
+    assert "No fit of this motor" in page.text
+
+
+def test_comparison_puts_the_older_fit_first(bench: Bench) -> None:
+    """The order of the address does not matter; the fits share one training run."""
+    page = bench.http.get("/compare", params={"fit": [bench.second, bench.first]})
+
+    assert page.status_code == 200
+    assert page.text.index(f'href="/fits/{bench.first}"') < page.text.index(
+        f'href="/fits/{bench.second}"'
+    )
+    assert "share 1 training run " in page.text
+    assert "Step responses with P:1 at 125 °C" in page.text
+
+
+@pytest.mark.parametrize(
+    ("count", "words"), [(0, "Compare two fits"), (1, "Select two different fits")]
+)
+def test_comparison_without_two_fits_is_a_form(bench: Bench, count: int, words: str) -> None:
+    """The form lists the succeeded fits."""
+    page = bench.http.get("/compare", params={"fit": [bench.first] * count})
+
+    assert page.status_code == 200
+    assert words in page.text
+    assert f'<option value="{bench.second}"' in page.text

@@ -1,0 +1,135 @@
+"""View of two fits side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identification.fleet.drift import Drift
+    from identification.result.report_data import StepResponse
+
+__all__ = ["comparison_view"]
+
+Result = Mapping[str, Any]
+
+
+def comparison_view(
+    results: Sequence[Result], steps: Sequence[Sequence[StepResponse]]
+) -> dict[str, Any]:
+    """Parameters, effects, errors and step responses of two fits.
+
+    Args:
+        results: Content of result.json of the first and of the second fit.
+        steps: Step responses of each fit, same controller and temperatures.
+    """
+    from identification.report.figures.comparison import compared_steps_figure
+    from identification.result.attempts import Attempts, figure
+
+    first, second = results
+    attempts = Attempts()
+    return {
+        "parameters": attempts.rows("table of parameters", _parameters, first, second),
+        "effects": attempts.rows("table of effects", _effects, first, second),
+        "errors": attempts.rows("table of errors", _errors, first, second),
+        "shared": len(_training(first) & _training(second)),
+        "steps": [
+            {
+                "figure": figure("step response", compared_steps_figure, *pair),
+                "temperature": f"{pair[0].temperature_degC:g} °C",
+                "controller": pair[0].controller,
+            }
+            for pair in zip(*steps, strict=True)
+        ],
+        "remarks": attempts.remarks,
+    }
+
+
+def _parameters(first: Result, second: Result) -> list[dict[str, Any]]:
+    """Parameters of the motor with tested differences, then those of the effects."""
+    from identification.fleet.drift import drift_of, drifts
+    from identification.fleet.refit import compared_with, estimate_of, refit_of
+
+    [tested] = drifts([compared_with(refit_of("", "", second), refit_of("", "", first))])
+    older, newer = _entries(first), _entries(second)
+    rows = []
+    for name in dict.fromkeys([*older, *newer]):
+        a, b = older.get(name), newer.get(name)
+        drift = tested.get(name)
+        if drift is None and a is not None and b is not None:
+            drift = drift_of(estimate_of(b), estimate_of(a))
+        rows.append(_row(name, a, b, drift))
+    return rows
+
+
+def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> dict[str, Any]:
+    from identification.result.numbers import (
+        UNKNOWN,
+        interval_text,
+        signed_percent_text,
+        unit_text,
+    )
+
+    return {
+        "name": name,
+        "unit": unit_text((b or a or {}).get("unit", "")),
+        "estimates": [
+            None if one is None else interval_text(one["median"], one["q05"], one["q95"])
+            for one in (a, b)
+        ],
+        "is_identified": [one is None or bool(one["identified"]) for one in (a, b)],
+        "relative": UNKNOWN if drift is None else signed_percent_text(drift.relative),
+        "sds": UNKNOWN
+        if drift is None or drift.sds is None
+        else f"{drift.sds:+.1f}".replace("-", "−"),
+        "is_significant": drift is not None and drift.is_significant is True,
+    }
+
+
+def _entries(result: Result) -> dict[str, Result]:
+    """Parameters of the motor by name, and those of the effects by ``effect.parameter``."""
+    own = {
+        f"{effect['name']}.{name}": entry
+        for effect in result["effects"]
+        for name, entry in effect["parameters"].items()
+    }
+    return {**result["parameters"], **own}
+
+
+def _effects(first: Result, second: Result) -> list[dict[str, Any]]:
+    """Probability of each effect in both fits; a dash where a fit does not have it."""
+    from identification.result.numbers import UNKNOWN, probability_text
+
+    found = [{e["name"]: e["probability"] for e in one["effects"]} for one in (first, second)]
+    return [
+        {
+            "name": str(name).replace("_", " "),
+            "probabilities": [
+                probability_text(one[name]) if name in one else UNKNOWN for one in found
+            ],
+        }
+        for name in dict.fromkeys([*found[0], *found[1]])
+    ]
+
+
+def _errors(first: Result, second: Result) -> list[dict[str, Any]]:
+    """Simulation error over sensor noise of both final models, by role and channel."""
+    from identification.result.numbers import UNKNOWN, number_text
+
+    rows = []
+    for role in ("validation", "training"):
+        for channel in ("current", "speed"):
+            entries = [
+                ((one["errors"]["after"].get(role) or {}).get(channel) or {})
+                for one in (first, second)
+            ]
+            ratios = [entry.get("noise_ratio") for entry in entries]
+            if any(ratio is not None for ratio in ratios):
+                texts = [UNKNOWN if ratio is None else number_text(ratio, 3) for ratio in ratios]
+                rows.append({"role": role, "channel": channel, "ratios": texts})
+    return rows
+
+
+def _training(result: Result) -> set[str]:
+    runs = result.get("runs") or ()
+    return {run["sha256"] for run in runs if run.get("role") == "training"}

@@ -1,0 +1,85 @@
+"""Plot of one parameter of one motor over its fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.fleet.drift import Drift
+from identification.fleet.refit import Refit
+from identification.quantities import DECLARED_PARAMETERS
+from identification.report.svg import Frame, path, span, svg, text, tick_words
+from identification.result.numbers import number_text, scaled_unit, unit_power
+
+__all__ = ["history_figure"]
+
+_BOX = (66.0, 10.0, 384.0, 150.0)
+_MOST_LABELS = 5
+
+
+def history_figure(
+    name: str,
+    refits: Sequence[Refit],
+    changes: Sequence[dict[str, Drift]],
+    labels: Sequence[str],
+) -> str:
+    """Medians with their 90 % intervals, in the order of the fits.
+
+    Args:
+        name: Name of a nominal parameter.
+        refits: Fits of one motor, oldest first.
+        changes: Change of each fit against the fit before it, by parameter name; significant ones
+            are highlighted.
+        labels: Text below each fit, such as its date.
+
+    Returns:
+        SVG text; empty if no fit identifies the parameter.
+    """
+    unit = DECLARED_PARAMETERS[name].unit
+    shown = [
+        (index, estimate.q05, estimate.median, estimate.q95)
+        for index, refit in enumerate(refits)
+        if (estimate := refit.estimates.get(name)) is not None
+        and estimate.usable is not None
+        and estimate.q05 is not None
+        and estimate.median is not None
+        and estimate.q95 is not None
+    ]
+    if not shown:
+        return ""
+    places, low, middle, high = np.array(shown, dtype=np.float64).T
+    power = unit_power(float(np.abs([low, high]).max()))
+    scale = 10.0**-power
+    frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
+    body = _axes(frame, f"{name} [{scaled_unit(unit, power)}]", labels)
+    across = frame.x(places)
+    body += path(across, frame.y(scale * middle), "zero")
+    for at, x, bottom, centre, top in zip(
+        places, across, frame.y(scale * low), frame.y(scale * middle), frame.y(scale * high),
+        strict=True,
+    ):  # fmt: skip
+        drift = changes[int(at)].get(name)
+        kind = " loud" if drift is not None and drift.is_significant else ""
+        body += f'<path class="stem{kind}" d="M{x:.1f} {bottom:.1f}V{top:.1f}"/>'
+        body += f'<path class="dots few{kind}" d="M{x:.1f} {centre:.1f}h0"/>'
+    described = (
+        f"{len(shown)} fits, from {number_text(float(middle[0]))} to "
+        f"{number_text(float(middle[-1]))} {unit}, medians with 90 % intervals."
+    )
+    return svg(460, 190, f"{name} over the fits", described, body)
+
+
+def _axes(frame: Frame, label: str, words: Sequence[str]) -> str:
+    """Frame with a text at each fit, or at some of many."""
+    left, top, width, height = frame.box
+    bottom = top + height
+    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    for value, word in tick_words(*frame.y_range, 4):
+        at = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
+        parts.append(text(left - 6, at + 4, word, "tick end"))
+    for index in range(0, len(words), -(-len(words) // _MOST_LABELS)):
+        parts.append(text(float(frame.x(index)), bottom + 14, words[index], "tick mid"))
+    parts.append(text(12, top + height / 2, label, "label mid", turned=True))
+    return "".join(parts)
