@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -21,11 +20,11 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from identification.report.figures.chart import script_json
 from identification.report.figures.corner import MOST_PARAMETERS, corner_figure
 from identification.report.figures.correlation import correlation_figure
 from identification.report.figures.curves import coefficient_figure, step_figure
 from identification.report.figures.missing import missing_over_time, missing_term_figure
-from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
 from identification.report.headline import (
     effect_tiles,
@@ -44,7 +43,7 @@ from identification.report.tables import (
     run_rows,
     sampler_rows,
 )
-from identification.report.traces import run_payload
+from identification.report.traces import run_payloads
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
 from identification.result.numbers import (
@@ -66,7 +65,6 @@ __all__ = ["content_security_policy", "render_report"]
 
 _SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
 _STYLES = ("vendor/uPlot.min.css", "report.css")
-_NO_RUNS = Markup('{"runs":[]}')
 
 
 def render_report(data: ReportData) -> str:
@@ -101,7 +99,7 @@ def render_report(data: ReportData) -> str:
             warnings=rows("warnings", warning_groups, result),
             parameters=rows("table of parameters", parameter_rows, data),
             runs=rows("table of runs", run_rows, data),
-            payload=attempts.part("measured and simulated run", _payload, data) or _NO_RUNS,
+            payloads=rows("measured and simulated run", _payloads, data),
             has_before=any(run.before_speed is not None for run in data.runs),
             checks=checks,
             temperatures=[run.temperature for run in data.runs if run.temperature is not None],
@@ -156,7 +154,6 @@ def _environment() -> Environment:
         "correlation_figure": correlation_figure,
         "missing_over_time": missing_over_time,
         "missing_term_figure": missing_term_figure,
-        "run_thumbnail": run_thumbnail,
         "step_figure": step_figure,
         "trace_figure": trace_figure,
         "most_parameters": MOST_PARAMETERS,
@@ -176,14 +173,10 @@ def _hash(content: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
-def _payload(data: ReportData) -> Markup:
-    """Time series for the script as JSON; escaping prevents a file name from ending its block."""
-    noise = data.result["noise"]
-    runs = [run_payload(run, len(data.runs), noise) for run in data.runs]
-    text = json.dumps(
-        finite_or_null({"runs": runs}), allow_nan=False, separators=(",", ":"), ensure_ascii=True
-    )
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+def _payloads(data: ReportData) -> list[tuple[str, Markup]]:
+    """Role and columns of each run as JSON for the script."""
+    payloads = run_payloads(data.runs, data.result["noise"])
+    return [(run["role"], script_json(finite_or_null(run))) for run in payloads]
 
 
 def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:

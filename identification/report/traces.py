@@ -1,7 +1,7 @@
-"""Time series of each run for the interactive plots: panels over one time axis, min-max decimated.
+"""Panels of each run for the interactive plots: which stored columns share one time axis.
 
 A panel shows a speed, a current, a residual, a voltage or a temperature.  The script of the page
-decodes and plots it.
+decodes the columns and plots them.
 """
 
 from __future__ import annotations
@@ -9,99 +9,60 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from identification.report.decimate import extremes, packed, packed_time, with_corners
+from identification.report.columns import stored_runs
 from identification.result.report_data import RunTraces
-from identification.result.residuals import gaps
 
-__all__ = ["run_payload"]
+__all__ = ["run_payloads"]
 
-Array = NDArray[np.float64]
-
-_MOST_BUCKETS = 700
-_ALL_BUCKETS = 5600
-"""Buckets of all runs together, which limits the size of the page."""
+_Panel = dict[str, Any]
 
 
-def run_payload(
-    run: RunTraces, run_count: int, noise: Mapping[str, float | None]
-) -> dict[str, Any]:
-    """Plot data of one run.
+def run_payloads(
+    runs: Sequence[RunTraces], noise: Mapping[str, float | None]
+) -> list[dict[str, Any]]:
+    """Plot data of the runs, ready for JSON.
 
     Args:
-        run: The run.
-        run_count: Number of runs in the report.
+        runs: The runs.
         noise: Standard deviations of the noise as in the result: ``current_A``, ``speed_rad_s``.
 
     Returns:
-        Name, role and panels, ready for JSON.
+        For each run its name, role, stored columns and panels.
     """
-    buckets = max(min(_MOST_BUCKETS, _ALL_BUCKETS // run_count), 100)
+    return [
+        {"name": run.name, "role": run.role, "panels": _panels(run, noise), **stored}
+        for run, stored in zip(runs, stored_runs(runs, noise), strict=True)
+    ]
+
+
+def _panels(run: RunTraces, noise: Mapping[str, float | None]) -> list[_Panel]:
     panels = [
-        *_channel(
-            run,
-            ("Speed", "rad/s", noise.get("speed_rad_s")),
-            (run.measured_speed, run.after_speed, run.before_speed),
-            buckets,
-        ),
-        *_channel(
-            run,
-            ("Current", "A", noise.get("current_A")),
-            (run.measured_current, run.after_current, run.before_current),
-            buckets,
-        ),
-        _panel(
-            run.time, ("Voltage", "V"), [("voltage", "measured", run.voltage)], buckets, run.voltage
-        ),
+        *_channel("Speed", "rad/s", run.before_speed is not None, noise.get("speed_rad_s")),
+        *_channel("Current", "A", run.before_current is not None, noise.get("current_A")),
+        {"label": "Voltage [V]", "series": [_series("logged", "voltage", "voltage")]},
     ]
     if run.temperature is not None:
-        logged = [("temperature", "measured", run.temperature)]
-        panels.append(_panel(run.time, ("Temperature", "°C"), logged, buckets))
-    return {"name": run.name, "role": run.role, "panels": panels}
+        logged = [_series("logged", "voltage", "temperature")]
+        panels.append({"label": "Temperature [°C]", "series": logged})
+    return panels
 
 
-def _channel(
-    run: RunTraces,
-    label: tuple[str, str, float | None],
-    channels: tuple[Array, Array, Array | None],
-    buckets: int,
-) -> list[dict[str, Any]]:
-    """Panels of the channel and of its residual."""
-    measured, after, before = channels
-    name, unit, noise = label
-    shown = [("measured", "measured", measured), ("simulated", "after", after)]
-    left = [("residual", "after", measured - after)]
-    if before is not None:
-        shown.insert(1, ("nominal model", "before", before))
-        left.insert(0, ("residual of the nominal model", "before", measured - before))
+def _channel(name: str, unit: str, has_before: bool, noise: float | None) -> list[_Panel]:
+    """Panels of a channel and of its residual."""
+    key = name.lower()
+    shown = [_series("measured", "trace", f"measured_{key}")]
+    left = []
+    if has_before:
+        shown.append(_series("nominal model", "before", f"before_{key}"))
+        left.append(_series("nominal model", "before", f"measured_{key}", f"before_{key}"))
+    shown.append(_series("simulated", "after", f"after_{key}"))
+    left.append(_series("final model", "after", f"measured_{key}", f"after_{key}"))
     return [
-        _panel(run.time, (name, unit), shown, buckets, after) | {"tall": True},
-        _panel(run.time, (f"{name} residual", unit), left, buckets) | {"noise": noise},
+        {"label": f"{name} [{unit}]", "series": shown, "tall": True},
+        {"label": f"{name} residual [{unit}]", "series": left, "noise": noise},
     ]
 
 
-def _panel(
-    time: Array,
-    label: tuple[str, str],
-    series: Sequence[tuple[str, str, Array]],
-    buckets: int,
-    smooth: Array | None = None,
-) -> dict[str, Any]:
-    kept = extremes([values for _, _, values in series], buckets)
-    if smooth is not None:
-        kept = with_corners(kept, smooth, 2 * buckets)
-    # A NaN in the middle of a gap interrupts the plotted line there.
-    pauses = np.searchsorted(kept, gaps(time), side="right")
-    pauses = np.unique(pauses[(pauses > 0) & (pauses < kept.size)])
-    middles = 0.5 * (time[kept[pauses - 1]] + time[kept[pauses]])
-    return {
-        "label": label[0],
-        "unit": label[1],
-        "time": packed_time(np.insert(time[kept], pauses, middles)),
-        "series": [
-            {"label": name, "kind": kind} | packed(np.insert(values[kept], pauses, np.nan))
-            for name, kind, values in series
-        ],
-    }
+def _series(label: str, kind: str, column: str, minus: str = "") -> dict[str, str]:
+    """A column, or the difference of two."""
+    return {"label": label, "kind": kind, "column": column, "minus": minus}

@@ -77,13 +77,13 @@ def figure(
 
     Args:
         name: Name of the figure in the line of text.
-        draw: Function that returns the SVG text.
+        draw: Function that returns the SVG or HTML text.
         *args: Positional arguments of the function.
         **kwargs: Keyword arguments of the function.
     """
     try:
         with np.errstate(all="ignore"):
-            return Markup(draw(*args, **kwargs))  # noqa: S704  svg.text escapes external text
+            return Markup(draw(*args, **kwargs))  # noqa: S704  figures escape external text
     except _FAILURES as error:
         return Markup('<p class="muted">') + escape(_remark(name, error)) + Markup("</p>")
 

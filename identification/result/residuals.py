@@ -56,17 +56,11 @@ class ResidualCheck:
     own_before: Correlation | None
     voltage_before: Correlation | None
 
-    def plots(self) -> list[tuple[str, str, Correlation]]:
-        """Title, ``before`` or ``after``, and correlation of each plot."""
+    def plots(self) -> list[tuple[str, Correlation, Correlation | None]]:
+        """Title, and correlation of the final and of the nominal model, of each plot."""
         own = f"Autocorrelation of the {self.channel} residual"
         cross = f"Cross-correlation of the {self.channel} residual with the voltage"
-        found = (
-            (own, "before", self.own_before),
-            (own, "after", self.own),
-            (cross, "before", self.voltage_before),
-            (cross, "after", self.voltage),
-        )
-        return [(title, stage, one) for title, stage, one in found if one is not None]
+        return [(own, self.own, self.own_before), (cross, self.voltage, self.voltage_before)]
 
 
 def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:

@@ -23,7 +23,6 @@ from identification.report.figures.corner import corner_figure
 from identification.report.figures.correlation import correlation_figure
 from identification.report.figures.curves import coefficient_figure, step_figure
 from identification.report.figures.missing import missing_over_time, missing_term_figure
-from identification.report.figures.runs import run_thumbnail
 from identification.report.figures.trace import trace_figure
 from identification.report.html import render_report
 from identification.result.attempts import figure
@@ -84,7 +83,7 @@ FIGURES: dict[str, Callable[[Array, Array, Array], str]] = {
     "corner": lambda a, b, c: corner_figure(_chain(a, b)),
     "trace": lambda a, b, c: trace_figure(_chain(a, b), 0),
     "correlation": lambda a, b, c: correlation_figure(
-        "residual", Correlation(np.arange(1, a.size + 1), a, np.abs(b), 0.99), "lag"
+        "residual", _correlation(a, b), _correlation(c, b)
     ),
     "coefficient": lambda a, b, c: coefficient_figure(
         CoefficientCurve("Ra", "ohm", a, b, c, a, before=b), [c]
@@ -95,8 +94,11 @@ FIGURES: dict[str, Callable[[Array, Array, Array], str]] = {
     "over time": lambda a, b, c: missing_over_time(
         MissingTrace("r.csv", "torque", "N m", TIME, a, b, c, fitted=a, effect="drag")
     ),
-    "run": lambda a, b, c: run_thumbnail(_run(a, b, c)),
 }
+
+
+def _correlation(values: Array, width: Array) -> Correlation:
+    return Correlation(np.arange(1, values.size + 1), values, np.abs(width), 0.99)
 
 
 def _chain(a: Array, b: Array) -> PosteriorChain:
@@ -113,9 +115,10 @@ def test_each_figure_is_a_drawing_or_a_line_of_text(
     """No coordinate is NaN or infinite, and 12 samples take a few kilobytes at most."""
     drawn = str(figure(name, FIGURES[name], one, two, three))
 
-    assert drawn.startswith(("<svg", '<p class="muted">'))
+    assert drawn.startswith(("<svg", '<div class="chart"', '<p class="muted">'))
     assert len(drawn) < 60_000
     assert not re.search(r'[ "MVHZ](nan|-?inf)', "".join(re.findall(r' (?:d|x|y)="[^"]*"', drawn)))
+    assert not re.search("NaN|Infinity", drawn)
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -126,7 +129,7 @@ def test_each_figure_of_one_value_is_a_drawing_or_a_line_of_text(name: str, valu
 
     drawn = str(figure(name, FIGURES[name], same, same, same))
 
-    assert drawn.startswith(("<svg", '<p class="muted">'))
+    assert drawn.startswith(("<svg", '<div class="chart"', '<p class="muted">'))
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -32,7 +32,8 @@ def test_the_script_draws_every_panel_of_a_run_without_a_console_message(tmp_pat
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
 
-    assert len(re.findall(r'class="uplot', shown.stdout)) == 6
+    assert len(re.findall(r'class="panel"', shown.stdout)) == 6
+    assert re.search(r'<div class="chart"[^>]*>.*?class="uplot', shown.stdout)
     assert re.search(
         r'<h3 id="detail-title">bench_validation_5.csv \(validation\)</h3>', shown.stdout
     )

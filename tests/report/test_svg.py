@@ -1,4 +1,4 @@
-"""SVG plots: readable axes, and lines that break at missing data."""
+"""SVG drawings: readable ticks, and lines that break at missing data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.report.figures.corner import corner_figure
-from identification.report.svg import Frame, axes, band, line, span, svg, text, tick_words, ticks
+from identification.report.svg import Frame, path, span, svg, text, tick_words, ticks
 from identification.result.report_data import PosteriorChain
 
 FRAME = Frame((10.0, 20.0, 100.0, 50.0), (0.0, 10.0), (-1.0, 1.0))
@@ -53,18 +53,10 @@ def test_tick_labels_differ(low: float, width: float) -> None:
 
 def test_a_line_breaks_where_a_value_is_missing() -> None:
     """Two segments begin with two move commands."""
-    drawn = line(FRAME, np.arange(5.0), np.array([0.0, 0.1, np.nan, 0.2, 0.3]))
+    drawn = path(np.arange(5.0), np.array([0.0, 0.1, np.nan, 0.2, 0.3]), "line")
 
     assert drawn.count("M") == 2
     assert "nan" not in drawn
-
-
-def test_a_band_is_one_closed_shape() -> None:
-    """The outline runs along the lower curve and back along the upper one."""
-    drawn = band(FRAME, [0.0, 5.0, 10.0], [-0.5] * 3, [0.5] * 3)
-
-    assert drawn.count("Z") == 1
-    assert len(re.findall(r"[\d.]+ [\d.]+", drawn)) == 6
 
 
 def test_words_are_escaped() -> None:
@@ -90,23 +82,16 @@ def test_a_span_without_margin_ends_with_the_data() -> None:
     assert span(np.array([2.0, 7.0]), margin=0.0) == (2.0, 7.0)
 
 
-def test_axes_without_a_label_below_have_no_numbers_there() -> None:
-    """Stacked panels share the tick labels of the lowest panel."""
-    labelled, bare = axes(FRAME, "time [s]", "y"), axes(FRAME, "", "y")
-
-    assert "tick mid" in labelled
-    assert "tick mid" not in bare
-
-
 def test_names_of_many_parameters_do_not_run_into_each_other() -> None:
-    """The labels of 14 panels, with about 7 units per bold letter, fit into their panels."""
+    """Each name stands in a row of its own, above its panel and right of all panels there."""
     names = ("Ra25", *(f"brush_drop.{n}" for n in ("voltage", "knee", "sharpness")), "noise_speed")
     names += tuple(f"shaft_compliance.{n}" for n in "abcdefgh") + ("noise_current_A",)
     chain = np.random.default_rng(1).standard_normal((30, 8, len(names)))
 
     drawing = corner_figure(PosteriorChain(names, ("V",) * len(names), chain))
 
-    shown = re.findall(r'class="label mid strong"[^>]*>([^<]*)</text>', drawing)
-    assert len(shown) == 2 * len(names) - 1
-    assert "voltage" in shown
-    assert max(len(word) for word in shown) * 7 < 880 / len(names) + 6
+    places = re.findall(r'class="label strong" x="([\d.]+)" y="([\d.]+)">([^<]*)<', drawing)
+    width = float(re.findall(r'viewBox="0 0 ([\d.]+)', drawing)[0])
+    assert [words for _, _, words in places] == [f"{name.removesuffix('_A')} [V]" for name in names]
+    assert np.all(np.diff([float(y) for _, y, _ in places]) > 20.0)
+    assert all(float(x) + 7 * len(words) < width for x, _, words in places)

@@ -17,19 +17,19 @@ Array = NDArray[np.float64]
 MOST_PARAMETERS = 14
 """Largest number of parameters shown; more panels would be too small to read."""
 
-_LEFT, _BOTTOM, _GAP = 92.0, 58.0, 6.0
+_LEFT, _TOP, _BOTTOM, _GAP = 52.0, 18.0, 22.0, 8.0
 _SHARES = (0.9, 0.5)
-_DIGIT = 5.8
+_DIGIT = 6.4
 """Width of a digit of a tick label [drawing units]."""
 _LETTER = 7.6
 """Width of a bold letter of a parameter name [drawing units]."""
-_LONGEST = 14
 
 
 def corner_figure(posterior: PosteriorChain) -> str:
     """Histograms on the diagonal, regions of 50 % and 90 % of the draws below it.
 
-    Each axis is scaled by a power of ten, which the axis label shows with the unit.
+    Name and unit, with the power of ten of the axis, stand above the panel on the diagonal: to its
+    right is nothing that they could overlap.
     """
     names, units = posterior.names[:MOST_PARAMETERS], posterior.units[:MOST_PARAMETERS]
     draws = posterior.chain.reshape(-1, posterior.chain.shape[2])[:, : len(names)]
@@ -39,30 +39,29 @@ def corner_figure(posterior: PosteriorChain) -> str:
     ]
     draws = draws * 10.0 ** -np.array(powers, dtype=np.float64)
     limits = [_limits(column) for column in draws.T]
-    size = min(118.0, 880.0 / len(names))
+    size = min(118.0, 780.0 / len(names))
     body = []
     for row in range(len(names)):
         for column in range(row + 1):
             box = (
                 _LEFT + column * (size + _GAP),
-                4.0 + row * (size + _GAP),
+                _TOP + row * (size + _GAP),
                 size,
                 size,
             )
             body.append(_panel(box, draws, limits, row, column))
     side = len(names) * (size + _GAP)
-    room = min(int((size + _GAP) / _LETTER), _LONGEST)
+    room = 0.0
     for index, (name, unit, power) in enumerate(zip(names, units, powers, strict=True)):
         unit = scaled_unit(unit, power)
-        centre = index * (size + _GAP) + size / 2
-        body.append(text(_LEFT + centre, side + 36, _shown(name, room), "label mid strong"))
-        body.append(text(_LEFT + centre, side + 50, unit, "tick mid"))
-        if index:
-            body.append(text(14, 4.0 + centre, _shown(name, room), "label mid strong", turned=True))
-            body.append(text(27, 4.0 + centre, unit, "tick mid", turned=True))
+        bare = name.removesuffix("_A").removesuffix("_rad_s")
+        words = f"{bare} [{unit}]" if unit else bare
+        left = index * (size + _GAP) + (0.0 if index == 0 else 4.0)
+        body.append(text(_LEFT + left, _TOP + index * (size + _GAP) - 4.0, words, "label strong"))
+        room = max(room, left + _LETTER * len(words))
     return svg(
-        _LEFT + side,
-        side + _BOTTOM,
+        _LEFT + max(side, room),
+        _TOP + side + _BOTTOM,
         "Posterior of all parameters",
         f"Corner plot of {', '.join(names)}: marginal histograms and regions that hold 50 % and "
         "90 % of the draws.",
@@ -87,10 +86,10 @@ def _panel(
     )
     if row == len(limits) - 1:
         for at, word in _ticks_across(frame):
-            marks += text(at, top + height + 13, word, "tick mid small")
+            marks += text(at, top + height + 13, word, "tick mid")
     if column == 0 and row > 0:
         for value, word in tick_words(*limits[row], 3)[:4]:
-            marks += text(left - 5, float(frame.y(value)) + 3, word, "tick end small")
+            marks += text(left - 5, float(frame.y(value)) + 3, word, "tick end")
     return marks
 
 
@@ -146,13 +145,6 @@ def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
             return [inside[0], inside[-1]]
         single = single or inside[:1]
     return single
-
-
-def _shown(name: str, room: int) -> str:
-    """Name without its unit suffix, shortened to `room` letters by dropping its effect prefix."""
-    bare = name.removesuffix("_A").removesuffix("_rad_s")
-    bare = bare if len(bare) <= room else bare.rpartition(".")[2]
-    return bare if len(bare) <= room else f"{bare[: room - 1]}…"
 
 
 def _spread_rows(size: int, most: int) -> NDArray[np.int_]:

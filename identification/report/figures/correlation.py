@@ -1,60 +1,41 @@
-"""Stem plot of a residual correlation function with its confidence band."""
+"""Residual correlation functions of nominal and final model with their confidence band."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from identification.report.svg import Frame, axes, band, path, svg
+from identification.report.figures.chart import Band, Line, chart
 from identification.result.residuals import Correlation
 
 __all__ = ["correlation_figure"]
 
-_BOX = (54.0, 8.0, 396.0, 150.0)
 
-
-def correlation_figure(
-    title: str, found: Correlation, x_label: str, *, is_before: bool = False
-) -> str:
-    """Stems of a correlation function with its 99 % confidence band.
-
-    Each plot has its own scale.  On the scale of the nominal model, the correlation of the final
-    model would look like a flat line regardless of its content.
+def correlation_figure(title: str, after: Correlation, before: Correlation | None = None) -> str:
+    """Correlation over the lag with its 99 % band; both models share one scale.
 
     Args:
         title: Title, which names the correlated signals.
-        found: The correlation.
-        x_label: Label of the lag axis.
-        is_before: Whether it belongs to the nominal model, which has another colour.
+        after: Correlation of the final model.
+        before: Correlation of the nominal model; None if that is the final model.
 
     Returns:
-        SVG text.
+        HTML text.
     """
-    lags = found.lags
-    frame = Frame(_BOX, (float(lags[0]) - 1.0, float(lags[-1]) + 1.0), _limits(found))
-    body = axes(frame, x_label, "correlation", (6, 4))
-    body += band(frame, lags, -found.half_width, found.half_width, "band bandwhite")
-    body += path(np.array([_BOX[0], _BOX[0] + _BOX[2]]), frame.y(np.zeros(2)), "zero")
-    outside = np.abs(found.values) > found.half_width
-    loud = "stem before" if is_before else "stem loud"
-    body += _stems(frame, found, ~outside, "stem") + _stems(frame, found, outside, loud)
+    outside = np.abs(after.values) > after.half_width
+    shown = [("outside the band", "loud", outside), ("final model", "after", ~outside)]
+    lines = [
+        Line(label, kind, after.lags, np.where(chosen, after.values, np.nan), "stems")
+        for label, kind, chosen in shown
+        if chosen.any()
+    ]
+    if before is not None:
+        lines.insert(0, Line("nominal model", "before", before.lags, before.values, "stems"))
+    band = Band("measured", after.lags, -after.half_width, after.half_width)
+    sizes = [after.values, 2.5 * after.half_width, *([] if before is None else [before.values])]
+    top = min(1.15 * max(float(np.max(np.abs(size))) for size in sizes), 1.08)
     described = (
-        f"{100.0 * found.outside:.1f} % of {lags.size} lags lie outside the band; "
-        f"{100.0 * (1.0 - found.level):.0f} % expected for white noise."
+        f"{100.0 * after.outside:.1f} % of {after.lags.size} lags lie outside the band; "
+        f"{100.0 * (1.0 - after.level):.0f} % expected for white noise."
     )
-    return svg(460, 196, title, described, body)
-
-
-def _stems(frame: Frame, found: Correlation, mask: np.ndarray, kind: str) -> str:
-    mask = mask & np.isfinite(found.values)
-    x, y = frame.x(found.lags[mask]), frame.y(np.clip(found.values[mask], *frame.y_range))
-    zero = float(frame.y(0.0))
-    marks = "".join(f"M{a:.1f} {zero:.1f}V{b:.1f}" for a, b in zip(x, y, strict=True))
-    return f'<path class="{kind}" d="{marks}"/>' if marks else ""
-
-
-def _limits(found: Correlation) -> tuple[float, float]:
-    """Symmetric range, wide enough that the band does not fill the plot."""
-    top = 1.15 * max(
-        float(np.max(np.abs(found.values))), 2.5 * float(np.max(found.half_width)), 1e-6
-    )
-    return (-min(top, 1.08), min(top, 1.08))
+    labels = ("lag [samples]", "correlation")
+    return chart(title, described, labels, lines, [band], y_range=(-top, top), height=200)

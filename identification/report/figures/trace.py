@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.report.svg import Frame, axes, band, line, span, svg, text
+from identification.report.figures.chart import Band, Line, chart
 from identification.result.numbers import scaled_unit, unit_power
 from identification.result.report_data import PosteriorChain
 
@@ -27,29 +27,25 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
         index: Index of the parameter.
 
     Returns:
-        SVG text.
+        HTML text.
     """
     name, unit = posterior.names[index], posterior.units[index]
     walks = posterior.chain[:, :, index]
     power = unit_power(float(np.max(np.abs(np.quantile(walks, (0.05, 0.95))))))
     walks = walks * 10.0**-power
     steps, (low, lower, middle, upper, high) = _moving_quantiles(walks)
-    shown = [walks[steps, walker] for walker in range(min(_WALKERS, walks.shape[1]))]
-    frame = Frame((66.0, 18.0, 384.0, 74.0), (0.0, float(steps[-1])), span(low, high, *shown))
-    body = axes(frame, "", "", (6, 4))
-    body += band(frame, steps, low, high) + band(frame, steps, lower, upper, "band inner")
-    for walk in shown:
-        body += line(frame, steps, walk, "line walker")
-    body += line(frame, steps, middle, "line after thin")
-    shown_unit = scaled_unit(unit, power)
-    body += text(66, 12, f"{name} [{shown_unit}]" if shown_unit else name, "label strong")
-    body += text(450, 12, f"{walks.shape[0]} steps", "tick end")
-    return svg(
-        460,
-        98,
+    lines = [
+        Line("", "measured", steps, walks[steps, walker], "thin")
+        for walker in range(min(_WALKERS, walks.shape[1]))
+    ]
+    shown = scaled_unit(unit, power)
+    return chart(
         f"Trace of {name}",
         f"Quantiles of {walks.shape[1]} walkers over {walks.shape[0]} steps.",
-        body,
+        ("step", ""),
+        [*lines, Line(f"{name} [{shown}]" if shown else name, "after", steps, middle, "thin")],
+        [Band("after", steps, low, high), Band("after", steps, lower, upper)],
+        height=140,
     )
 
 

@@ -1,0 +1,251 @@
+"""Compressed columns of the runs for the page: the logged samples, or extremes beyond a size limit.
+
+    stored_runs(runs, {"current_A": 0.05, "speed_rad_s": 0.3}) -> [{"columns": {...}, "note": ...}]
+
+A column is rounded to a step far below the noise, differenced up to twice, zigzag coded into 32-bit
+words, split into byte planes and deflated.  The browser inflates it with `DecompressionStream`.
+Smooth columns take half a byte per sample, noisy ones about one.  Runs that do not fit into the
+page are stored as the extremes of every column in buckets of equally many samples: outliers stay
+visible, and every stored row is a logged sample.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.result.numbers import count_text
+from identification.result.report_data import RunTraces
+from identification.result.residuals import gaps
+
+__all__ = ["BUDGET", "Column", "StoredRun", "encoded", "extremes", "stored_runs"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int_]
+
+BUDGET: Final = 1_300_000
+"""Size of all columns in a page, in base64 [bytes]; the rest of a page takes 200 to 600 kB."""
+_RESERVED: Final = 12_000
+"""Part of the budget that each further run keeps [bytes]."""
+_FEWEST_BUCKETS: Final = 100
+_NOISE_STEPS: Final = 16.0
+"""Rounding steps per standard deviation of the sensor noise."""
+_STEPS: Final = 65_536.0
+"""Rounding steps of the range of a column without known noise."""
+_MOST_STEPS: Final = 2.0**29
+"""Rounding steps that a difference of second order still holds in 32 bits."""
+_TIME_STEPS: Final = 256.0
+"""Rounding steps per sample interval of the time stamps."""
+
+
+class Column(TypedDict):
+    """One encoded column: value = low + step * word; `missing` lists first index and length."""
+
+    low: float
+    step: float
+    order: int
+    missing: list[int]
+    data: str
+
+
+class StoredRun(TypedDict):
+    """Columns of one run by name, their number of rows, and a note on what they contain."""
+
+    rows: int
+    complete: bool
+    note: str
+    columns: dict[str, Column]
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Columns of a run before encoding, with a row of NaN in the middle of each gap."""
+
+    columns: dict[str, Array]
+    steps: dict[str, float]
+
+    def stored(self) -> dict[str, Column]:
+        return {name: encoded(values, self.steps[name]) for name, values in self.columns.items()}
+
+
+def stored_runs(
+    runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int = BUDGET
+) -> list[StoredRun]:
+    """Encode the runs; validation runs are the first to be stored with all samples.
+
+    Args:
+        runs: The runs of the report.
+        noise: Standard deviations of the sensor noise: ``current_A``, ``speed_rad_s``.
+        budget: Limit of the size of all columns [bytes].
+
+    Returns:
+        One entry per run, in the order of the runs.
+    """
+    order = sorted(range(len(runs)), key=lambda k: runs[k].role != "validation")
+    stored: dict[int, StoredRun] = {}
+    for done, k in enumerate(order):
+        others = len(runs) - done - 1
+        room = max(budget - others * _RESERVED, 0)
+        columns, complete, kept = _fitting(runs[k], noise, room, budget // (others + 1))
+        size = runs[k].time.size
+        stored[k] = StoredRun(
+            rows=size,
+            complete=complete,
+            note=_note(size, kept, complete),
+            columns=columns,
+        )
+        budget = max(budget - _size(columns), 0)
+    return [stored[k] for k in range(len(runs))]
+
+
+def _fitting(
+    run: RunTraces, noise: Mapping[str, float | None], room: int, share: int
+) -> tuple[dict[str, Column], bool, int]:
+    """Columns, whether they hold all samples, and the number of buckets otherwise.
+
+    Args:
+        run: The run.
+        noise: Standard deviations of the sensor noise.
+        room: Largest size of the columns with all samples [bytes].
+        share: Size of columns with extremes only [bytes].
+    """
+    everything = _table(run, noise, np.arange(run.time.size))
+    columns = everything.stored()
+    size = _size(columns)
+    if size <= room:
+        return columns, True, 0
+    channels = [values for name, values in _channels(run).items() if name != "time"]
+    # Extremes hardly compress: a stored row takes about 3.5 bytes and each column adds two rows.
+    bytes_per_bucket = 3.5 * 2.0 * len(channels) * (len(channels) + 1)
+    buckets = max(int(share / bytes_per_bucket), _FEWEST_BUCKETS)
+    kept = extremes(channels, buckets)
+    if kept.size == run.time.size:
+        return columns, True, 0
+    return _table(run, noise, kept).stored(), False, buckets
+
+
+def _note(size: int, buckets: int, complete: bool) -> str:
+    if complete:
+        return f"All {count_text(size)} logged samples."
+    return (
+        f"{count_text(size)} samples; to limit the size of the page, it contains the extremes of "
+        f"each channel in every {count_text(max(size // buckets, 1))} samples."
+    )
+
+
+def _size(columns: Mapping[str, Column]) -> int:
+    return sum(len(column["data"]) + 60 for column in columns.values())
+
+
+def _channels(run: RunTraces) -> dict[str, Array]:
+    found = {
+        "time": run.time,
+        "voltage": run.voltage,
+        "temperature": run.temperature,
+        "measured_current": run.measured_current,
+        "measured_speed": run.measured_speed,
+        "after_current": run.after_current,
+        "after_speed": run.after_speed,
+        "before_current": run.before_current,
+        "before_speed": run.before_speed,
+    }
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _table(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> _Table:
+    time = run.time[kept]
+    # A gap between the samples, not between the extremes that were kept.
+    pauses = np.searchsorted(kept, gaps(run.time), side="right")
+    pauses = np.unique(pauses[(pauses > 0) & (pauses < kept.size)])
+    columns, steps = {}, {}
+    for name, channel in _channels(run).items():
+        values = channel[kept]
+        fill = 0.5 * (time[pauses - 1] + time[pauses]) if name == "time" else np.nan
+        columns[name] = np.insert(values, pauses, fill)
+        quantity = "current_A" if name.endswith("current") else "speed_rad_s"
+        known = noise.get(quantity) if name.endswith(("current", "speed")) else None
+        steps[name] = known / _NOISE_STEPS if known else 0.0
+    if time.size > 1:
+        steps["time"] = float(np.median(np.diff(run.time))) / _TIME_STEPS
+    return _Table(columns, steps)
+
+
+def encoded(values: Array, step: float = 0.0) -> Column:
+    """Encode a column.
+
+    Args:
+        values: (n_sample,); not finite where missing.
+        step: Rounding step; 0 for 1/65536 of the range.
+
+    Returns:
+        The column; errors are at most half its step, which may exceed `step` for a wide range.
+    """
+    finite = np.isfinite(values)
+    known = values[finite]
+    low = float(known.min()) if known.size else 0.0
+    span = float(known.max()) - low if known.size else 0.0
+    if not np.isfinite(span):
+        finite, low, span = np.zeros(values.size, dtype=np.bool_), 0.0, 0.0
+    step = max(step if step > 0.0 else span / _STEPS, span / _MOST_STEPS)
+    if not (np.isfinite(step) and step > 1e-300):
+        step = 1.0
+    # A missing value repeats the last known one, which costs nothing.
+    last = np.maximum.accumulate(np.where(finite, np.arange(values.size), 0))
+    whole = np.rint((np.where(finite, values, low)[last] - low) / step).astype(np.int64)
+    order, words = min(
+        ((order, _differences(whole, order)) for order in (0, 1, 2)),
+        key=lambda one: float(np.log2(1.0 + np.abs(one[1])).sum()),
+    )
+    zigzag = ((words << 1) ^ (words >> 63)).astype(np.uint32)
+    planes = zigzag.astype("<u4").view(np.uint8).reshape(-1, 4).T
+    return Column(
+        low=low, step=step, order=order, missing=_stretches(~finite),
+        data=base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii"),
+    )  # fmt: skip
+
+
+def _differences(words: NDArray[np.int64], order: int) -> NDArray[np.int64]:
+    for _ in range(order):
+        words = np.diff(words, prepend=np.int64(0))
+    return words
+
+
+def _stretches(mask: NDArray[np.bool_]) -> list[int]:
+    """First index and length of each stretch of true values, in turn."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    firsts, ends = edges[::2], edges[1::2]
+    return [int(value) for value in np.column_stack([firsts, ends - firsts]).ravel()]
+
+
+def extremes(channels: Sequence[Array], buckets: int) -> Indices:
+    """Indices of the samples to keep: extremes of every channel in every bucket, and both ends.
+
+    Args:
+        channels: (n_sample,) each; plotted over the same time axis.
+        buckets: Number of buckets with equally many samples.
+
+    Returns:
+        (n_kept,) increasing indices; all samples if the record is short.
+    """
+    size = channels[0].size
+    if size <= 2 * buckets:
+        return np.arange(size)
+    edges = np.linspace(0, size, buckets + 1).astype(np.int_)
+    width = int(np.max(np.diff(edges)))
+    # Rows of equal width: a shorter bucket repeats its last sample.
+    rows = np.minimum(edges[:-1, None] + np.arange(width), edges[1:, None] - 1)
+    kept = [np.array([0, size - 1])]
+    for channel in channels:
+        values = channel[rows]
+        missing = np.isnan(values)
+        low = np.argmin(np.where(missing, np.inf, values), axis=1)
+        high = np.argmax(np.where(missing, -np.inf, values), axis=1)
+        first = np.arange(buckets)
+        kept += [rows[first, low], rows[first, high]]
+    return np.unique(np.concatenate(kept))
