@@ -10,9 +10,10 @@ The first matching form is used:
     t/ms                           a unit after a slash
 
 The name in front of the unit must be one of `NAMES`, apart from neutral words (``motor``,
-``measured``).  A header such as ``1st motor speed`` is never assigned automatically; the message
-that asks for a mapping lists it as similar.  Setpoints (``set speed``) are not listed.  A name may
-stand for two quantities (``t``, ``theta``); then the unit decides.
+``measured``), also as one word with a part of the motor (``Ankerstrom``, ``motorspeed``).  A header
+such as ``1st motor speed`` is never assigned automatically; the message that asks for a mapping
+lists it as similar.  Setpoints (``set speed``) are not listed.  A name may stand for two quantities
+(``t``, ``theta``); then the unit decides.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from identification.ingest.units import (
 )
 
 __all__ = [
+    "COMPOUND_PARTS",
     "LONGEST_CELL",
     "NAMES",
     "HeaderText",
@@ -42,16 +44,24 @@ _NAME_LISTS = {
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung",
     "current": "current, i, im, ia, imot, strom",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
-    "rotational speed, rpm, drehzahl, winkelgeschwindigkeit",
+    "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit",
     "temperature": "temperature, temp, t, theta, ϑ, temperatur",
-    "angle": "position, pos, angle, theta, phi, φ, θ, winkel",
+    "angle": "position, pos, angle, theta, phi, φ, θ, winkel, drehwinkel",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
 
 NEUTRAL_WORDS = frozenset(
-    "motor mot dc armature terminal winding shaft rotor sensor measured meas actual act ist".split()
+    "motor mot dc armature terminal winding shaft rotor sensor measured meas actual act ist "
+    "anker klemmen wicklungs wellen läufer laeufer gemessen gemessene istwert".split()
 )
+# Parts of the motor that are written together with a name of at least four letters:
+# Klemmenspannung, Ankerstrom, motorspeed.  A supply or a set point is not among them.
+COMPOUND_PARTS = tuple(
+    "klemmen anker motor wicklungs wicklung wellen läufer laeufer rotor ist "
+    "armature terminal winding shaft".split()
+)
+_SHORTEST_IN_COMPOUND = 4
 _SETPOINT_WORDS = frozenset(
     "set setpoint target ref reference command cmd demand desired soll error limit max min".split()
 )
@@ -221,11 +231,21 @@ def _with_unit(name: str, unit_text: str) -> HeaderText | None:
 def _quantities_of(text: str) -> frozenset[str]:
     words = _words(text)
     short = [word for word in words if word not in NEUTRAL_WORDS]
-    for candidate in (words, short):
+    parted = [_without_part(word) for word in short]
+    for candidate in (words, short, parted):
         found = _QUANTITIES.get(" ".join(candidate))
         if found:
             return found
     return frozenset()
+
+
+def _without_part(word: str) -> str:
+    """Name at the end of a compound word, such as ``strom`` of ``ankerstrom``."""
+    for part in COMPOUND_PARTS:
+        name = word.removeprefix(part)
+        if name != word and len(name) >= _SHORTEST_IN_COMPOUND and name in _QUANTITIES:
+            return name
+    return word
 
 
 def _words(text: str) -> list[str]:

@@ -26,6 +26,15 @@ from identification.ingest.names import is_units_row, similar_to
         ("theta [degC]", "temperature", "degC"),
         ("kelvin", "temperature", "K"),
         ("TIME_S", "time", "s"),
+        ("Klemmenspannung [V]", "voltage", "V"),
+        ("Ankerspannung / mV", "voltage", "mV"),
+        ("Ankerstrom (mA)", "current", "mA"),
+        ("Motordrehzahl [1/min]", "speed", "rpm"),
+        ("Istdrehzahl in U/min", "speed", "rpm"),
+        ("Wicklungstemperatur [°C]", "temperature", "degC"),
+        ("Rotorwinkel [°]", "angle", "deg"),
+        ("motorspeed_rpm", "speed", "rpm"),
+        ("windingTemperature_degC", "temperature", "degC"),
     ],
 )
 def test_header_contains_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
@@ -47,7 +56,20 @@ def test_header_without_unit_has_none(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["1st motor velocity", "m1vel", "speed_set_rpm", "battery voltage [V]", "CH1", "", "x" * 9999],
+    [
+        "1st motor velocity",
+        "m1vel",
+        "speed_set_rpm",
+        "battery voltage [V]",
+        "CH1",
+        "",
+        "x" * 9999,
+        "Sollspannung [V]",
+        "Batteriespannung [V]",
+        "Solldrehzahl [1/min]",
+        "Gehäusetemperatur [°C]",
+        "motort",
+    ],
 )
 def test_header_that_is_no_exact_name_has_no_quantity(text: str) -> None:
     """A number, a set point, another voltage, no name at all."""
