@@ -54,7 +54,10 @@ OutFile = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")]
 ExportFormat = Annotated[
     str,
-    typer.Option(metavar="FORMAT", help="Format of the file: python-control, fmu, fmu3, c, csv."),
+    typer.Option(
+        metavar="FORMAT",
+        help="Format of the file: python-control, matlab, simulink-m, modelica, fmu, fmu3, c, csv.",
+    ),
 ]
 ExportTemperatures = Annotated[
     list[float] | None,

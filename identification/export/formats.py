@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from identification.errors import OptionError
 from identification.export.c_code import c_code
 from identification.export.fmu import fmu
-from identification.export.language import PYTHON
+from identification.export.language import MATLAB, MODELICA, PYTHON, Language
 from identification.export.model import Exported, exported_model
-from identification.export.scripts import continuous_notes, script
+from identification.export.scripts import continuous_notes, linear_motors, script
 from identification.export.table import csv_table
 from identification.feedback.spread import checked_temperatures
 
@@ -55,6 +55,9 @@ class Export:
     remarks: tuple[str, ...] = ()
 
 
+Writer = Callable[[Request], Export]
+
+
 @dataclass(frozen=True)
 class ExportFormat:
     """One format.
@@ -68,7 +71,7 @@ class ExportFormat:
 
     suffix: str
     media_type: str
-    write: Callable[[Request], Export]
+    write: Writer
     is_sampled: bool = False
 
 
@@ -130,18 +133,31 @@ def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
     return Export(*fmu(request.motor, request.header, fmi))
 
 
-def _python(request: Request) -> Export:
-    notes = continuous_notes(request.motor, delays=False)
-    text = script(
-        "python_control.py.txt",
-        request.motor,
-        PYTHON,
-        [*request.header, *(f"Not in this file: {note}." for note in notes)],
-        result=request.result,
-        draws=request.draws,
-        temperatures=request.temperatures,
-    )
-    return Export(text.encode(), notes)
+def _equations(template: str, language: Language, *, delays: bool, linear: bool) -> Writer:
+    """Writer of a format with the continuous equations.
+
+    Args:
+        template: Name of its template.
+        language: Its language.
+        delays: Whether it holds delays of channels.
+        linear: Whether it holds the linear motor with samples.
+    """
+
+    def write(request: Request) -> Export:
+        notes = continuous_notes(request.motor, delays=delays)
+        header = [*request.header, *(f"Not in this file: {note}." for note in notes)]
+        numbers = (
+            linear_motors(request.result, request.draws, request.temperatures) if linear else []
+        )
+        return Export(script(template, request.motor, language, header, numbers).encode(), notes)
+
+    return write
+
+
+_python = _equations("python_control.py.txt", PYTHON, delays=False, linear=True)
+_matlab = _equations("matlab.m.txt", MATLAB, delays=False, linear=True)
+_simulink = _equations("simulink.m.txt", MATLAB, delays=True, linear=False)
+_modelica = _equations("modelica.mo.txt", MODELICA, delays=True, linear=False)
 
 
 def _csv(request: Request) -> Export:
@@ -150,6 +166,9 @@ def _csv(request: Request) -> Export:
 
 FORMATS: Final[Mapping[str, ExportFormat]] = {
     "python-control": ExportFormat(".py", "text/x-python", _python, is_sampled=True),
+    "matlab": ExportFormat(".m", "text/x-matlab", _matlab, is_sampled=True),
+    "simulink-m": ExportFormat(".m", "text/x-matlab", _simulink),
+    "modelica": ExportFormat(".mo", "text/x-modelica", _modelica),
     "fmu": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 2)),
     "fmu3": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 3)),
     "c": ExportFormat(".c", "text/x-c", _c),

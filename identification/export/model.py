@@ -231,9 +231,10 @@ def _acts(term: AbstractTerm, run: int) -> bool:
 
 
 def _number(value: object) -> float | None:
-    """A finite number above zero or below; None for anything else."""
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
-    return float(value) if usable and value else None  # type: ignore[arg-type]
+    """A finite number other than zero; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if value and np.isfinite(value) else None
 
 
 def _span(result: Mapping[str, Any]) -> Array:

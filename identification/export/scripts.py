@@ -1,4 +1,4 @@
-"""Scripts for python-control and MATLAB: linear motor with samples, and the motor with effects."""
+"""Scripts and models in other languages: linear motor with samples, and the motor with effects."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from identification.export.language import Language, printed
 from identification.export.linear import best_values, matrices, polynomials
 from identification.export.model import EXTERNAL, Exported
 from identification.model.composite import INPUTS
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["SIGNALS", "continuous_notes", "equations", "script"]
+__all__ = ["SIGNALS", "continuous_notes", "equations", "linear_motors", "script"]
 
 Array = NDArray[np.float64]
 
@@ -81,37 +82,69 @@ def script(
     motor: Exported,
     language: Language,
     header: list[str],
-    *,
-    result: Mapping[str, Any],
-    draws: Mapping[str, Array],
-    temperatures: Sequence[float],
+    linear: Sequence[Mapping[str, Any]] = (),
 ) -> str:
-    """Text of a script.
+    """Text of a script or model.
 
     Args:
         template: Name of the template.
         motor: The model.
         language: Language of the script.
         header: Lines about the motor.
-        result: Content of a result.json.
-        draws: (n_draw,) for each nominal parameter.
-        temperatures: Temperatures of the linear motor [degC].
+        linear: Numbers of `linear_motors`.
     """
-    rates, logged, _ = equations(motor, language, ["x", "u", "p"])
-    model = motor.model
+    rates, logged, local = equations(motor, language, ["x", "u", "p"])
     return TEMPLATES.get_template(template).render(
         version=version("motorid"),
         header=[" ".join(line.split()) for line in header],
         rates=rates,
         logged=logged,
-        states=model.state_names,
+        local=local,
+        states=motor.model.state_names,
         starts=motor.starts,
         signals=SIGNALS,
         parameters=motor.parameters,
         peak=motor.peak,
         delays=_delays(motor),
-        linear=[_linear(best_values(result), draws, temperature) for temperature in temperatures],
+        linear=linear,
+        unknowns=_unknowns(motor),
+        constants=[
+            (p.name.replace(".", "_"), _modelica_unit(p.unit), value, p.meaning.replace('"', "'"))
+            for p, value in motor.parameters
+        ],
     )
+
+
+def linear_motors(
+    result: Mapping[str, Any], draws: Mapping[str, Array], temperatures: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Numbers of the linear motor at each temperature: of the best values, then of samples.
+
+    Args:
+        result: Content of a result.json.
+        draws: (n_draw,) for each nominal parameter.
+        temperatures: Temperatures [degC].
+    """
+    best = best_values(result)
+    return [_linear(best, draws, temperature) for temperature in temperatures]
+
+
+def _unknowns(motor: Exported) -> list[tuple[str, str, float]]:
+    """Modelica name, unit and start of each state."""
+    own = [state.unit for term in motor.model.terms for state in term.states]
+    start = {"temperature": REFERENCE_TEMPERATURE_DEGC}
+    return [
+        (f"x_{name.replace('.', '_')}", _modelica_unit(unit), start.get(signal, 0.0))
+        for name, unit, signal in zip(
+            motor.model.state_names, ["A", "rad/s", *own, "rad"], motor.starts, strict=True
+        )
+    ]
+
+
+def _modelica_unit(unit: str) -> str:
+    """Unit in the syntax of Modelica: ``N.m`` for N m, ``kg.m2`` for kg m^2."""
+    known = {"-": "1", "ohm": "Ohm"}
+    return known.get(unit, unit.replace(" ", ".").replace("^", ""))
 
 
 def _delays(motor: Exported) -> dict[str, float]:
