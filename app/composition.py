@@ -8,6 +8,7 @@ from typing import Self
 
 from app.access.quotas import Quotas
 from app.access.service import AccessService
+from app.analyses.prediction import Predictor
 from app.analyses.service import AnalysisService
 from app.batches.service import BatchService
 from app.damage import check_file, check_present
@@ -53,6 +54,7 @@ class Services:
     fits: FitService
     batches: BatchService
     analyses: AnalysisService
+    predictor: Predictor
     health: HealthService
     fork_server: ForkServer
     engine: AbstractEngine
@@ -80,18 +82,26 @@ class Services:
         quotas = Quotas(settings.quota_bytes, settings.quota_runs, settings.quota_waiting_fits)
         supervisor = Supervisor(database, storage, engine, settings, metrics)
         fits = FitService(database, storage, supervisor, quotas)
+        runs = RunService(database, storage, reader, metrics, quotas)
+        # Most services predict nothing: the first prediction starts this fork server.
+        predictor = Predictor(
+            ForkServer("app.analyses.predictor", temporary=storage.incoming),
+            limits,
+            settings.max_rows,
+        )
         return cls(
             settings=settings,
             database=database,
             storage=storage,
             metrics=metrics,
             access=access,
-            runs=RunService(database, storage, reader, metrics, quotas),
+            runs=runs,
             pending=PendingRuns(database, storage, reader, quotas),
             choice=RunChoice(database, storage, reader),
             fits=fits,
             batches=BatchService(database, storage, supervisor, quotas),
-            analyses=AnalysisService(fits, storage),
+            analyses=AnalysisService(fits, runs, storage, predictor),
+            predictor=predictor,
             health=HealthService(database, storage, supervisor, metrics),
             fork_server=readers,
             engine=engine,
@@ -145,6 +155,7 @@ class Services:
         self.stopping.set()
         self.housekeeper.stop()
         self.supervisor.stop()
+        self.predictor.stop()
         self.fork_server.stop()
         self.database.close()
         self.storage.lock.release()

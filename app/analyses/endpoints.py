@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
 
-from app.analyses.schemas import FeedbackIn, FeedbackOut
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse
+
+from app.analyses.schemas import FeedbackIn, FeedbackOut, PredictionOut
 from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.files import OpenFileResponse
 from app.http.problems import responses
 
 __all__ = ["router"]
@@ -13,6 +17,7 @@ __all__ = ["router"]
 router = APIRouter(prefix="/fits", tags=["fits"])
 
 _DRAWS = 2000
+Declared = Annotated[bool, Query(description="Use the nominal model instead of the final one.")]
 
 
 @router.post(
@@ -30,3 +35,48 @@ def compute_feedback(
     """
     loop = services.analyses.loop(caller, fit_id, body.controllers, body.temperatures, draws=_DRAWS)
     return FeedbackOut.of(loop)
+
+
+# This path comes first: the one below would take `ID.csv` for an ID.
+@router.get(
+    "/{fit_id}/predictions/{run_id}.csv",
+    summary="Fetch a predicted run",
+    response_class=FileResponse,
+    responses={
+        200: {
+            "description": "A row for each sample of the run.",
+            "content": {"text/csv": {"example": "time_s,current_A,speed_rad_s\n0.0,0.12,3.4\n"}},
+        },
+        **responses(400, 404, 416, 422, 503, 507),
+    },
+)
+def fetch_prediction(
+    fit_id: str,
+    run_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    declared: Declared = False,
+) -> OpenFileResponse:
+    """Fetch the simulated signals of a stored run, as `motorid predict` writes them."""
+    return OpenFileResponse(
+        services.analyses.prediction_table(caller, fit_id, run_id, declared=declared),
+        media_type="text/csv; charset=utf-8",
+        filename=f"{run_id}.csv",
+    )
+
+
+@router.get(
+    "/{fit_id}/predictions/{run_id}",
+    summary="Predict a run",
+    responses=responses(404, 422, 503),
+)
+def predict_run(
+    fit_id: str,
+    run_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    declared: Declared = False,
+) -> PredictionOut:
+    """Simulate a stored run from its inputs and compare it with the measured signals."""
+    run, prediction = services.analyses.prediction(caller, fit_id, run_id, declared=declared)
+    return PredictionOut.of(fit_id, run.id, declared, prediction)

@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, StringConstraints
 
+from app.analyses.prediction import Prediction
 from app.analyses.service import LoopAnalysis
 from app.texts import Received, with_example
 
-__all__ = ["FeedbackIn", "FeedbackOut", "StepOut"]
+__all__ = ["ErrorOut", "FeedbackIn", "FeedbackOut", "PredictionOut", "StepOut"]
 
 _MOST = 5
 
@@ -68,3 +69,36 @@ class FeedbackOut(BaseModel):
             for step in loop.steps
         ]
         return cls(feedback=list(loop.feedback), steps=steps, remarks=list(loop.remarks))
+
+
+class ErrorOut(BaseModel):
+    """Simulation error of one channel, as in result.json."""
+
+    rmse: float | None = Field(description="Root mean square error [A] or [rad/s].")
+    nrmse: float | None = Field(
+        description="RMSE over the standard deviation of the measured channel [-]."
+    )
+    noise_ratio: float | None = Field(description="RMSE over the noise of the fit [-].")
+
+
+class PredictionOut(BaseModel):
+    """Comparison of a run with its simulation."""
+
+    run: str
+    declared: bool = Field(description="Whether the nominal model was used.")
+    rows: int
+    errors: dict[str, ErrorOut] = Field(description="For `current` and `speed`.")
+    links: dict[str, str] = Field(description="`table` is the simulation as CSV.")
+
+    @classmethod
+    def of(cls, fit_id: str, run_id: str, declared: bool, prediction: Prediction) -> PredictionOut:
+        """Build the schema from a prediction."""
+        query = "?declared=true" if declared else ""
+        own = f"/api/v1/fits/{fit_id}/predictions/{run_id}"
+        return cls(
+            run=run_id,
+            declared=declared,
+            rows=prediction.rows,
+            errors={name: ErrorOut(**found) for name, found in prediction.errors.items()},
+            links={"self": f"{own}{query}", "table": f"{own}.csv{query}"},
+        )

@@ -6,17 +6,21 @@ reload and can be shared by its address.
 
 from __future__ import annotations
 
+import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, cast
 
 from app.access.service import Caller
+from app.analyses.prediction import Prediction, Predictor
 from app.batches.results import refits_of
-from app.errors import NotReady, Unavailable
+from app.errors import FileLost, NotReady, Unavailable
 from app.fits.service import FitService, StoredFit
-from app.storage import Storage
+from app.runs.service import RunService
+from app.storage import Storage, refused_when_full
+from app.tables import RunRow
 from identification.fleet.refit import Refit
 
 if TYPE_CHECKING:
@@ -52,9 +56,13 @@ class LoopAnalysis:
 class AnalysisService:
     """Analyses of fits; each is restricted to the workspace of its caller."""
 
-    def __init__(self, fits: FitService, storage: Storage) -> None:
+    def __init__(
+        self, fits: FitService, runs: RunService, storage: Storage, predictor: Predictor
+    ) -> None:
         self._fits = fits
+        self._runs = runs
         self._storage = storage
+        self._predictor = predictor
         self._free = threading.BoundedSemaphore(_AT_ONCE)
 
     def loop(
@@ -102,6 +110,69 @@ class AnalysisService:
                 feedback_metrics(motors, asked, parsed),
                 [StepResponse(**vars(curve)) for curve in curves],
                 () if fit.has_posterior else (APPROXIMATE,),
+            )
+
+    def prediction(
+        self,
+        caller: Caller,
+        fit_id: str,
+        run_id: str,
+        *,
+        declared: bool = False,
+    ) -> tuple[RunRow, Prediction]:
+        """Simulate a stored run with the model of a fit, and compare it with the measurement.
+
+        Args:
+            caller: Caller of the request.
+            fit_id: ID of a succeeded fit.
+            run_id: ID of a run.
+            declared: Whether to use the nominal model instead of the final one.
+
+        Raises:
+            NotFound: The caller's workspace has no such fit or run.
+            NotReady: The fit has not succeeded.
+            FileLost: The result or the run is missing or damaged.
+            RunRefused: The prediction exceeds the limits, or the result does not allow it.
+            Unavailable: Too many analyses are computed at the moment.
+        """
+        return self._predicted(caller, fit_id, run_id, declared, None)
+
+    def prediction_table(
+        self, caller: Caller, fit_id: str, run_id: str, *, declared: bool = False
+    ) -> BinaryIO:
+        """The table of a prediction as an open CSV file, as `motorid predict` writes it.
+
+        Raises:
+            NotFound: As for `prediction`; so do the other errors.
+            StorageFull: No disk space is left.
+        """
+        # An unnamed file: the table of a long run does not fit into memory.
+        with refused_when_full("table"), ExitStack() as stack:
+            unnamed = tempfile.TemporaryFile(dir=self._storage.incoming)
+            table = cast(BinaryIO, stack.enter_context(unnamed))
+            self._predicted(caller, fit_id, run_id, declared, table)
+            table.flush()
+            table.seek(0)
+            stack.pop_all()
+            return table
+
+    def _predicted(
+        self, caller: Caller, fit_id: str, run_id: str, declared: bool, table: BinaryIO | None
+    ) -> tuple[RunRow, Prediction]:
+        fit = self.succeeded(caller, fit_id)
+        run = self._runs.get(caller, run_id)
+        if not self._storage.has_run(run.id, run.bytes, run.sha256):
+            raise FileLost(
+                f"the stored run {run.id} is missing or damaged; upload {run.file} again to "
+                "restore it"
+            )
+        with self._turn():
+            return run, self._predictor.predict(
+                run,
+                self._storage.run(run.id),
+                fit.result or {},
+                declared=declared,
+                table=table,
             )
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:

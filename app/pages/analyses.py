@@ -1,4 +1,4 @@
-"""Pages of analyses: the speed loop, the history of a motor, the comparison of two fits."""
+"""Pages of analyses: speed loop, predicted runs, history of a motor, comparison of two fits."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from fastapi.responses import HTMLResponse
 from app.access.service import Caller
 from app.analyses.service import LoopAnalysis
 from app.composition import Services
+from app.errors import RunRefused
 from app.fits.schemas import FitSummary
 from app.fits.service import StoredFit
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.comparison import comparison_view
 from app.pages.history import history_view
 from app.pages.loop_form import LoopForm
+from app.pages.prediction import prediction_view
 from app.pages.rendering import page
 from app.pages.views import fit_view
 from identification.errors import InputError
@@ -29,6 +31,7 @@ __all__ = ["router"]
 router = APIRouter(include_in_schema=False)
 
 _MOST_FITS = 100
+_MOST_RUNS = 200
 _DRAWS = 400
 """Draws of the page, which shall answer while the gains are typed."""
 
@@ -59,6 +62,40 @@ def loop_page(
         form=form,
         problem=problem,
         loop=shown,
+    )
+
+
+@router.get("/fits/{fit_id}/prediction")
+def prediction_page(
+    fit_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    run: Annotated[str, Query(max_length=60)] = "",
+    declared: bool = False,
+) -> HTMLResponse:
+    """A stored run, measured and simulated with the model of a fit, and a form to select it."""
+    fit = services.analyses.succeeded(caller, fit_id)
+    runs, _ = services.runs.page(caller, after=None, limit=_MOST_RUNS, motor=None)
+    problem, shown, file = "", None, ""
+    if run:
+        try:
+            row, found = services.analyses.prediction(caller, fit_id, run, declared=declared)
+            file, shown = row.file, prediction_view(row.file, found)
+            runs = [row, *(one for one in runs if one.id != row.id)]
+        except RunRefused as error:
+            problem = f"{error.message}."
+    return page(
+        "prediction",
+        status=422 if problem else 200,
+        caller=caller,
+        fit=fit_view(FitSummary.of(fit), {}),
+        training=fit.training,
+        runs=runs,
+        chosen=run,
+        declared=declared,
+        file=file,
+        problem=problem,
+        prediction=shown,
     )
 
 

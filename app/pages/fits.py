@@ -30,7 +30,13 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
     if fit.result is not None:
         outcome = result_view(fit.result, _report(services, caller, fit_id))
     files = _files(services, caller, (*fit.training, *fit.validation))
-    return page("fit", caller=caller, fit=fit_view(fit, files), outcome=outcome)
+    return page(
+        "fit",
+        caller=caller,
+        fit=fit_view(fit, files),
+        outcome=outcome,
+        first_run=next(iter((*fit.validation, *fit.training)), ""),
+    )
 
 
 def _files(services: Services, caller: Caller, run_ids: Iterable[str]) -> dict[str, str]:

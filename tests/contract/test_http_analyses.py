@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 
-from identification.ingest import write_run
+from identification.ingest import read_run, write_run
+from identification.prediction import predict
 from motorid.client import Client
 from tests.app.service import serving
 from tests.motors import campaign, motor_named
@@ -27,12 +31,14 @@ class Bench:
         first: ID of the fit of the first run.
         second: ID of the fit of both runs.
         runs: IDs of the runs.
+        files: Their files.
     """
 
     http: httpx.Client
     first: str
     second: str
     runs: tuple[str, ...]
+    files: tuple[Path, ...]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +61,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
             client.wait(client.fit(some, motor=MOTOR, options=options)).id
             for some in (runs[:1], runs)
         ]
-        yield Bench(http, fits[0], fits[1], runs)
+        yield Bench(http, fits[0], fits[1], runs, tuple(files))
 
 
 def test_loop_by_http_agrees_with_the_result(bench: Bench) -> None:
@@ -151,3 +157,55 @@ def test_comparison_without_two_fits_is_a_form(bench: Bench, count: int, words: 
     assert page.status_code == 200
     assert words in page.text
     assert f'<option value="{bench.second}"' in page.text
+
+
+def test_predicted_training_run_has_the_error_of_the_fit(bench: Bench) -> None:
+    """The first fit has one training run, so its simulation error is that of this run."""
+    result = bench.http.get(f"/api/v1/fits/{bench.first}").json()["result"]
+
+    answer = bench.http.get(f"/api/v1/fits/{bench.first}/predictions/{bench.runs[0]}").json()
+
+    for channel in ("current", "speed"):
+        expected = result["errors"]["after"]["training"][channel]
+        for name in ("rmse", "nrmse", "noise_ratio"):
+            assert answer["errors"][channel][name] == pytest.approx(expected[name], rel=0.01)
+
+
+@pytest.mark.parametrize("declared", [False, True])
+def test_table_of_a_prediction_is_that_of_the_library(bench: Bench, declared: bool) -> None:
+    """A run that the fit has not seen, sample by sample."""
+    result = bench.http.get(f"/api/v1/fits/{bench.first}").json()["result"]
+    expected = predict(result, read_run(bench.files[1]), declared)
+
+    answer = bench.http.get(
+        f"/api/v1/fits/{bench.first}/predictions/{bench.runs[1]}.csv",
+        params={"declared": declared},
+    )
+
+    header, *rows = csv.reader(io.StringIO(answer.text))
+    assert answer.headers["content-type"].startswith("text/csv")
+    assert header == ["time_s", "current_A", "speed_rad_s"]
+    time, current, speed = np.array(rows, dtype=np.float64).T
+    np.testing.assert_array_equal(time, expected.time)
+    np.testing.assert_allclose(current, expected.current, rtol=1e-9)
+    np.testing.assert_allclose(speed, expected.speed, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["", ".csv"])
+def test_prediction_of_an_unknown_run_is_not_found(bench: Bench, ending: str) -> None:
+    """An ID of another form is an unknown run, too."""
+    for run in ("run_aaaaaaaaaaaaaaaaaaaaaaaaaa", "x"):
+        answer = bench.http.get(f"/api/v1/fits/{bench.first}/predictions/{run}{ending}")
+
+        assert answer.status_code == 404
+
+
+def test_page_of_a_prediction_draws_measured_and_simulated(bench: Bench) -> None:
+    """Two lines in each of two panels, and a link to the table."""
+    page = bench.http.get(f"/fits/{bench.first}/prediction", params={"run": bench.runs[1]})
+
+    assert page.status_code == 200
+    assert page.text.count('class="line measured"') == 2
+    assert page.text.count('class="line after thin"') == 2
+    assert f"/predictions/{bench.runs[1]}.csv" in page.text
+    assert re.search(rf'value="{bench.runs[0]}"[^<]*training run', page.text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 from app.access.service import Caller
 from app.analyses.service import APPROXIMATE, AnalysisService
 from app.errors import NotReady
-from app.fits.service import StoredFit
+from app.fits.service import FitService, StoredFit
 from app.tables import FitRow
 from identification.errors import InputError, OptionError
 from identification.quantities import DECLARED_PARAMETERS
@@ -49,7 +49,9 @@ class StoredFits:
 
 def analyses(posterior: Path | None, result: dict[str, Any] | None = RESULT) -> AnalysisService:
     """Service with this fit only."""
-    return AnalysisService(StoredFits(posterior, result), storage=None)  # type: ignore[arg-type]
+    fits = cast(FitService, StoredFits(posterior, result))
+    unused = cast(Any, None)
+    return AnalysisService(fits, unused, unused, unused)
 
 
 @pytest.fixture

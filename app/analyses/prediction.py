@@ -1,0 +1,141 @@
+"""Prediction of a run by a process with resource limits.
+
+    predictor = Predictor(fork_server, limits, max_rows=10_000_000)
+    with TemporaryFile() as table:
+        prediction = predictor.predict(run, path, result, table=table)
+
+See `app.analyses.predictor` for the side of the process.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from app.errors import RunRefused, Unavailable
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
+from app.tables import RunRow
+
+__all__ = ["HEADER", "Prediction", "Predictor"]
+
+HEADER: Final = b"time_s,current_A,speed_rad_s\n"
+"""First line of the table, as `motorid predict` writes it."""
+
+_START_S = 60.0
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Measured and simulated signals of one run.
+
+    Args:
+        rows: Number of samples of the run.
+        errors: For ``current`` and ``speed``: ``rmse``, ``nrmse`` and ``noise_ratio``, as in
+            result.json; null if unknown.
+        plot: Samples to plot: ``time``, and ``speed`` and ``current`` as pairs of measured and
+            simulated values; null where a sample has none.
+    """
+
+    rows: int
+    errors: Mapping[str, Mapping[str, float | None]]
+    plot: Mapping[str, Any]
+
+
+class Predictor:
+    """Predictor of runs in child processes.
+
+    Args:
+        fork_server: Fork server whose module is `app.analyses.predictor`; its first task starts it.
+        limits: Resource limits of one process.
+        max_rows: Maximum number of samples of a run.
+    """
+
+    def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
+        self._fork_server = fork_server
+        self._limits = limits
+        self._max_rows = max_rows
+
+    def predict(
+        self,
+        run: RunRow,
+        path: Path,
+        result: Mapping[str, Any],
+        *,
+        declared: bool,
+        table: BinaryIO | None = None,
+    ) -> Prediction:
+        """Simulate a stored run from its inputs.
+
+        Args:
+            run: The run.
+            path: Its stored bytes.
+            result: Content of result.json.
+            declared: Whether to use the nominal model instead of the final one.
+            table: File that receives the table as CSV; None if it is not needed.
+
+        Raises:
+            RunRefused: The prediction exceeds the limits, or the result does not allow it.
+            Unavailable: The run cannot be predicted now.
+        """
+        task = {
+            "path": str(path),
+            "name": run.file,
+            "mapping": run.mapping,
+            "max_rows": self._max_rows,
+            "limits": dataclasses.asdict(self._limits),
+            "result": result,
+            "declared": declared,
+            "has_table": table is not None,
+        }
+        if table is not None:
+            table.write(HEADER)
+        found = self._messages(task, table)
+        if "prediction" in found:
+            return Prediction(**found["prediction"])
+        raise self._refusal(run.file, found)
+
+    def stop(self) -> None:
+        """Stop the fork server."""
+        self._fork_server.stop()
+
+    def _messages(self, task: dict[str, Any], table: BinaryIO | None) -> dict[str, Any]:
+        """Messages of the process other than the rows of the table, including its exit code."""
+        deadline = time.monotonic() + _START_S + self._limits.wall_s
+        try:
+            child = self._fork_server.fork(task)
+        except OSError as error:
+            raise Unavailable(
+                "runs cannot be predicted at the moment; try again in a few seconds"
+            ) from error
+        found: dict[str, Any] = {}
+        try:
+            while not child.has_ended and time.monotonic() < deadline:
+                for message in child.messages(wait_s=deadline - time.monotonic()):
+                    rows = message.pop("table", None)
+                    if rows is not None and table is not None:
+                        table.write(rows.encode())
+                    found |= message
+        finally:
+            child.kill()
+        return found
+
+    def _refusal(self, file: str, found: Mapping[str, Any]) -> RunRefused | Unavailable:
+        """Build the error for a process that ended without a prediction."""
+        detail, end = (found.get("error") or {}).get("detail"), found.get("exit")
+        limit = None
+        if detail == "memory" or end == -signal.SIGKILL:
+            limit = f"{self._limits.memory_bytes / 1e9:g} GB of memory"
+        elif end in (-signal.SIGXCPU, -signal.SIGALRM):
+            limit = f"{self._limits.cpu_s} s"
+        elif end is None and detail is None:
+            return Unavailable("the run could not be predicted; try again")
+        text = detail or f"{file}: the prediction crashed; expected a run of this motor"
+        if limit is not None:
+            text = f"{file}: the prediction needs more than {limit}; use `motorid predict`"
+        return RunRefused(text, reason="prediction", file=file)

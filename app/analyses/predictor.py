@@ -1,0 +1,121 @@
+"""Prediction of one stored run, in a child process that limits its own resources.
+
+A run file is untrusted, so the server itself never reads it.  See `app.analyses.prediction` for the
+server's side.  Messages, one JSON object per line:
+
+    {"table": "0.0,0.1,2.0 ..."}          rows of the table, if requested, in several messages
+    {"prediction": {...}}                 errors and the samples to plot; the last message
+    {"error": {"detail": "..."}}          the run or the result is not accepted
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.fork_server.child import Answers, ProcessLimits, confine
+from identification.errors import InputError
+from identification.ingest import Limits, Run, read_run
+from identification.prediction import Prediction, predict
+from identification.report.decimate import extremes
+from identification.result.entries import finite_or_null
+from identification.result.report_data import RunTraces
+from identification.result.residuals import channel_errors
+
+__all__ = ["handle"]
+
+Array = NDArray[np.float64]
+
+_ROWS = 5000
+_BUCKETS = 350
+
+
+def handle(task: dict[str, Any], answer: int) -> None:
+    """Predict a run and report its errors.
+
+    Args:
+        task: `path`, `name`, `mapping`, `max_rows`, `limits` of the run; `result` as in
+            result.json; `declared` for the nominal model; `has_table` to send the table.
+        answer: Write end of the pipe to the server.
+    """
+    confine(ProcessLimits(**task["limits"]))
+    answers = Answers(answer)
+    limits = Limits(rows=task["max_rows"])
+    try:
+        run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
+        prediction = predict(task["result"], run, task["declared"])
+    except InputError as error:
+        answers.send({"error": {"detail": str(error)}})
+        return
+    except MemoryError:
+        answers.send({"error": {"detail": "memory"}})
+        return
+    if task["has_table"]:
+        _send_table(prediction, answers)
+    answers.send({"prediction": finite_or_null(_summary(run, prediction, task["result"]))})
+
+
+def _send_table(prediction: Prediction, answers: Answers) -> None:
+    """Send the rows; a sample without a prediction, between two records, has empty cells."""
+    columns = [prediction.time, prediction.current, prediction.speed]
+    for first in range(0, prediction.time.size, _ROWS):
+        text = io.StringIO()
+        rows = zip(*(column[first : first + _ROWS].tolist() for column in columns), strict=True)
+        csv.writer(text, lineterminator="\n").writerows(
+            ["" if np.isnan(value) else value for value in row] for row in rows
+        )
+        answers.send({"table": text.getvalue()})
+
+
+def _summary(run: Run, prediction: Prediction, result: dict[str, Any]) -> dict[str, Any]:
+    traces = RunTraces(
+        name=run.name,
+        role="validation",
+        time=run.time,
+        voltage=run.voltage,
+        temperature=run.temperature,
+        measured_current=_used(run, "current_A", run.current),
+        measured_speed=_used(run, "speed_rad_s", run.speed),
+        after_current=prediction.current,
+        after_speed=prediction.speed,
+    )
+    noise = result.get("noise") or {}
+    kept = extremes(
+        [
+            traces.measured_speed,
+            traces.after_speed,
+            traces.measured_current,
+            traces.after_current,
+        ],
+        _BUCKETS,
+    )
+    return {
+        "rows": run.rows,
+        "errors": {
+            "current": _errors(traces, "current", noise.get("current_A")),
+            "speed": _errors(traces, "speed", noise.get("speed_rad_s")),
+        },
+        "plot": {
+            "time": run.time[kept],
+            "speed": [traces.measured_speed[kept], traces.after_speed[kept]],
+            "current": [traces.measured_current[kept], traces.after_current[kept]],
+        },
+    }
+
+
+def _used(run: Run, name: str, channel: Array) -> Array:
+    """Channel with NaN where its sensor was clipped."""
+    clipped = run.clipped.get(name)
+    return channel if clipped is None else np.where(clipped, np.nan, channel)
+
+
+def _errors(traces: RunTraces, channel: str, noise: float | None) -> dict[str, float | None]:
+    found = channel_errors(traces, channel)
+    if found is None:
+        return {"rmse": None, "nrmse": None, "noise_ratio": None}
+    ratio = found.rmse / noise if noise else None
+    return {"rmse": found.rmse, "nrmse": found.nrmse, "noise_ratio": ratio}

@@ -1,0 +1,66 @@
+"""View of a predicted run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from app.analyses.prediction import Prediction
+
+    Array = NDArray[np.float64]
+
+__all__ = ["prediction_view"]
+
+
+def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
+    """Figure and table of a prediction.
+
+    Args:
+        name: Name of the run.
+        prediction: The prediction.
+    """
+    from identification.report.figures.prediction import prediction_figure
+    from identification.result.attempts import figure
+    from identification.result.numbers import number_text, percent_text
+
+    plot = prediction.plot
+    drawn = figure(
+        "predicted run",
+        prediction_figure,
+        name,
+        _array(plot["time"]),
+        _pair(plot["speed"]),
+        _pair(plot["current"]),
+    )
+    rows = []
+    for channel, unit in (("current", "A"), ("speed", "rad/s")):
+        found: Mapping[str, float | None] = prediction.errors[channel]
+        nrmse = found["nrmse"]
+        rows.append(
+            {
+                "channel": channel,
+                "rmse": number_text(found["rmse"], 3),
+                "unit": unit,
+                "fit": percent_text(None if nrmse is None else 1.0 - nrmse, 4),
+                "ratio": number_text(found["noise_ratio"], 3),
+            }
+        )
+    return {"figure": drawn, "rows": rows}
+
+
+def _pair(
+    series: Sequence[Sequence[float | None]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    measured, simulated = series
+    return _array(measured), _array(simulated)
+
+
+def _array(values: Sequence[float | None]) -> Array:
+    """Values as an array, NaN for null."""
+    import numpy as np
+
+    return np.array(values, dtype=np.float64)

@@ -1,0 +1,80 @@
+"""Answers of the process that predicts a run, as the server takes them."""
+
+from __future__ import annotations
+
+import io
+import signal
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from app.analyses.prediction import HEADER, Predictor
+from app.errors import RunRefused, Unavailable
+from app.fork_server.child import ProcessLimits
+from app.fork_server.client import ForkServer
+from app.tables import RunRow
+
+RUN = RunRow(id="run_x", file="a.csv", mapping=None)
+ERRORS = {"rmse": 0.1, "nrmse": 0.01, "noise_ratio": 1.0}
+FOUND = {"rows": 3, "errors": {"current": ERRORS, "speed": ERRORS}, "plot": {"time": [0.0]}}
+
+
+class Answering:
+    """Fork server whose only task gives these messages."""
+
+    def __init__(self, *messages: dict[str, Any]) -> None:
+        self._messages = list(messages)
+        self.has_ended = False
+        self.was_killed = False
+
+    def fork(self, task: dict[str, Any]) -> Answering:
+        """Start the task."""
+        return self
+
+    def messages(self, wait_s: float) -> list[dict[str, Any]]:
+        """One message in each call."""
+        self.has_ended = len(self._messages) <= 1
+        return [self._messages.pop(0)] if self._messages else []
+
+    def kill(self) -> None:
+        """End the task."""
+        self.was_killed = True
+
+
+def predictor(*messages: dict[str, Any]) -> Predictor:
+    """Predictor whose process sends these messages."""
+    limits = ProcessLimits(2_000_000_000, cpu_s=60, wall_s=120.0)
+    return Predictor(cast(ForkServer, Answering(*messages)), limits, 1000)
+
+
+def test_rows_of_all_messages_are_written_in_order() -> None:
+    """The table begins with its header; rows that nobody asked for are dropped."""
+    rows = ({"table": "0,1,2\n"}, {"table": "1,,\n"}, {"prediction": FOUND}, {"exit": 0})
+    table = io.BytesIO()
+
+    found = predictor(*rows).predict(RUN, Path("a"), {}, declared=False, table=table)
+    without = predictor(*rows).predict(RUN, Path("a"), {}, declared=False)
+
+    assert table.getvalue() == HEADER + b"0,1,2\n1,,\n"
+    assert found == without
+    assert found.errors["current"]["rmse"] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("message", "error", "words"),
+    [
+        ({"error": {"detail": "the result has no value of J"}}, RunRefused, "no value of J"),
+        ({"error": {"detail": "memory"}}, RunRefused, "2 GB of memory"),
+        ({"exit": -signal.SIGKILL}, RunRefused, "2 GB of memory"),
+        ({"exit": -signal.SIGXCPU}, RunRefused, "more than 60 s"),
+        ({"exit": 1}, RunRefused, "crashed"),
+        ({"refused": "x"}, Unavailable, "try again"),
+    ],
+)
+def test_end_without_a_prediction_has_a_reason(
+    message: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    """A limit names the command that has none."""
+    with pytest.raises(error, match=words):
+        predictor(message).predict(RUN, Path("a"), {}, declared=False)
