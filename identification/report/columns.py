@@ -2,11 +2,12 @@
 
     stored_runs(runs, {"current_A": 0.05, "speed_rad_s": 0.3}) -> [{"columns": {...}, "note": ...}]
 
-A column is rounded to a step far below the noise, differenced up to twice, zigzag coded into 32-bit
-words, split into byte planes and deflated.  The browser inflates it with `DecompressionStream`.
-Smooth columns take half a byte per sample, noisy ones about one.  Runs that do not fit into the
-page are stored as the extremes of every column in buckets of equally many samples: outliers stay
-visible, and every stored row is a logged sample.
+A column is rounded to an eighth of the noise or to the resolution of its log, differenced up to
+twice, zigzag coded into 32-bit words, split into byte planes and deflated.  The browser inflates it
+with `DecompressionStream`.  A measured channel is stored as its difference from the simulated one.
+200,000 samples of a motor with nominal and final model take about 1.3 MB.  Runs that do not fit
+into the page are stored as the extremes of every column in buckets of equally many samples:
+outliers stay visible, and every stored row is a logged sample.
 """
 
 from __future__ import annotations
@@ -24,33 +25,42 @@ from identification.result.numbers import count_text
 from identification.result.report_data import RunTraces
 from identification.result.residuals import gaps
 
-__all__ = ["BUDGET", "Column", "StoredRun", "encoded", "extremes", "stored_runs"]
+__all__ = ["Column", "StoredRun", "encoded", "extremes", "stored_runs"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 
-BUDGET: Final = 1_300_000
-"""Size of all columns in a page, in base64 [bytes]; the rest of a page takes 200 to 600 kB."""
 _RESERVED: Final = 12_000
 """Part of the budget that each further run keeps [bytes]."""
 _FEWEST_BUCKETS: Final = 100
-_NOISE_STEPS: Final = 16.0
+_NOISE_STEPS: Final = 8.0
 """Rounding steps per standard deviation of the sensor noise."""
-_STEPS: Final = 65_536.0
+_STEPS: Final = 16_384.0
 """Rounding steps of the range of a column without known noise."""
 _MOST_STEPS: Final = 2.0**29
 """Rounding steps that a difference of second order still holds in 32 bits."""
 _TIME_STEPS: Final = 256.0
 """Rounding steps per sample interval of the time stamps."""
+_MOST_DECIMALS: Final = 6
+_PREDICTORS: Final = {
+    f"{kind}_{channel}": f"after_{channel}"
+    for kind in ("measured", "before")
+    for channel in ("current", "speed")
+}
+"""Columns that are stored as the difference from another one."""
 
 
 class Column(TypedDict):
-    """One encoded column: value = low + step * word; `missing` lists first index and length."""
+    """One encoded column: value = low + step * word, plus the value of the column `plus` if any.
+
+    `missing` lists first index and length of each stretch without values.
+    """
 
     low: float
     step: float
     order: int
     missing: list[int]
+    plus: str
     data: str
 
 
@@ -71,11 +81,21 @@ class _Table:
     steps: dict[str, float]
 
     def stored(self) -> dict[str, Column]:
-        return {name: encoded(values, self.steps[name]) for name, values in self.columns.items()}
+        """The encoded columns."""
+        found: dict[str, Column] = {}
+        for name, values in self.columns.items():
+            step, plus = self.steps[name], _PREDICTORS.get(name, "")
+            other = self.columns[plus] if plus else np.zeros(values.size)
+            if plus and np.isfinite(other[np.isfinite(values)]).all():
+                predicted = _rounded(other, self.steps[plus])
+                found[name] = encoded(values - predicted, step) | {"plus": plus}
+            else:
+                found[name] = encoded(values, step)
+        return found
 
 
 def stored_runs(
-    runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int = BUDGET
+    runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int
 ) -> list[StoredRun]:
     """Encode the runs; validation runs are the first to be stored with all samples.
 
@@ -170,22 +190,27 @@ def _table(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> 
         columns[name] = np.insert(values, pauses, fill)
         quantity = "current_A" if name.endswith("current") else "speed_rad_s"
         known = noise.get(quantity) if name.endswith(("current", "speed")) else None
-        steps[name] = known / _NOISE_STEPS if known else 0.0
+        steps[name] = _step(values, known / _NOISE_STEPS if known else 0.0)
     if time.size > 1:
         steps["time"] = float(np.median(np.diff(run.time))) / _TIME_STEPS
     return _Table(columns, steps)
 
 
-def encoded(values: Array, step: float = 0.0) -> Column:
-    """Encode a column.
+def _step(values: Array, step: float) -> float:
+    """The resolution of the log if it is coarse enough, else the given step; 0 for any."""
+    known = values[np.isfinite(values)]
+    least = max(step, float(np.ptp(known)) / _STEPS if known.size and step == 0.0 else 0.0)
+    for decimals in range(_MOST_DECIMALS):
+        grid = 10.0**-decimals
+        if grid < least:
+            break
+        if known.size and np.max(np.abs(known - grid * np.rint(known / grid))) < 1e-6 * grid:
+            return grid
+    return step
 
-    Args:
-        values: (n_sample,); not finite where missing.
-        step: Rounding step; 0 for 1/65536 of the range.
 
-    Returns:
-        The column; errors are at most half its step, which may exceed `step` for a wide range.
-    """
+def _words(values: Array, step: float) -> tuple[float, float, NDArray[np.int64]]:
+    """Offset, step and words of a column; a missing value repeats the last known one."""
     finite = np.isfinite(values)
     known = values[finite]
     low = float(known.min()) if known.size else 0.0
@@ -195,9 +220,31 @@ def encoded(values: Array, step: float = 0.0) -> Column:
     step = max(step if step > 0.0 else span / _STEPS, span / _MOST_STEPS)
     if not (np.isfinite(step) and step > 1e-300):
         step = 1.0
-    # A missing value repeats the last known one, which costs nothing.
     last = np.maximum.accumulate(np.where(finite, np.arange(values.size), 0))
     whole = np.rint((np.where(finite, values, low)[last] - low) / step).astype(np.int64)
+    return low, step, whole
+
+
+def _rounded(values: Array, step: float) -> Array:
+    """The values that the browser decodes, a missing one as the last known one."""
+    low, step, whole = _words(values, step)
+    return np.asarray(low + step * whole, dtype=np.float64)
+
+
+def encoded(values: Array, step: float = 0.0) -> Column:
+    """Encode a column.
+
+    Args:
+        values: (n_sample,); not finite where missing.
+        step: Rounding step; 0 for 1/16384 of the range.
+
+    Returns:
+        The column; errors are at most half its step, which may exceed `step` for a wide range.
+    """
+    low, step, whole = _words(values, step)
+    finite = np.isfinite(values)
+    if not np.isfinite(float(np.ptp(values[finite])) if finite.any() else 0.0):
+        finite = np.zeros(values.size, dtype=np.bool_)
     order, words = min(
         ((order, _differences(whole, order)) for order in (0, 1, 2)),
         key=lambda one: float(np.log2(1.0 + np.abs(one[1])).sum()),
@@ -205,7 +252,7 @@ def encoded(values: Array, step: float = 0.0) -> Column:
     zigzag = ((words << 1) ^ (words >> 63)).astype(np.uint32)
     planes = zigzag.astype("<u4").view(np.uint8).reshape(-1, 4).T
     return Column(
-        low=low, step=step, order=order, missing=_stretches(~finite),
+        low=low, step=step, order=order, missing=_stretches(~finite), plus="",
         data=base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii"),
     )  # fmt: skip
 

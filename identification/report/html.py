@@ -64,6 +64,9 @@ from identification.result.residuals import (
 __all__ = ["content_security_policy", "render_report"]
 
 _SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
+_RUNS_HERE = Markup("<!-- runs -->")
+_LARGEST_PAGE = 1_950_000
+"""Size that a page has at most if its tables and figures leave room for the runs [bytes]."""
 _STYLES = ("vendor/uPlot.min.css", "report.css")
 
 
@@ -81,7 +84,7 @@ def render_report(data: ReportData) -> str:
     result, rows = data.result, attempts.rows
     checks = attempts.part("residual check", _checks_by_role, data.runs) or {}
     coloured = rows("whiteness", coloured_channels, next(iter(checks.values()), []))
-    return (
+    page = (
         _environment()
         .get_template("report.html.j2")
         .render(
@@ -99,7 +102,7 @@ def render_report(data: ReportData) -> str:
             warnings=rows("warnings", warning_groups, result),
             parameters=rows("table of parameters", parameter_rows, data),
             runs=rows("table of runs", run_rows, data),
-            payloads=rows("measured and simulated run", _payloads, data),
+            runs_here=_RUNS_HERE,
             has_before=any(run.before_speed is not None for run in data.runs),
             checks=checks,
             temperatures=[run.temperature for run in data.runs if run.temperature is not None],
@@ -107,8 +110,13 @@ def render_report(data: ReportData) -> str:
             comparisons=rows("comparison of loops", loop_comparisons, result),
             sampler=rows("table of the sampler", sampler_rows, data),
             errors=rows("table of errors", error_rows, result),
+            equations=[Markup(text) for text in data.equations],  # noqa: S704  escapes names
             undrawn=attempts.remarks,
         )
+    )
+    room = _LARGEST_PAGE - len(page.encode("utf-8"))
+    return page.replace(
+        _RUNS_HERE, "\n".join(rows("measured and simulated run", _payloads, data, room)), 1
     )
 
 
@@ -173,10 +181,13 @@ def _hash(content: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
-def _payloads(data: ReportData) -> list[tuple[str, Markup]]:
-    """Role and columns of each run as JSON for the script."""
-    payloads = run_payloads(data.runs, data.result["noise"])
-    return [(run["role"], script_json(finite_or_null(run))) for run in payloads]
+def _payloads(data: ReportData, room: int) -> list[str]:
+    """Data blocks for the script, one per run; all together take `room` bytes at most."""
+    blocks = []
+    for run in run_payloads(data.runs, data.result["noise"], room - 2000 * len(data.runs)):
+        start = f'<script type="application/json" class="run" data-role="{run["role"]}">'
+        blocks.append(f"{start}{script_json(finite_or_null(run))}</script>")
+    return blocks
 
 
 def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:

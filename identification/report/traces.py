@@ -18,20 +18,21 @@ _Panel = dict[str, Any]
 
 
 def run_payloads(
-    runs: Sequence[RunTraces], noise: Mapping[str, float | None]
+    runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int
 ) -> list[dict[str, Any]]:
     """Plot data of the runs, ready for JSON.
 
     Args:
         runs: The runs.
         noise: Standard deviations of the noise as in the result: ``current_A``, ``speed_rad_s``.
+        budget: Limit of the size of all columns [bytes].
 
     Returns:
         For each run its name, role, stored columns and panels.
     """
     return [
         {"name": run.name, "role": run.role, "panels": _panels(run, noise), **stored}
-        for run, stored in zip(runs, stored_runs(runs, noise), strict=True)
+        for run, stored in zip(runs, stored_runs(runs, noise, budget), strict=True)
     ]
 
 

@@ -17,8 +17,9 @@ from identification.report.columns import Column, encoded, extremes, stored_runs
 from tests.reports import NOISE, make_report
 
 
-def decoded(column: Column) -> NDArray[np.float64]:
+def decoded(columns: dict[str, Column], name: str) -> NDArray[np.float64]:
     """The column as the script of the page decodes it: planes, zigzag, sums."""
+    column = columns[name]
     planes = np.frombuffer(zlib.decompress(base64.b64decode(column["data"])), dtype=np.uint8)
     words = planes.reshape(4, -1).T.copy().view("<u4").ravel().astype(np.int64)
     whole = (words >> 1) ^ -(words & 1)
@@ -27,6 +28,8 @@ def decoded(column: Column) -> NDArray[np.float64]:
     values = column["low"] + column["step"] * whole
     for first, length in zip(column["missing"][::2], column["missing"][1::2], strict=True):
         values[first : first + length] = np.nan
+    if column["plus"]:
+        values = values + decoded(columns, column["plus"])
     return np.asarray(values, dtype=np.float64)
 
 
@@ -38,30 +41,42 @@ def test_a_column_comes_back_within_half_a_step(values: NDArray[np.float64], ste
     """Rounding is the only loss; missing values stay missing."""
     column = encoded(values, step)
 
-    back = decoded(column)
+    back = decoded({"a": column}, "a")
 
     np.testing.assert_array_equal(np.isnan(back), np.isnan(values))
     assert np.nanmax(np.abs(back - values), initial=0.0) <= 0.5001 * column["step"] + 1e-6
 
 
 def test_a_measured_channel_is_rounded_far_below_its_noise() -> None:
-    """A sixteenth of the noise: rounding adds 0.02 % to the standard deviation."""
+    """An eighth of the noise: rounding adds 0.07 % to the standard deviation."""
     data = make_report(rows=4000)
     run = data.runs[0]
 
-    (stored,) = stored_runs([run], NOISE)
-    back = decoded(stored["columns"]["measured_current"])
+    (stored,) = stored_runs([run], NOISE, 10**6)
+    back = decoded(stored["columns"], "measured_current")
 
     assert stored["complete"]
-    assert np.max(np.abs(back - run.measured_current)) <= NOISE["current_A"] / 31.9
-    assert np.max(np.abs(decoded(stored["columns"]["time"]) - run.time)) < 1e-5
+    assert np.max(np.abs(back - run.measured_current)) <= NOISE["current_A"] / 15.9
+    assert np.max(np.abs(decoded(stored["columns"], "time") - run.time)) < 1e-5
+
+
+def test_a_channel_logged_in_steps_comes_back_exactly() -> None:
+    """A thermometer with one decimal: its steps of 0.1 K are those of the stored column."""
+    run = make_report(rows=2000).runs[0]
+    assert run.temperature is not None
+    logged = np.round(run.temperature, 1)
+
+    (stored,) = stored_runs([replace(run, temperature=logged)], NOISE, 10**6)
+
+    assert stored["columns"]["temperature"]["step"] == 0.1
+    np.testing.assert_allclose(decoded(stored["columns"], "temperature"), logged, atol=1e-9)
 
 
 def test_validation_runs_are_stored_with_all_samples_first() -> None:
     """Room for two runs of three: the training run that does not fit holds extremes only."""
     data = make_report(rows=4000)
     runs = [data.runs[0], data.runs[1], data.runs[5]]
-    size = sum(len(c["data"]) for c in stored_runs(runs[2:], NOISE)[0]["columns"].values())
+    size = sum(len(c["data"]) for c in stored_runs(runs[2:], NOISE, 10**6)[0]["columns"].values())
 
     stored = stored_runs(runs, NOISE, budget=int(2.6 * size))
 
@@ -76,8 +91,8 @@ def test_a_gap_is_a_missing_row_between_its_ends() -> None:
     late = run.time.copy()
     late[50:] += 9.0
 
-    (stored,) = stored_runs([replace(run, time=late)], NOISE)
-    time = decoded(stored["columns"]["time"])
+    (stored,) = stored_runs([replace(run, time=late)], NOISE, 10**6)
+    time = decoded(stored["columns"], "time")
 
     assert np.all(np.diff(time) > 0.0)
     assert time[50] == pytest.approx(0.5 * (late[49] + late[50]), abs=1e-3)

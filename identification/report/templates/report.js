@@ -211,6 +211,10 @@
       return column(run.spec.columns[name], name === "time" ? Float64Array : Float32Array);
     }));
     names.forEach(function (name, i) { columns[name] = all[i]; });
+    names.forEach(function (name) {
+      var other = columns[run.spec.columns[name].plus], values = columns[name];
+      if (other) for (var i = 0; i < values.length; i++) values[i] += other[i];
+    });
     run.columns = columns;
     run.spec.panels.forEach(function (panel) {
       panel.values = panel.series.map(function (one) {
