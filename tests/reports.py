@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, signal
 
+from identification.model.composite import MotorModel
+from identification.model.printing import printed_equations
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.entries import parameter_entry, quantity_entry
 from identification.result.report_data import (
@@ -307,5 +309,5 @@ def make_report(rows: int = 1500, with_effect: bool = False) -> ReportData:
         steps=_steps(),
         posterior=_posterior(),
         account=_account(runs[5]) if with_effect else None,
-        equations=("L di/dt = v - Ra(T) i - Kt(T) w", "J dw/dt = Kt(T) i - b w"),
+        equations=tuple(printed_equations(MotorModel()).values()),
     )

@@ -1,125 +1,272 @@
-"""Model equations as text, printed from the CasADi expressions that are simulated."""
+"""Model equations as MathML, printed from the CasADi expressions that are simulated.
+
+A subexpression that occurs several times becomes a line of its own.
+"""
 
 from __future__ import annotations
 
+import html
+from collections import Counter
 from typing import Final
 
 import casadi as ca
 
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
+from identification.model.expression_graph import Graph, Node
 
 __all__ = ["printed_equations"]
 
-_INFIX: Final = {
-    ca.OP_ADD: (" + ", 1),
-    ca.OP_SUB: (" - ", 1),
-    ca.OP_MUL: (" ", 2),
-    ca.OP_DIV: (" / ", 2),
-    ca.OP_LT: (" < ", 0),
-    ca.OP_LE: (" <= ", 0),
-    ca.OP_EQ: (" = ", 0),
-}
-_NAMED: Final = {
-    ca.OP_SQRT: "sqrt",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "ln",
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_FABS: "abs",
-    ca.OP_TANH: "tanh",
-    ca.OP_SIGN: "sgn",
-}
-_FUNCTIONS: Final = {ca.OP_IF_ELSE_ZERO: "where", ca.OP_FMIN: "min", ca.OP_FMAX: "max"}
+_BINARY: Final = {
+    ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/", ca.OP_POW: "^",
+    ca.OP_CONSTPOW: "^", ca.OP_LT: "<", ca.OP_LE: "≤", ca.OP_EQ: "=", ca.OP_FMIN: "min",
+    ca.OP_FMAX: "max", ca.OP_IF_ELSE_ZERO: "where",
+}  # fmt: skip
+_UNARY: Final = {
+    ca.OP_NEG: "neg", ca.OP_SQRT: "sqrt", ca.OP_EXP: "exp", ca.OP_LOG: "ln", ca.OP_SIN: "sin",
+    ca.OP_COS: "cos", ca.OP_FABS: "abs", ca.OP_TANH: "tanh", ca.OP_SIGN: "sgn", ca.OP_NOT: "not",
+}  # fmt: skip
 _SYMBOLS: Final = {
-    "current": "i",
-    "speed": "w",
-    "voltage": "v",
-    "temperature": "T",
-    "angle": "phi",
-    "time": "t",
-    "peak_temperature": "T_peak",
-    "temperature_rate": "dT/dt",
-}
+    "current": "i", "speed": "ω", "voltage": "v", "temperature": "T", "angle": "φ", "time": "t",
+    "peak_temperature": "T_peak", "temperature_rate": "dT/dt",
+}  # fmt: skip
+_PARAMETERS: Final = {"Ra25": "R_25", "Kt25": "K_25", "alpha_Ra": "α_R", "alpha_Kt": "α_K"}
+_COEFFICIENTS: Final = {_PARAMETERS["Ra25"]: "R_a", _PARAMETERS["Kt25"]: "K_t"}
+"""Symbols of the products that begin with a parameter: the coefficients at the temperature."""
+_LEAST_SHARED: Final = 3
+"""Fewest operations of a repeated subexpression that gets a line of its own."""
+_ATOM, _POWER, _PRODUCT, _SUM, _RELATION = 4, 3, 2, 1, 0
+"""Binding strength of a printed expression; a weaker one inside a stronger one gets brackets."""
 
 
 def printed_equations(model: MotorModel) -> dict[str, str]:
-    """Text of the state equations, and of the sensor equations that differ from the state itself.
+    """State equations, and the sensor equations that differ from the state itself.
 
     Args:
         model: The model.
 
     Returns:
-        Left-hand side, such as ``di/dt`` or ``logged current``, to right-hand side.
+        Left-hand side, such as ``di/dt`` or ``logged current``, to one equation in MathML; or to
+        words, where a channel is averaged or delayed.
     """
-    state_names = [_SYMBOLS.get(name, name) for name in model.state_names]
     state, inputs, parameter = model.symbols()
+    parameters = _short([p.name for p in model.parameters])
+    states = [_SYMBOLS.get(name, name) for name in model.state_names]
     names = (
-        state_names,
+        states,
         [_SYMBOLS.get(name, name) for name in INPUTS],
-        [p.name for p in model.parameters],
+        [_PARAMETERS.get(name, name) for name in parameters],
     )
     function = ca.Function(
         "equations",
         [state, inputs, parameter],
         [model.rates(state, inputs, parameter), model.logged(state, inputs, parameter)],
     )
-    rates, logged = _texts(function, names)
-    left = [f"d{name}/dt" for name in state_names]
-    equations = dict(zip(left, rates, strict=True))
-    for channel, symbol, text in zip(("current", "speed"), ("i", "w"), logged, strict=True):
-        if text != symbol:
-            equations[f"logged {channel}"] = text
+    graph = Graph()
+    rates, logged = _roots(graph, function, names)
+    lefts = {f"d{name}/dt": _rate(name) for name in states}
+    wanted = dict(zip(lefts, rates, strict=True))
+    for channel, root in zip(("current", "speed"), logged, strict=True):
+        symbol = _SYMBOLS[channel]
+        if graph.nodes[root] != Node("name", (), symbol):
+            wanted[f"logged {channel}"] = root
+            lefts[f"logged {channel}"] = _name(f"{symbol}_logged")
+    shared = _shared(graph, list(wanted.values()))
+    printer = _Printer(graph, shared)
+    equations = {
+        left: _math(f"{lefts[left]}<mo>=</mo>{printer.text(root, whole=True)}")
+        for left, root in wanted.items()
+    }
+    for root, name in shared.items():
+        equations[name] = _math(f"{_name(name)}<mo>=</mo>{printer.text(root, whole=True)}")
     for k in model.averaged:
-        equations[f"{CHANNELS[k]} channel"] = "mean over the sample interval that ends"
+        equations[f"{CHANNELS[k]} channel"] = (
+            f"The {CHANNELS[k]} channel is the mean over the sample interval that ends."
+        )
     for term in model.delays:
-        equations[f"{term.channel} channel"] = f"logged {term.name}.delay later"
+        equations[f"{term.channel} channel"] = (
+            f"The {term.channel} channel is logged {term.name}.delay later."
+        )
     return equations
 
 
-def _texts(
-    function: ca.Function, names: tuple[list[str], list[str], list[str]]
-) -> tuple[list[str], list[str]]:
-    work: dict[int, tuple[str, int]] = {}
-    outputs: tuple[list[str], list[str]] = ([""] * function.size1_out(0), ["", ""])
+def _short(names: list[str]) -> list[str]:
+    """Names without the prefix of their effect where that leaves them distinct."""
+    bare = [name.rpartition(".")[2] for name in names]
+    count = Counter(bare)
+    return [
+        short if count[short] == 1 or short == name else name
+        for name, short in zip(names, bare, strict=True)
+    ]
+
+
+def _roots(
+    graph: Graph, function: ca.Function, names: tuple[list[str], list[str], list[str]]
+) -> tuple[list[int], list[int]]:
+    """Nodes of the rates and of the logged channels."""
+    work: dict[int, int] = {}
+    outputs: tuple[list[int], list[int]] = ([0] * function.size1_out(0), [0, 0])
     for k in range(function.n_instructions()):
         operation, target = function.instruction_id(k), function.instruction_output(k)
         if operation == ca.OP_CONST:
-            value = function.instruction_constant(k)
-            work[target[0]] = (f"{value:g}", 4 if value >= 0 else 0)
+            work[target[0]] = graph.number(function.instruction_constant(k))
         elif operation == ca.OP_INPUT:
             which, row = function.instruction_input(k)
-            work[target[0]] = (names[which][row], 4)
+            work[target[0]] = graph.add("name", label=names[which][row])
         elif operation == ca.OP_OUTPUT:
-            outputs[target[0]][target[1]] = work[function.instruction_input(k)[0]][0]
+            outputs[target[0]][target[1]] = work[function.instruction_input(k)[0]]
         else:
             operands = [work[j] for j in function.instruction_input(k)]
-            work[target[0]] = _written(operation, operands)
+            work[target[0]] = _operation(graph, operation, operands)
     return outputs
 
 
-def _written(operation: int, operands: list[tuple[str, int]]) -> tuple[str, int]:
+def _operation(graph: Graph, operation: int, operands: list[int]) -> int:
     first = operands[0]
-    if operation in _INFIX:
-        symbol, rank = _INFIX[operation]
-        tight = operation in (ca.OP_SUB, ca.OP_DIV)
-        left = _bracketed(first, rank)
-        right = _bracketed(operands[1], rank + 1 if tight else rank)
-        return f"{left}{symbol}{right}", rank
-    if operation == ca.OP_NEG:
-        return f"-{_bracketed(first, 2)}", 1
     if operation == ca.OP_SQ:
-        return f"{_bracketed(first, 4)}^2", 3
+        return graph.add("^", first, graph.number(2.0))
     if operation == ca.OP_TWICE:
-        return f"2 {_bracketed(first, 2)}", 2
+        return graph.add("*", graph.number(2.0), first)
     if operation == ca.OP_INV:
-        return f"1 / {_bracketed(first, 3)}", 2
-    if operation in (ca.OP_POW, ca.OP_CONSTPOW):
-        return f"{_bracketed(first, 4)}^{_bracketed(operands[1], 4)}", 3
-    if operation in _NAMED:
-        return f"{_NAMED[operation]}({first[0]})", 4
-    return f"{_FUNCTIONS.get(operation, 'f')}({', '.join(o[0] for o in operands)})", 4
+        return graph.add("/", graph.number(1.0), first)
+    kind = _BINARY.get(operation) or _UNARY.get(operation) or f"f{operation}"
+    return graph.add(kind, *operands)
 
 
-def _bracketed(operand: tuple[str, int], rank: int) -> str:
-    text, own = operand
-    return text if own >= rank else f"({text})"
+def _shared(graph: Graph, roots: list[int]) -> dict[int, str]:
+    """Nodes with a line of their own and their names, in order of the lines."""
+    uses: Counter[int] = Counter(roots)
+    reached: set[int] = set()
+    stack = list(roots)
+    while stack:
+        k = stack.pop()
+        if k in reached:
+            continue
+        reached.add(k)
+        uses.update(graph.nodes[k].children)
+        stack.extend(graph.nodes[k].children)
+    size: dict[int, int] = {}
+    for k, node in enumerate(graph.nodes):
+        size[k] = min(bool(node.children) + sum(size[child] for child in node.children), 1000)
+    named = {k: _coefficient(graph, k) for k in sorted(reached)}
+    often = {name for name, count in Counter(named.values()).items() if count > 1}
+    found: dict[int, str] = {}
+    for k, name in named.items():
+        if k in roots or size[k] < _LEAST_SHARED:
+            continue
+        if name and name not in often:
+            found[k] = name
+        elif uses[k] > 1:
+            found[k] = f"u_{sum(known.startswith('u_') for known in found.values()) + 1}"
+    return found
+
+
+def _coefficient(graph: Graph, k: int) -> str:
+    """Symbol of Ra(T) or Kt(T) if the node is this product; empty otherwise."""
+    node = graph.nodes[k]
+    if node.kind != "*":
+        return ""
+    first = graph.nodes[node.children[0]]
+    return _COEFFICIENTS.get(first.label, "") if first.kind == "name" else ""
+
+
+class _Printer:
+    """MathML of the nodes of a graph."""
+
+    def __init__(self, graph: Graph, shared: dict[int, str]) -> None:
+        self._graph, self._shared = graph, shared
+
+    def text(self, k: int, strength: int = _RELATION, *, whole: bool = False) -> str:
+        """MathML of a node, in brackets if it binds less than `strength`.
+
+        Args:
+            k: Index of the node.
+            strength: Binding strength of the place where it stands.
+            whole: Whether to print a shared node itself and not its name.
+        """
+        if k in self._shared and not whole:
+            return _name(self._shared[k])
+        content, own = self._printed(self._graph.nodes[k])
+        content = f"<mrow>{content}</mrow>"
+        return content if own >= strength else f"<mrow><mo>(</mo>{content}<mo>)</mo></mrow>"
+
+    def _printed(self, node: Node) -> tuple[str, int]:
+        kind, children = node.kind, node.children
+        if kind == "number":
+            return _number(node.label)
+        if kind == "name":
+            return _name(node.label), _ATOM
+        if kind in "+-<≤=":
+            left = _RELATION + 1 if kind in "<≤=" else _SUM
+            first = self.text(children[0], left)
+            second = self.text(children[1], left + (kind == "-"))
+            return f"{first}<mo>{html.escape(_sign(kind))}</mo>{second}", left - (kind in "<≤=")
+        if kind == "*":
+            first, second = (self.text(child, _PRODUCT) for child in children)
+            return f"{first}<mspace width='0.2em'/>{second}", _PRODUCT
+        if kind == "/":
+            first, second = (self.text(child) for child in children)
+            return f"<mfrac>{first}{second}</mfrac>", _POWER
+        if kind == "^":
+            return f"<msup>{self.text(children[0], _ATOM)}{self.text(children[1])}</msup>", _POWER
+        return self._function(kind, children)
+
+    def _function(self, kind: str, children: tuple[int, ...]) -> tuple[str, int]:
+        inside = [self.text(child) for child in children]
+        if kind == "neg":
+            return f"<mo>−</mo>{self.text(children[0], _PRODUCT)}", _SUM
+        if kind == "not":
+            return f"<mtext>not </mtext>{self.text(children[0], _ATOM)}", _RELATION
+        if kind == "exp":
+            return f"<msup><mi>e</mi>{inside[0]}</msup>", _POWER
+        if kind == "sqrt":
+            return f"<msqrt>{inside[0]}</msqrt>", _ATOM
+        if kind == "abs":
+            return f"<mo>|</mo>{inside[0]}<mo>|</mo>", _ATOM
+        if kind == "where":
+            inside.append("<mn>0</mn>")
+            kind = "cases"
+        if kind == "cases":
+            rows = (
+                f"<mtr><mtd>{inside[1]}</mtd><mtd><mtext> if </mtext>{inside[0]}</mtd></mtr>"
+                f"<mtr><mtd>{inside[2]}</mtd><mtd><mtext> otherwise</mtext></mtd></mtr>"
+            )
+            return f"<mo>{{</mo><mtable>{rows}</mtable>", _RELATION
+        arguments = "<mo>,</mo>".join(inside)
+        return f"<mi>{html.escape(kind)}</mi><mo>(</mo>{arguments}<mo>)</mo>", _ATOM
+
+
+def _math(content: str) -> str:
+    return f'<math display="block">{content}</math>'
+
+
+def _sign(kind: str) -> str:
+    return "−" if kind == "-" else kind
+
+
+def _rate(name: str) -> str:
+    return f"<mfrac><mrow><mi>d</mi>{_name(name)}</mrow><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+
+
+def _name(name: str) -> str:
+    """A symbol with its index, or a name of several letters with its effect as the index."""
+    effect, _, bare = name.rpartition(".")
+    base, _, index = bare.partition("_")
+    if effect:
+        base, index = bare, effect
+    elif len(base) > 1 and not index.isdigit():
+        base, index = bare, ""
+    base, index = (html.escape(words.replace("_", " ")) for words in (base, index))
+    return f"<msub><mi>{base}</mi><mtext>{index}</mtext></msub>" if index else f"<mi>{base}</mi>"
+
+
+def _number(label: str) -> tuple[str, int]:
+    digits, _, power = label.partition("e")
+    sign = "<mo>−</mo>" if digits.startswith("-") else ""
+    shown = f"{sign}<mn>{digits.lstrip('-')}</mn>"
+    if not power:
+        return shown, _SUM if sign else _ATOM
+    exponent = (
+        f"<mrow>{'<mo>−</mo>' if power[0] == '-' else ''}<mn>{int(power.strip('+-'))}</mn></mrow>"
+    )
+    ten = f"<msup><mn>10</mn>{exponent}</msup>"
+    return (ten if digits == "1" else f"{shown}<mo>×</mo>{ten}"), _PRODUCT

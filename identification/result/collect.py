@@ -56,10 +56,7 @@ def report_data(result: dict[str, Any], findings: Findings, created: str = "") -
         else PosteriorChain(
             sample.names, sample.units, sample.chain, REQUIRED_LENGTH, LARGEST_R_HAT
         ),
-        equations=tuple(
-            f"{left} = {right}"
-            for left, right in printed_equations(findings.final.simulator.model).items()
-        ),
+        equations=tuple(printed_equations(findings.final.simulator.model).values()),
         account=_account(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),

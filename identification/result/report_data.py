@@ -239,7 +239,7 @@ class ReportData:
         steps: Closed-loop step responses, each controller at each temperature.
         posterior: The chain; None if not sampled.
         account: Account of the effect search; None if none was made.
-        equations: The final model, printed from the simulated expressions.
+        equations: The final model in MathML, printed from the simulated expressions.
         reasons: Why a parameter is not identified, one sentence by name.
         undrawn: What could not be drawn and why, one sentence each.
         confusions: What the runs cannot distinguish from the effects found, one text each.

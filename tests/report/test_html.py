@@ -162,7 +162,7 @@ def test_critical_warnings_come_before_everything_else(told: str, clean: str) ->
         "Rise time, 10–90 %",
         "Effective sample size, smallest",
         "Ke = Kt",
-        "L di/dt = v - Ra(T) i - Kt(T) w",
+        "ω speed",
         "SHA-256",
         "casadi",
     ],
