@@ -31,12 +31,12 @@ from identification.result.atomic import write_text
 from identification.result.entries import result_schema
 from identification.selection.scales import scales_of
 
-__all__ = ["effects_page", "example_scales", "main"]
+__all__ = ["EXAMPLE_MOTOR", "effects_page", "example_scales", "main"]
 
 PAGE: Final = Path("docs/effects.md")
 SCHEMA: Final = Path("identification/result/result.schema.json")
 
-_MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
+EXAMPLE_MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
 """Ra25, alpha_Ra, Kt25, alpha_Kt, J, b and L of the example: a servo motor of 100 W at 24 V."""
 
 _INTERVAL: Final = 1e-3
@@ -72,6 +72,12 @@ The priors below belong to an example: a servo motor with Ra25 {Ra25:g} ohm, Kt2
 and J {J:g} kg m^2; runs with RMS values of {voltage} V, {current} A and {speed} rad/s, a \
 duration of {duration} s and a sample interval of {interval:g} ms.
 A prior "x / f" is log-normal with median x; one standard deviation is a factor of f.
+
+The plots show what an effect of typical size adds to this motor, simulated by \
+`python -m identification.report.effects_plots`: the missing torque or voltage over the driver if \
+it follows the driver, else the change of the logged current and speed over time, during a fast \
+sweep of the voltage (0 to 2 s) and steps (2 to 4 s), while the temperature rises from 25 to \
+65 degC.
 """
 
 
@@ -81,7 +87,7 @@ def effects_page(scales: CampaignScales) -> str:
     Args:
         scales: Scales of the signals and parameters of the example.
     """
-    ra, _, kt, _, inertia, *_ = _MOTOR
+    ra, _, kt, _, inertia, *_ = EXAMPLE_MOTOR
     head = _HEAD.format(
         Ra25=ra, Kt25=kt, J=inertia, voltage=_number(scales.voltage),
         current=_number(scales.current), speed=_number(scales.speed),
@@ -105,7 +111,7 @@ def example_scales() -> CampaignScales:
     """
     rng = np.random.default_rng(0)
     time = _INTERVAL * np.arange(_ROWS, dtype=np.float64)
-    values = np.array(_MOTOR)
+    values = np.array(EXAMPLE_MOTOR)
     runs = []
     for number in range(2):
         voltage = np.repeat(rng.uniform(-24.0, 24.0, _ROWS // 50), 50)
@@ -164,6 +170,7 @@ def _section(term: AbstractEffect, documentation: tuple[str, list[str], str], dr
         lines += ["", "```text", *formulas, "```"]
     if remark:
         lines += ["", remark]
+    lines += ["", f"![Signature of {term.name}](pictures/effects/{term.name}.svg)"]
     lines += ["", f"Equation: {term.equation}. Drivers: {drivers}."]
     lines.append(f"Source: {term.source}.")
     if term.parameters:
