@@ -10,18 +10,17 @@ server's side.  Messages, one JSON object per line:
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.errors import InputError
 from identification.ingest import Limits, Run, read_run
-from identification.prediction import Prediction, predict
-from identification.report.decimate import extremes
+from identification.prediction import predict
+from identification.report.columns import extremes
 from identification.result.entries import finite_or_null
 from identification.result.report_data import RunTraces
 from identification.result.residuals import channel_errors
@@ -59,19 +58,14 @@ def handle(task: dict[str, Any], answer: int) -> None:
     answers.send({"prediction": finite_or_null(_summary(run, prediction, task["result"]))})
 
 
-def _send_table(prediction: Prediction, answers: Answers) -> None:
+def _send_table(prediction: pd.DataFrame, answers: Answers) -> None:
     """Send the rows; a sample without a prediction, between two records, has empty cells."""
-    columns = [prediction.time, prediction.current, prediction.speed]
-    for first in range(0, prediction.time.size, _ROWS):
-        text = io.StringIO()
-        rows = zip(*(column[first : first + _ROWS].tolist() for column in columns), strict=True)
-        csv.writer(text, lineterminator="\n").writerows(
-            ["" if np.isnan(value) else value for value in row] for row in rows
-        )
-        answers.send({"table": text.getvalue()})
+    for first in range(0, len(prediction), _ROWS):
+        rows = prediction.iloc[first : first + _ROWS]
+        answers.send({"table": rows.to_csv(index=False, header=False, lineterminator="\n")})
 
 
-def _summary(run: Run, prediction: Prediction, result: dict[str, Any]) -> dict[str, Any]:
+def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict[str, Any]:
     traces = RunTraces(
         name=run.name,
         role="validation",
@@ -80,8 +74,8 @@ def _summary(run: Run, prediction: Prediction, result: dict[str, Any]) -> dict[s
         temperature=run.temperature,
         measured_current=_used(run, "current_A", run.current),
         measured_speed=_used(run, "speed_rad_s", run.speed),
-        after_current=prediction.current,
-        after_speed=prediction.speed,
+        after_current=prediction["current_A"].to_numpy(),
+        after_speed=prediction["speed_rad_s"].to_numpy(),
     )
     noise = result.get("noise") or {}
     kept = extremes(

@@ -172,12 +172,13 @@ def _compared_steps(
 def _loop_view(loop: LoopAnalysis, result: Mapping[str, Any]) -> dict[str, Any]:
     """View of a speed loop: the figure and the table of the report."""
     from identification.report.figures.curves import step_figure
+    from identification.report.figures.drawn import drawn_chart
     from identification.report.tables import feedback_tables
     from identification.result.attempts import figure
     from identification.result.numbers import listed
 
     return {
-        "figure": figure("step response", step_figure, loop.steps),
+        "figure": figure("step response", lambda: drawn_chart(step_figure(loop.steps))),
         "tables": feedback_tables(loop.feedback),
         "effects": listed([str(e["name"]).replace("_", " ") for e in result.get("effects") or ()]),
         "remarks": loop.remarks,

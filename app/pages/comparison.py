@@ -24,6 +24,7 @@ def comparison_view(
         steps: Step responses of each fit, same controller and temperatures.
     """
     from identification.report.figures.comparison import compared_steps_figure
+    from identification.report.figures.drawn import drawn_chart
     from identification.result.attempts import Attempts, figure
 
     first, second = results
@@ -35,7 +36,7 @@ def comparison_view(
         "shared": len(_training(first) & _training(second)),
         "steps": [
             {
-                "figure": figure("step response", compared_steps_figure, *pair),
+                "figure": figure("step response", drawn_chart, compared_steps_figure(*pair)),
                 "temperature": f"{pair[0].temperature_degC:g} °C",
                 "controller": pair[0].controller,
             }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["prediction_view"]
 
+_WIDE: Final = 920.0
+"""Width of a figure that spans the page [drawing units]."""
+
 
 def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
     """Figure and table of a prediction.
@@ -23,19 +26,17 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
         name: Name of the run.
         prediction: The prediction.
     """
+    from identification.report.figures.drawn import drawn_chart
     from identification.report.figures.prediction import prediction_figure
     from identification.result.attempts import figure
     from identification.result.numbers import number_text, percent_text
 
-    plot = prediction.plot
-    drawn = figure(
-        "predicted run",
-        prediction_figure,
-        name,
-        _array(plot["time"]),
-        _pair(plot["speed"]),
-        _pair(plot["current"]),
-    )
+    time = _array(prediction.plot["time"])
+
+    def drawn(channel: Literal["speed", "current"]) -> str:
+        signals = _pair(prediction.plot[channel])
+        return drawn_chart(prediction_figure(name, channel, time, signals), _WIDE)
+
     rows = []
     for channel, unit in (("current", "A"), ("speed", "rad/s")):
         found: Mapping[str, float | None] = prediction.errors[channel]
@@ -49,7 +50,8 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
                 "ratio": number_text(found["noise_ratio"], 3),
             }
         )
-    return {"figure": drawn, "rows": rows}
+    figures = [figure(f"predicted {channel}", drawn, channel) for channel in ("speed", "current")]
+    return {"figures": figures, "rows": rows}
 
 
 def _pair(

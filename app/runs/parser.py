@@ -123,7 +123,7 @@ def _suggested(columns: Sequence[Column]) -> dict[str, str]:
 
 def _samples(run: Run) -> dict[str, list[float]]:
     """Extremes of each channel over time, for a plot."""
-    from identification.report.decimate import extremes
+    from identification.report.columns import extremes
 
     channels = _channels(run)
     kept = extremes(list(channels.values()), _BUCKETS)

@@ -1,10 +1,10 @@
-"""Figures of a finished report, for another page that shows the result.
+"""Charts of a finished report, for another page that shows the result.
 
     for figure in report_figures(text, "missing"):
         figure.svg, figure.caption
 
-A report contains text of strangers and runs in a sandbox.  An excerpt does not, so it passes only
-the elements and attributes that `identification.report.svg` writes.
+A report contains text of strangers and runs in a sandbox.  An excerpt does not, so its charts are
+drawn anew from their data.
 """
 
 from __future__ import annotations
@@ -13,23 +13,20 @@ import html
 import re
 from dataclasses import dataclass
 from typing import Final
-from xml.etree import ElementTree
 
 from markupsafe import Markup
+
+from identification.report.figures.drawn import CHART, drawn_chart
 
 __all__ = ["ReportFigure", "report_figures"]
 
 _SECTION: Final = '<section id="{}">(.*?)</section>'
 _FIGURE: Final = re.compile(
-    r'<figure(?: class="(?P<kind>[a-z ]*)")?>\s*(?P<svg><svg .*?</svg>)\s*'
+    rf'<figure(?: class="(?P<kind>[a-z ]*)")?>\s*(?P<chart>{CHART.pattern})\s*'
     r"<figcaption>(?P<caption>.*?)</figcaption>",
     re.DOTALL,
 )
-_ELEMENTS: Final = frozenset({"svg", "title", "desc", "g", "path", "rect", "text"})
-_ATTRIBUTES: Final = frozenset(
-    {"viewBox", "role", "class", "d", "x", "y", "width", "height", "transform"}
-)
-_IDENTIFIERS: Final = frozenset({"id", "aria-labelledby"})
+_NARROW, _WIDE = 460.0, 920.0
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class ReportFigure:
     """One figure of a report.
 
     Args:
-        svg: SVG element; its classes are those of the style sheet of the report.
+        svg: SVG element; its classes are those of the style sheet of the page.
         caption: Caption as text.
         is_wide: Whether the figure has the width of the page.
     """
@@ -48,7 +45,7 @@ class ReportFigure:
 
 
 def report_figures(text: str, section: str) -> list[ReportFigure]:
-    """Figures of one section of a report, in their order.
+    """Charts of one section of a report, in their order.
 
     Args:
         text: The report.
@@ -56,31 +53,16 @@ def report_figures(text: str, section: str) -> list[ReportFigure]:
             step responses.
 
     Returns:
-        The figures; empty if the report has no such section, or a figure has other content.
+        The figures; empty if the report has no such section, without those that cannot be drawn.
     """
     found = re.search(_SECTION.format(re.escape(section)), text, re.DOTALL)
-    matches = _FIGURE.finditer(found.group(1)) if found else ()
-    return [
-        ReportFigure(svg, html.unescape(match["caption"]), match["kind"] == "wide")
-        for match in matches
-        if (svg := _admitted(match["svg"])) is not None
-    ]
-
-
-def _admitted(text: str) -> Markup | None:
-    """SVG element with identifiers of its own; None if it is not one that this package draws."""
-    if "<!" in text or "<?" in text:
-        return None
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError:
-        return None
-    for element in root.iter():
-        names = set(element.keys())
-        if element.tag not in _ELEMENTS or not names <= _ATTRIBUTES | _IDENTIFIERS:
-            return None
-        for name in _IDENTIFIERS & names:
-            # Figures drawn for the other page count their identifiers from 1 as well.
-            own = [f"report-{one}" for one in element.get(name, "").split()]
-            element.set(name, " ".join(own))
-    return Markup(ElementTree.tostring(root, encoding="unicode"))  # noqa: S704  admitted above
+    figures = []
+    for match in _FIGURE.finditer(found.group(1)) if found else ():
+        is_wide = match["kind"] == "wide"
+        try:
+            drawn = drawn_chart(match["chart"], _WIDE if is_wide else _NARROW)
+        except ValueError:
+            continue
+        svg = Markup(drawn)  # noqa: S704  text is escaped where it is drawn
+        figures.append(ReportFigure(svg, html.unescape(match["caption"]), is_wide))
+    return figures

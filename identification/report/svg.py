@@ -1,10 +1,10 @@
 """SVG drawings as text: a frame that maps data to drawing coordinates, ticks, paths and words.
 
     frame = Frame((52, 8, 400, 180), (0.0, 1.0), (0.0, 2.0))
-    svg(460, 220, title, description, path(frame.x(x), frame.y(y), "line"))
+    svg(460, 220, title, description, axes(frame, "time [s]", "speed [rad/s]") + line(frame, x, y))
 
-uPlot draws the charts of the report; these functions draw the corner plot and the fleet, which it
-cannot.
+uPlot draws the charts of the report; these functions draw what has to work without a script: the
+corner plot, the fleet, the pages of the service and the plots of the documentation.
 
 Marks have a class and no colour; the style sheet of the report colours each class for light, dark
 and print.  Text is escaped here because it includes file names.
@@ -26,6 +26,10 @@ from identification.result.numbers import number_text
 
 __all__ = [
     "Frame",
+    "axes",
+    "band",
+    "dots",
+    "line",
     "path",
     "span",
     "svg",
@@ -160,12 +164,67 @@ def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
     return f'<path class="{kind}" d="{"".join(pieces)}"/>' if pieces else ""
 
 
+def line(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "line") -> str:
+    """Line through data (n_point,)."""
+    return path(frame.x(x), frame.y(y), kind)
+
+
+def band(frame: Frame, x: ArrayLike, low: ArrayLike, high: ArrayLike, kind: str = "band") -> str:
+    """Area between two curves over the same x, (n_point,) each."""
+    across = frame.x(x)
+    return path(
+        np.concatenate([across, across[::-1]]),
+        np.concatenate([frame.y(low), frame.y(high)[::-1]]),
+        kind,
+        closed=True,
+    )
+
+
+def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
+    """Points (n_point,) as one path of zero-length strokes, which round caps turn into dots."""
+    places = np.column_stack([frame.x(x), frame.y(y)])
+    seen = (np.abs(places) <= _FAR).all(axis=1)
+    marks = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places[seen])
+    return f'<path class="{kind}" d="{marks}"/>' if marks else ""
+
+
 def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = False) -> str:
     """Text at a point of the drawing, vertical if `turned`; empty if the point is not visible."""
     if not (abs(x) <= _FAR and abs(y) <= _FAR):
         return ""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{escape(content)}</text>'
+
+
+def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:
+    """Frame with grid, tick labels and axis labels.
+
+    Args:
+        frame: Plot area.
+        x_label: Label with unit; if empty, the tick labels are omitted as well.
+        y_label: Label with unit; if empty, the tick labels remain.
+        about: Approximate number of ticks along x and along y.
+
+    Returns:
+        SVG marks.
+    """
+    left, top, width, height = frame.box
+    bottom = top + height
+    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    for value, word in tick_words(*frame.x_range, about[0]):
+        at = float(frame.x(value))
+        parts.append(f'<path class="grid" d="M{at:.1f} {top:.1f}V{bottom:.1f}"/>')
+        if x_label:
+            parts.append(text(at, bottom + 14, word, "tick mid"))
+    for value, word in tick_words(*frame.y_range, about[1]):
+        at = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
+        parts.append(text(left - 6, at + 4, word, "tick end"))
+    if x_label:
+        parts.append(text(left + width / 2, bottom + 31, x_label, "label mid"))
+    if y_label:
+        parts.append(text(12, top + height / 2, y_label, "label mid", turned=True))
+    return "".join(parts)
 
 
 def _share(values: ArrayLike, limits: tuple[float, float]) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from identification.report.svg import Frame, axes, band, line, span, svg
-from identification.result.numbers import number_text
+from identification.report.figures.chart import Band, Line, chart
+from identification.result.numbers import number_text, unit_prefix
 from identification.result.report_data import StepResponse
 
 __all__ = ["compared_steps_figure"]
@@ -17,18 +17,17 @@ def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
         second: Step response of the second fit.
 
     Returns:
-        SVG text.
+        HTML text.
     """
-    end = max(float(first.time[-1]), float(second.time[-1]))
-    bands = [limit for step in (first, second) for limit in (step.q05, step.q95)]
-    frame = Frame((54.0, 10.0, 396.0, 196.0), (0.0, end), span(*bands, [0.0], margin=0.05))
-    body = axes(frame, "time after the step [s]", "speed / reference")
-    for step, kind in ((first, "before"), (second, "after")):
-        body += band(frame, step.time, step.q05, step.q95, f"band {kind}")
-        body += line(frame, step.time, step.median, f"line {kind}")
+    factor, unit = unit_prefix("s", [float(step.time[-1]) for step in (first, second)])
+    lines, bands = [], []
+    for label, step, kind in (("first", first, "before"), ("second", second, "after")):
+        bands.append(Band(kind, factor * step.time, step.q05, step.q95))
+        lines.append(Line(label, kind, factor * step.time, step.median))
     described = (
         f"The first fit settles at {number_text(float(first.median[-1]))}, the second at "
         f"{number_text(float(second.median[-1]))}."
     )
     title = f"Step responses with {first.controller} at {first.temperature_degC:g} °C"
-    return svg(460, 246, title, described, body)
+    labels = (f"time after the step [{unit}]", "speed / reference")
+    return chart(title, described, labels, lines, bands)
