@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _NAME_LISTS = {
-    "time": "time, t, timestamp, time stamp, elapsed time, zeit",
+    "time": "time, t, timestamp, time stamp, elapsed time, x axis, zeit",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung",
     "current": "current, i, im, ia, imot, strom",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification import errors
 from tests.ingest.broken_matlab import BROKEN_HDF5, BROKEN_MATLAB
+from tests.ingest.devices import BROKEN_LVM
 from tests.ingest.writers import (
     CANONICAL_SHEET,
     CHANNELS,
@@ -326,4 +327,22 @@ BROKEN_MEASUREMENTS = (
     ),
 )
 
-BROKEN = (*BROKEN_MATLAB, *BROKEN_HDF5, *BROKEN_WORKBOOKS, *BROKEN_COLUMNAR, *BROKEN_MEASUREMENTS)
+BROKEN_DEVICES = (
+    broken(
+        "run.lvm",
+        "LabVIEW with different clocks, imitated",
+        lambda p: p.write_text(BROKEN_LVM),
+        errors.UnsupportedContent,
+        "the channels have different clocks (delta_x '0.001', '0.1')",
+        "let LabVIEW write TDMS",
+    ),
+)
+
+BROKEN = (
+    *BROKEN_DEVICES,
+    *BROKEN_MATLAB,
+    *BROKEN_HDF5,
+    *BROKEN_WORKBOOKS,
+    *BROKEN_COLUMNAR,
+    *BROKEN_MEASUREMENTS,
+)

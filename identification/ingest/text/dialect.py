@@ -22,6 +22,7 @@ from identification.ingest.names import is_channel_name
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import is_clock, is_number, is_number_word, split_cells
 from identification.ingest.text.header_rows import HeaderRows, Line
+from identification.ingest.text.preamble import Preamble, is_keyed, read_preamble
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
@@ -45,6 +46,7 @@ class Layout:
         header: Header rows from top to bottom, each with `fields` cells.
         header_line: Line number of the first header row.
         first_line: Line number of the first sample.
+        preamble: Lines of a device above the header.
     """
 
     delimiter: str
@@ -52,6 +54,7 @@ class Layout:
     header: tuple[tuple[str, ...], ...]
     header_line: int
     first_line: int
+    preamble: Preamble = Preamble()
 
 
 def detect_layout(block: Block, limits: Limits) -> Layout:
@@ -81,13 +84,16 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
             value=fields,
         )
     _refuse_unclear_commas(lines[at:], delimiter, fields)
-    rows = HeaderRows(delimiter, fields, lines[at]).above(lines[:at], comments)
+    preamble = read_preamble(lines[:at], delimiter)
+    above = [line for line in lines[:at] if not is_keyed(line, delimiter)]
+    rows = HeaderRows(delimiter, fields, lines[at]).above(above, comments, preamble.names())
     return Layout(
         delimiter,
         fields,
         tuple(tuple(cells) for _, cells in rows),
         rows[0][0].number,
         lines[at].number,
+        preamble,
     )
 
 

@@ -7,6 +7,7 @@ samples is a damaged sample and raises an error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identification.errors import HeaderTooLong, NoHeader, NotANumber, RaggedRow, RunFileError
@@ -42,12 +43,15 @@ class HeaderRows:
         self._sample = sample
         self._sample_cells = split_cells(sample.text, delimiter)
 
-    def above(self, lines: list[Line], comments: list[Line]) -> list[tuple[Line, list[str]]]:
+    def above(
+        self, lines: list[Line], comments: list[Line], names: Sequence[str] = ()
+    ) -> list[tuple[Line, list[str]]]:
         """Find the header rows.
 
         Args:
             lines: Lines above the first sample, without blank lines and comments.
             comments: Comment lines without their marks, searched if `lines` hold no header.
+            names: Names from the preamble of a device, which stand for a missing header.
 
         Returns:
             Each header row with its cells, from top to bottom.
@@ -60,6 +64,8 @@ class HeaderRows:
         if not rows:
             before = [line for line in comments if line.number < self._sample.number]
             rows = self._collect(before)
+        if not rows and names:
+            return [(self._sample, [""] * self._fields)]
         if not rows:
             raise self._headless(lines)
         return rows

@@ -72,7 +72,7 @@ class TextTable:
     """
 
     def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
-        self.columns = read_columns(layout.header)
+        self.columns = layout.preamble.columns(read_columns(layout.header))
         self._layout = layout
         self._blocks = blocks
         self._file = file
@@ -84,7 +84,8 @@ class TextTable:
             NoRows: There is no sample.
             RunFileError: A line or a cell is faulty.
         """
-        reader = _BlockReader(self._layout, channels)
+        cells = [c for c in channels if c.column.index < self._layout.fields]
+        reader = _BlockReader(self._layout, cells)
         for block in self._blocks:
             reader.add(block)
         if not reader.lines.total:
@@ -99,7 +100,14 @@ class TextTable:
             row=reader.cut_line,
         )
         warnings = () if cut.row is None else (cut,)
-        return Samples(reader.cells(), reader.lines.line, warnings)
+        found = reader.cells()
+        clock = self._layout.preamble.clock
+        for channel in channels:
+            if channel.name not in found and clock is not None:
+                # The time that the preamble implies is no column of the table.
+                steps = np.arange(reader.lines.total, dtype=np.float64)
+                found[channel.name] = clock[0] + steps * clock[1]
+        return Samples(found, reader.lines.line, warnings)
 
 
 class _BlockReader:

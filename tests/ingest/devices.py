@@ -1,0 +1,179 @@
+"""Imitations of the headers that measuring devices write above their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tests.ingest.writers import RECORD, Specimen, rows
+
+__all__ = ["BROKEN_LVM", "DEVICES"]
+
+LVM = (
+    "LabVIEW Measurement\t",
+    "Writer_Version\t2",
+    "Reader_Version\t2",
+    "Separator\tTab",
+    "Decimal_Separator\t.",
+    "Multi_Headings\tNo",
+    "X_Columns\t{columns}",
+    "Time_Pref\tRelative",
+    "Date\t2026/03/01",
+    "Time\t08:00:00.5",
+    "***End_of_Header***\t",
+    "\t",
+)
+SEGMENT = {
+    "Channels": "4",
+    "Samples": "40",
+    "Y_Unit_Label": "Volts,Amps,rad/s,Deg C",
+    "X_Dimension": "Time",
+    "X0": "0.0000000000000000E+0",
+    "Delta_X": "0.001",
+}
+NAMES = ("Voltage", "Current", "Speed", "Temperature")
+DEVICE_UNITS = ("V", "A", "rad/s", "degC")
+
+
+def text(header: Sequence[str], samples: Sequence[Sequence[object]], delimiter: str = ",") -> str:
+    """Header lines and samples."""
+    body = [delimiter.join("" if c is None else str(c) for c in row) for row in samples]
+    return "\r\n".join([*header, *body, ""])
+
+
+def lvm(columns: str, **changes: str) -> str:
+    """Imitate a file of LabVIEW with a kind of X_Columns."""
+    gap = "\t\t" if columns == "Multi" else "\t"
+    lines = [line.format(columns=columns) for line in LVM]
+    for key, value in (SEGMENT | changes).items():
+        each = value.split(",") if "," in value else [value] * 4
+        lines.append(f"{key}\t{gap.join(each)}")
+    lines.append("***End_of_Header***\t")
+    if columns == "Multi":
+        lines.append("X_Value\t" + "\tX_Value\t".join(NAMES) + "\tComment")
+        samples = [[c for value in row[1:] for c in (row[0], value)] for row in rows()]
+    else:
+        lines.append("\t".join(["X_Value", *NAMES, "Comment"]))
+        samples = [[row[0] if columns == "One" else None, *row[1:]] for row in rows()]
+    return text(lines, samples, "\t")
+
+
+def device(name: str, title: str, content: str, **options: object) -> Specimen:
+    """Describe an imitated file."""
+    mapping = options.get("mapping")
+    return Specimen(
+        name,
+        f"{title}, imitated",
+        lambda path: path.write_bytes(content.encode()),
+        mapping=mapping if isinstance(mapping, dict) else None,
+        is_clock_implied=options.get("implied") is True,
+    )
+
+
+def numbered(prefix: str, first: int = 1) -> dict[str, dict[str, str]]:
+    """Mapping of numbered channels."""
+    channels = list(RECORD)[1:]
+    return {name: {"column": f"{prefix}{k}"} for k, name in enumerate(channels, start=first)}
+
+
+def lettered() -> dict[str, dict[str, str]]:
+    """Mapping of the channels of a PicoScope."""
+    letters = zip(list(RECORD)[1:], "ABCD", strict=True)
+    return {name: {"column": f"Channel {letter}"} for name, letter in letters}
+
+
+YOKOGAWA = (
+    "Header Size,11,",
+    "Model Name,DL850E",
+    "BlockNumber,1",
+    "TraceName," + ",".join(NAMES),
+    "BlockSize,40,40,40,40",
+    "VUnit," + ",".join(DEVICE_UNITS),
+    "HResolution,1e-3,1e-3,1e-3,1e-3",
+    "HOffset,0,0,0,0",
+    "Date,2026/03/01",
+    "HUnit,s,s,s,s",
+    "",
+)
+TEKTRONIX = (
+    "Model,MSO54",
+    "Waveform Type,ANALOG,,,,",
+    "Horizontal Units,s,,,,",
+    "Sample Interval,0.001,,,,",
+    "Vertical Units," + ",".join(DEVICE_UNITS),
+    "Label," + ",".join(NAMES),
+    "TIME,CH1,CH2,CH3,CH4",
+)
+CHANNELS = "CH1,CH2,CH3,CH4"
+
+DEVICES = (
+    device("one.lvm", "LabVIEW, one column of times", lvm("One")),
+    device("no.lvm", "LabVIEW, no column of times", lvm("No"), implied=True),
+    device("multi.lvm", "LabVIEW, a column of times for each channel", lvm("Multi")),
+    device(
+        "yokogawa.csv",
+        "Yokogawa",
+        text(YOKOGAWA, [[None, *row[1:]] for row in rows()]),
+        implied=True,
+    ),
+    device("tektronix.csv", "Tektronix", text(TEKTRONIX, rows())),
+    device(
+        "keysight.csv",
+        "Keysight",
+        text(("x-axis,1,2,3,4", "second,Volt,Ampere,rad/s,degC"), rows()),
+        mapping=numbered(""),
+    ),
+    device(
+        "rigol.csv",
+        "Rigol",
+        text(("Time(s),CH1(V),CH2(A),CH3(rad/s),CH4(degC)",), rows()),
+        mapping={
+            name: {"column": f"CH{k}({unit})"}
+            for k, (name, unit) in enumerate(zip(list(RECORD)[1:], DEVICE_UNITS, strict=True), 1)
+        },
+    ),
+    device(
+        "sequence.csv",
+        "Rigol, a clock in the header",
+        text(
+            (f"X,{CHANNELS},Start,Increment", "Sequence,Volt,Ampere,rad/s,degC,0.0e+00,1.0e-03"),
+            [[k, *row[1:], None, None] for k, row in enumerate(rows())],
+        ),
+        mapping=numbered("CH"),
+        implied=True,
+    ),
+    device(
+        "picoscope.csv",
+        "PicoScope",
+        text(
+            ("Time,Channel A,Channel B,Channel C,Channel D", "(s),(V),(A),(rad/s),(°C)", ""), rows()
+        ),
+        mapping=lettered(),
+    ),
+    device(
+        "rows.csv",
+        "a logger with rows of groups, names, units and types",
+        text(
+            (
+                "Group,Electrical,Electrical,Shaft,Thermal",
+                "Time," + ",".join(NAMES),
+                "s,V,A,rad/s,degC",
+                "double,double,double,double,double",
+            ),
+            rows(),
+        ),
+    ),
+    device(
+        "deutsch.csv",
+        "a German logger",
+        text(
+            (
+                "Zeit [s];Klemmenspannung [V];Ankerstrom [A];Motordrehzahl [rad/s];"
+                "Wicklungstemperatur [°C]",
+            ),
+            [[str(cell).replace(".", ",") for cell in row] for row in rows()],
+            ";",
+        ),
+    ),
+)
+
+BROKEN_LVM = lvm("Multi", Delta_X="0.001,0.001,0.001,0.1")
