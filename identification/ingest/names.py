@@ -40,7 +40,8 @@ __all__ = [
 ]
 
 _NAME_LISTS = {
-    "time": "time, t, timestamp, time stamp, elapsed time, x axis, zeit",
+    "time": "time, t, timestamp, time stamp, elapsed time, x axis, date time, zeit, uhrzeit, "
+    "zeitstempel",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung",
     "current": "current, i, im, ia, imot, strom",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "

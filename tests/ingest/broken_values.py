@@ -27,8 +27,10 @@ def swapped_lines(first: int, second: int) -> bytes:
 
 TIME = record()["time_s"]
 HEADER = ",".join(CANONICAL).encode()
-CLOCK = b"time_s,voltage_V,current_A,speed_rad_s\n" + b"".join(
-    b"2026-01-05 10:00:%02d,1.5,2.5,%d\n" % (second, second) for second in range(20)
+CLOCK = (
+    b"time_s,voltage_V,current_A,speed_rad_s\n"
+    + b"".join(b"2026-01-05 10:00:%02d,1.5,2.5,%d\n" % (second, second) for second in range(10))
+    + b"0.01,1.5,2.5,3\n" * 5
 )
 POSITION = {"position_rad": np.concatenate(([0.0], np.cumsum(np.full(399, 0.1))))}
 IN_RPM = {**record(400), "speed_rad_s": np.full(400, 100.0) * 60.0 / (2.0 * np.pi), **POSITION}
@@ -69,11 +71,11 @@ BROKEN_VALUES = (
         r"x\.\.\.",
     ),
     Refusal(
-        "clock times",
+        "a number below times of day",
         CLOCK,
         errors.NotANumber,
-        "dates and clock times are not supported",
-        2,
+        "'0.01' is no time of day like that of the first sample",
+        12,
         "time_s",
     ),
     Refusal(

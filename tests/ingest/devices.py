@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from tests.ingest.writers import RECORD, Specimen, rows
 
-__all__ = ["BROKEN_LVM", "DEVICES"]
+__all__ = ["BROKEN_LVM", "CLOCKS", "DEVICES", "stamped"]
 
 LVM = (
     "LabVIEW Measurement\t",
@@ -176,4 +176,19 @@ DEVICES = (
     ),
 )
 
+
+def stamped(form: str, delimiter: str = ",") -> str:
+    """The record with times of day of a form, in which {} stands for the milliseconds."""
+    header = delimiter.join(["Timestamp", *list(RECORD)[1:]])
+    stamps = [form.format(f"{round(float(str(row[0])) * 1000):03d}") for row in rows()]
+    return text((header,), [[s, *r[1:]] for s, r in zip(stamps, rows(), strict=True)], delimiter)
+
+
+CLOCKS = (
+    device("iso.csv", "ISO dates", stamped("2026-03-01T08:00:00.{}Z")),
+    device("zone.csv", "ISO dates with a zone", stamped("2026-03-01 08:00:00.{}+01:00")),
+    device("clock.csv", "times of day", stamped("23:59:59.{}")),
+    device("datum.csv", "German dates", stamped("01.03.2026 08:00:00,{}", ";")),
+    device("slashes.csv", "dates of unknown order", stamped("03/01/2026 08:00:00.{}")),
+)
 BROKEN_LVM = lvm("Multi", Delta_X="0.001,0.001,0.001,0.1")

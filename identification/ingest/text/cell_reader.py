@@ -16,8 +16,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import MissingValue, NotANumber, RaggedRow, UnclosedQuote
+from identification.errors import MissingValue, NotANumber, RaggedRow, UnclosedQuote, WrongUnit
 from identification.ingest.channels import Channel
+from identification.ingest.display import quoted
 from identification.ingest.reader import blank_cell, not_finite
 from identification.ingest.text.cells import (
     expected_instead,
@@ -25,6 +26,7 @@ from identification.ingest.text.cells import (
     number_text,
     split_cells,
 )
+from identification.ingest.text.clock import ClockTimes, is_time_of_day
 from identification.ingest.text.dialect import COMMENT_MARKS, Layout
 
 __all__ = ["CellReader", "SampleLines"]
@@ -65,11 +67,14 @@ class CellReader:
     Attributes:
         decimal: Decimal sign of the file, or None until a number has shown it.
         blank_line: Line number of the first row whose cells are all blank, or None.
+        clock: Reader of the times if the first one is a time of day, else None.
     """
 
     def __init__(self, layout: Layout, channels: Sequence[Channel]) -> None:
         self.decimal: str | None = "." if layout.delimiter == "," else None
         self.blank_line: int | None = None
+        time = next((c for c in channels if c.name == "time_s"), None)
+        self.clock = ClockTimes() if time is not None and _is_clock(time, layout) else None
         self._layout = layout
         self._channels = channels
 
@@ -130,11 +135,25 @@ class CellReader:
                 row=self.blank_line,
             )
 
+    def _seconds(self, clock: ClockTimes, cell: str, channel: Channel, line: int) -> float:
+        seconds = clock.seconds(cell)
+        if seconds is None:
+            raise NotANumber(
+                f"{quoted(cell)} is no time of day like that of the first sample; expected one "
+                "such as 08:00:00.125 or 2026-03-01T08:00:00.125",
+                row=line,
+                column=channel.column.label,
+                value=cell,
+            )
+        return seconds
+
     def _number(self, cell: str, channel: Channel, line: int) -> float:
         if not cell:
             if channel.may_be_blank:
                 return math.nan
             raise blank_cell(channel, line)
+        if self.clock is not None and channel.name == "time_s":
+            return self._seconds(self.clock, cell, channel, line)
         text = number_text(cell, self.decimal or ".")
         if text is None and self.decimal is None:
             text = number_text(cell, ",")
@@ -153,3 +172,17 @@ class CellReader:
         if not math.isfinite(value):
             raise not_finite(cell, channel, line)
         return value
+
+
+def _is_clock(time: Channel, layout: Layout) -> bool:
+    """Return True if the first time is a time of day, which the mapping must not scale."""
+    index = time.column.index
+    if index >= len(layout.sample) or not is_time_of_day(layout.sample[index]):
+        return False
+    if (time.unit.name, time.scale, time.offset) != ("s", 1.0, 0.0):
+        raise WrongUnit(
+            "the cells are times of day, which are read in seconds; remove unit, scale and offset "
+            "from the mapping",
+            column=time.column.label,
+        )
+    return True

@@ -85,7 +85,7 @@ def expected_instead(cell: str, unit: str) -> str:
     """Message for a cell that is not a number: the fault and the fix."""
     wrong = f"{quoted(cell)} is not a number"
     if is_clock(cell):
-        return f"{wrong}; dates and clock times are not supported, write the time in seconds"
+        return f"{wrong}; a time of day is read only in a column of times whose first cell is one"
     if "," in cell and re.fullmatch(r"[+-]?[\d.,' ]+", cell):
         return (
             f"{wrong} in this file; use one decimal sign throughout the file "

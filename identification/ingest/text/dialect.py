@@ -47,6 +47,7 @@ class Layout:
         header_line: Line number of the first header row.
         first_line: Line number of the first sample.
         preamble: Lines of a device above the header.
+        sample: Cells of the first sample.
     """
 
     delimiter: str
@@ -55,6 +56,7 @@ class Layout:
     header_line: int
     first_line: int
     preamble: Preamble = Preamble()
+    sample: tuple[str, ...] = ()
 
 
 def detect_layout(block: Block, limits: Limits) -> Layout:
@@ -94,6 +96,7 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         rows[0][0].number,
         lines[at].number,
         preamble,
+        tuple(split_cells(lines[at].text, delimiter)),
     )
 
 

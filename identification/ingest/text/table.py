@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -9,13 +10,14 @@ import numpy as np
 
 from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
-from identification.ingest.columns import read_columns
+from identification.ingest.columns import Column, read_columns
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples
 from identification.ingest.run import Array, RunWarning
 from identification.ingest.text.blocks import Block, read_blocks
 from identification.ingest.text.cell_reader import CellReader, SampleLines
 from identification.ingest.text.cells import number_text
+from identification.ingest.text.clock import is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.fast import read_clean
 
@@ -72,7 +74,8 @@ class TextTable:
     """
 
     def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
-        self.columns = layout.preamble.columns(read_columns(layout.header))
+        columns = layout.preamble.columns(read_columns(layout.header))
+        self.columns = [_with_clock(column, layout.sample) for column in columns]
         self._layout = layout
         self._blocks = blocks
         self._file = file
@@ -108,6 +111,14 @@ class TextTable:
                 steps = np.arange(reader.lines.total, dtype=np.float64)
                 found[channel.name] = clock[0] + steps * clock[1]
         return Samples(found, reader.lines.line, warnings)
+
+
+def _with_clock(column: Column, sample: Sequence[str]) -> Column:
+    """The column in seconds if it is a time and its cells are times of day."""
+    cell = sample[column.index] if column.index < len(sample) else ""
+    if "time" not in column.quantities or not is_time_of_day(cell):
+        return column
+    return dataclasses.replace(column, quantities=frozenset({"time"}), unit_texts=("s",))
 
 
 class _BlockReader:
@@ -168,6 +179,8 @@ class _BlockReader:
 
     def _clean(self, text: bytes) -> list[Array] | None:
         """Columns of a clean block; the first decimal sign found applies to the whole file."""
+        if self._cells.clock is not None:
+            return None
         known = self._cells.decimal
         for decimal in (known,) if known else (".", ","):
             columns = read_clean(text, self._layout, self._channels, decimal)
