@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib
 import logging
+import re
 import struct
 import sys
 import traceback
@@ -31,6 +32,7 @@ _FAULTS = (
     RuntimeError,
     TypeError,
     ValueError,
+    re.error,
     struct.error,
     zlib.error,
 )

@@ -100,12 +100,27 @@ class _Channel:
     def samples(self) -> tuple[Array, ArrayLike]:
         """Times [s] and physical values of the valid samples."""
         with decoding(_WHAT):
+            for index in (self.opened.masters_db[self.group], self.index):
+                _check_bounds(self.opened, self.group, index)
             read = self.opened.get(group=self.group, index=self.index)
             times = np.asarray(read.timestamps, dtype=np.float64)
             if read.invalidation_bits is None:
                 return times, read.samples
             valid = ~np.asarray(read.invalidation_bits, dtype=bool)
             return times[valid], read.samples[valid]
+
+
+def _check_bounds(opened: MDF, group: int, index: int) -> None:
+    """Reject a channel that lies outside of its record, at which asammdf crashes."""
+    from asammdf.blocks.v4_blocks import Channel, ChannelGroup
+
+    record = opened.groups[group].channel_group
+    channel = opened.groups[group].channels[index]
+    if not isinstance(channel, Channel) or not isinstance(record, ChannelGroup):
+        return
+    end = channel.byte_offset + -(-(channel.bit_offset + channel.bit_count) // 8)
+    if end > record.samples_byte_nr:
+        raise ValueError(f"a channel ends at byte {end} of a record of {record.samples_byte_nr}")
 
 
 def _signal(channel: _Channel) -> Signal:
