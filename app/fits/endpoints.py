@@ -6,9 +6,11 @@ from typing import Annotated, Any
 
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Response
+from fastapi import Path as FormPath
 from fastapi.responses import FileResponse, StreamingResponse
 
 from app.fits.events import EventStream, has_heard_the_end, last_version
+from app.fits.exports import EXPORTS
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
 from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
 from app.http.files import OpenFileResponse
@@ -163,4 +165,36 @@ def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> Op
         services.fits.posterior(caller, fit_id),
         media_type="application/x-netcdf",
         filename=f"{fit_id}.nc",
+    )
+
+
+@router.get(
+    "/{fit_id}/exports/{form}",
+    summary="Export the motor",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A file in the format of another program.",
+            "content": {kind: {} for kind in dict.fromkeys(kind for _, kind in EXPORTS.values())},
+        },
+        **responses(404, 422, 503),
+    },
+)
+def fetch_export(
+    fit_id: str,
+    form: Annotated[str, FormPath(description=f"Format: {', '.join(EXPORTS)}.")],
+    services: ServicesDep,
+    caller: CallerDep,
+    temperature: Annotated[
+        list[float] | None,
+        Query(max_length=20, description="Temperatures of linear models [degC]; may be repeated."),
+    ] = None,
+) -> Response:
+    """Fetch the motor of a succeeded fit as `motorid export` writes it."""
+    content = services.fits.export(caller, fit_id, form, temperature or [])
+    suffix, kind = EXPORTS[form]
+    return Response(
+        content,
+        media_type=kind,
+        headers={"Content-Disposition": f'attachment; filename="{fit_id}{suffix}"'},
     )

@@ -17,6 +17,7 @@ from app.access.service import Caller
 from app.database import Database
 from app.errors import FileLost, NotReady
 from app.fits import repository
+from app.fits.exports import exported
 from app.fits.outputs import expected_outputs, open_output, read_result
 from app.fits.request import FitRequest, check_runs, checked_key, new_row
 from app.fits.supervisor import Supervisor
@@ -204,6 +205,27 @@ class FitService:
             raise NotReady(
                 f"{fit_id} has no posterior; repeat the fit with the option `posterior` true"
             ) from None
+
+    def export(
+        self, caller: Caller, fit_id: str, form: str, temperatures: Sequence[float]
+    ) -> bytes:
+        """Result of a fit in the format of another program.
+
+        Raises:
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded.
+            FieldRefused: The format, a temperature or the result is not accepted.
+            FileLost: The result is missing or damaged.
+            Unavailable: The export failed or took too long.
+        """
+        row = self._succeeded(caller, fit_id)
+        directory = self._directory(row)
+        try:
+            for name in sorted(expected_outputs(directory) - {"report.html"}):
+                open_output(directory, name).close()
+        except OSError as error:
+            raise self._lost(caller, row, "result.json", error) from error
+        return exported(directory, form, temperatures)
 
     def _succeeded(self, caller: Caller, fit_id: str) -> FitRow:
         row = self.row(caller, fit_id)

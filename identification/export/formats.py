@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -29,17 +30,27 @@ class Request:
 
     Args:
         result: Content of a result.json.
-        motor: The final model.
         draws: (n_draw,) for each nominal parameter; empty if the format holds no samples.
         temperatures: Temperatures of linear models [degC].
-        header: Lines about the motor for the top of a file.
+        sampled: Remark about the draws, if there is one.
     """
 
     result: Mapping[str, Any]
-    motor: Exported
     draws: Draws
     temperatures: Sequence[float]
-    header: list[str]
+    sampled: tuple[str, ...] = ()
+
+    @cached_property
+    def motor(self) -> Exported:
+        """The final model."""
+        return exported_model(self.result)
+
+    @property
+    def header(self) -> list[str]:
+        """Effects of the model, what the export does not hold, and the kind of the samples."""
+        kept = [term.name for term in self.motor.model.terms[:-1]]
+        notes = [f"Not in this file: {note}." for note in self.motor.notes]
+        return [f"Effects in the model: {', '.join(kept) or 'none'}.", *notes, *self.sampled]
 
 
 @dataclass(frozen=True)
@@ -63,14 +74,10 @@ class ExportFormat:
     """One format.
 
     Args:
-        suffix: Suffix of its files.
-        media_type: Media type over HTTP.
         write: Function that makes the file.
         is_sampled: Whether the file holds samples of the parameters.
     """
 
-    suffix: str
-    media_type: str
     write: Writer
     is_sampled: bool = False
 
@@ -99,12 +106,10 @@ def export(
             f"export format {form!r} is not known; expected {', '.join(FORMATS)}", value=form
         )
     chosen = checked_temperatures(temperatures or _usual_temperatures(result))
-    motor = exported_model(result)
     samples, remark = draws() if FORMATS[form].is_sampled else ({}, "")
-    sampled = [remark] if remark else []
-    header = _header(motor, sampled)
-    made = FORMATS[form].write(Request(result, motor, samples, chosen, header))
-    return Export(made.content, (*sampled, *motor.notes, *made.remarks))
+    sampled = (remark,) if remark else ()
+    made = FORMATS[form].write(Request(result, samples, chosen, sampled))
+    return Export(made.content, (*sampled, *made.remarks))
 
 
 def _usual_temperatures(result: Mapping[str, Any]) -> list[float]:
@@ -118,19 +123,13 @@ def _usual_temperatures(result: Mapping[str, Any]) -> list[float]:
     return known or [25.0, 125.0]
 
 
-def _header(motor: Exported, sampled: list[str]) -> list[str]:
-    """Effects of the model, what the export does not hold of them, and the kind of the samples."""
-    kept = [term.name for term in motor.model.terms[:-1]]
-    lines = [f"Effects in the model: {', '.join(kept)}." if kept else "Effects in the model: none."]
-    return lines + [f"Not in this file: {note}." for note in motor.notes] + sampled
-
-
 def _c(request: Request) -> Export:
-    return Export(c_code(request.motor, request.header).encode())
+    return Export(c_code(request.motor, request.header).encode(), request.motor.notes)
 
 
 def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
-    return Export(*fmu(request.motor, request.header, fmi))
+    content, remarks = fmu(request.motor, request.header, fmi)
+    return Export(content, (*request.motor.notes, *remarks))
 
 
 def _equations(template: str, language: Language, *, delays: bool, linear: bool) -> Writer:
@@ -149,7 +148,8 @@ def _equations(template: str, language: Language, *, delays: bool, linear: bool)
         numbers = (
             linear_motors(request.result, request.draws, request.temperatures) if linear else []
         )
-        return Export(script(template, request.motor, language, header, numbers).encode(), notes)
+        text = script(template, request.motor, language, header, numbers)
+        return Export(text.encode(), (*request.motor.notes, *notes))
 
     return write
 
@@ -165,13 +165,13 @@ def _csv(request: Request) -> Export:
 
 
 FORMATS: Final[Mapping[str, ExportFormat]] = {
-    "python-control": ExportFormat(".py", "text/x-python", _python, is_sampled=True),
-    "matlab": ExportFormat(".m", "text/x-matlab", _matlab, is_sampled=True),
-    "simulink-m": ExportFormat(".m", "text/x-matlab", _simulink),
-    "modelica": ExportFormat(".mo", "text/x-modelica", _modelica),
-    "fmu": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 2)),
-    "fmu3": ExportFormat(".fmu", "application/zip", lambda request: _fmu(request, 3)),
-    "c": ExportFormat(".c", "text/x-c", _c),
-    "csv": ExportFormat(".csv", "text/csv", _csv),
+    "python-control": ExportFormat(_python, is_sampled=True),
+    "matlab": ExportFormat(_matlab, is_sampled=True),
+    "simulink-m": ExportFormat(_simulink),
+    "modelica": ExportFormat(_modelica),
+    "fmu": ExportFormat(lambda request: _fmu(request, 2)),
+    "fmu3": ExportFormat(lambda request: _fmu(request, 3)),
+    "c": ExportFormat(_c),
+    "csv": ExportFormat(_csv),
 }
 """Formats by the name in ``--to``."""

@@ -1,0 +1,75 @@
+"""Exports over HTTP: the files of `motorid export`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from app.errors import FieldRefused
+from app.fits.exports import EXPORTS, exported
+from identification.export import FORMATS
+from tests.app.service import Caller, Server
+from tests.contract.hostile import assert_is_problem
+from tests.export.results import CASES, result_with
+
+
+@pytest.fixture(scope="module")
+def fit(alice: Caller, stored: str) -> str:
+    """ID of a succeeded fit."""
+    return str(alice.wait(alice.begin(stored)["id"])["id"])
+
+
+def test_the_service_offers_the_formats_of_the_library() -> None:
+    """The service lists them without loading the simulation."""
+    assert list(EXPORTS) == list(FORMATS)
+
+
+def test_table_of_a_fit_is_an_attachment(alice: Caller, fit: str) -> None:
+    """The file is named by the fit, and each row is a parameter or a metric."""
+    answer = alice.http.get(f"/fits/{fit}/exports/csv")
+
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/csv")
+    assert answer.headers["content-disposition"] == f'attachment; filename="{fit}.csv"'
+    assert answer.text.startswith("group,name,temperature_degC,")
+
+
+@pytest.mark.parametrize("form", ["excel", "csv%20", "CSV"])
+def test_unknown_format_is_refused_with_the_known_ones(alice: Caller, fit: str, form: str) -> None:
+    """The answer is 422; names are exact."""
+    answer = alice.http.get(f"/fits/{fit}/exports/{form}")
+
+    assert_is_problem(answer, 422)
+    assert "expected python-control" in answer.json()["detail"]
+
+
+def test_fit_of_another_workspace_is_not_found(alice: Caller, bob: Caller, fit: str) -> None:
+    """An id of another workspace is like one that does not exist."""
+    assert_is_problem(bob.http.get(f"/fits/{fit}/exports/csv"), 404)
+    assert_is_problem(alice.http.get("/fits/fit_nothing/exports/csv"), 404)
+
+
+def test_damaged_result_is_not_exported(alice: Caller, server: Server, stored: str) -> None:
+    """The checksum is verified before the export."""
+    fit = str(alice.wait(alice.begin(stored, seed=0)["id"])["id"])
+    path = server.data_dir / "fits" / fit / "1" / "result.json"
+    path.write_bytes(path.read_bytes().replace(b"1", b"2"))
+
+    answer = alice.http.get(f"/fits/{fit}/exports/csv")
+
+    assert_is_problem(answer, 503)
+    assert answer.json()["code"] == "file_lost"
+
+
+def test_export_is_that_of_the_command(tmp_path: Path) -> None:
+    """The file has the effects; a temperature that is refused gives the command's reason."""
+    result = result_with(*CASES["cogging and a first-order hold"])
+    (tmp_path / "result.json").write_text(json.dumps(result), encoding="utf-8")
+
+    assert b"cogging_torque.order" in exported(tmp_path, "modelica", []).replace(
+        b"_order", b".order"
+    )
+    with pytest.raises(FieldRefused, match="temperature is 900 degC; expected -273.15 to 400"):
+        exported(tmp_path, "modelica", [900.0])
