@@ -13,6 +13,7 @@ import pytest
 from identification.errors import OptionError
 from identification.export import export, state_space, transfer_function
 from identification.feedback import parse_controller, step_curves
+from identification.pipeline import Identification
 from identification.prediction import predict
 from tests.export.results import (
     CASES,
@@ -82,6 +83,23 @@ def test_samples_are_those_of_the_draws() -> None:
         np.testing.assert_allclose(one.A, other.A)
         assert one.B[0, 0] == pytest.approx(1.0 / inductance)
     np.testing.assert_allclose(best.A, found[2].A)
+
+
+def test_identification_returns_the_systems_of_its_result_and_draws() -> None:
+    """Poles at 125 degC are those of the file; samples are thinned evenly, with both ends."""
+    found: Any = SimpleNamespace(draws=DRAWS)
+    identification = Identification(result_with(), found)
+
+    systems = identification.state_space(125.0, samples=3)
+
+    plant = identification.transfer_function(125.0)
+    np.testing.assert_allclose(
+        np.sort(plant.poles()), np.sort(module("nominal").transfer_functions[125.0].poles())
+    )
+    np.testing.assert_allclose(np.sort(systems[0].poles()), np.sort(plant.poles()))
+    inductances = [1.0 / one.B[0, 0] for one in systems[1:]]
+    np.testing.assert_allclose(inductances, DRAWS["L"][[0, 2, 4]])
+    assert len(identification.state_space(125.0)) == 1
 
 
 def test_motor_with_effects_follows_predict() -> None:
