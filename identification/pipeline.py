@@ -29,7 +29,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
 from identification.export.linear import state_space, transfer_function
-from identification.feedback import feedback_metrics, parse_controllers
+from identification.feedback import feedback_metrics, parse_controllers, suited_controller
 from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
@@ -233,6 +233,7 @@ def _identified(
         outcome=outcome,
         omitted=omitted,
         feedback_before=feedback_metrics(declared_draws, *loops) if changed else [],
+        suited=suited_controller(draws, campaign.sample_interval),
         loops=tuple(simulated_loops(final, draws, *loops)),
         localisation=found,
         left=left,

@@ -206,6 +206,7 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
         ]
         if with_effect
         else [],
+        "feedback_suited": [entry | {"controller": "PI:2,40"} for entry in _feedback(rng)],
         "sampler": {
             "walkers": 32,
             "steps": 600,

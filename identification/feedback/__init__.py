@@ -9,6 +9,7 @@
     turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly
+    tuning.py         the PI controller that suits a motor
     spread.py         the feedback list of a result: these metrics at each temperature
     curves.py         step responses with bands, for plotting
     closed_loop.py    simulation of the loop with the effects of the motor
@@ -38,6 +39,7 @@ from identification.feedback.curves import StepCurve, step_curves
 from identification.feedback.metrics import METRIC_UNITS
 from identification.feedback.spread import feedback_metrics
 from identification.feedback.table import feedback
+from identification.feedback.tuning import suited_controller
 
 __all__ = [
     "METRIC_UNITS",
@@ -48,6 +50,7 @@ __all__ = [
     "parse_controller",
     "parse_controllers",
     "step_curves",
+    "suited_controller",
 ]
 
 

@@ -48,6 +48,11 @@ class Campaign:
     warnings: tuple[ResultWarning, ...]
     alike: tuple[int | None, ...]
 
+    @property
+    def sample_interval(self) -> float:
+        """Median sample interval of the training runs [s]."""
+        return float(np.median([1.0 / run.sample_rate_hz for run in self.training_runs]))
+
 
 def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
     """Records of the runs; a channel that is constant in all training runs gets zero weight.

@@ -268,7 +268,9 @@ def _width(ratio: float | None, top: float) -> float:
 
 
 def key_figures(result: Entry) -> list[KeyFigure]:
-    """Number of identified parameters, and figures of the first speed loop cold and hot.
+    """Number of identified parameters, and figures of one speed loop cold and hot.
+
+    The loop is that of the controller that suits the motor, or of the first one without it.
 
     Args:
         result: Content of result.json.
@@ -281,7 +283,8 @@ def key_figures(result: Entry) -> list[KeyFigure]:
 
 
 def _loop_figures(result: Entry) -> list[KeyFigure]:
-    ends = cold_and_hot(result["feedback"])
+    suited = result.get("feedback_suited") or []
+    ends = cold_and_hot(suited or result["feedback"])
     if ends is None:
         return []
     cold, hot = ends
@@ -292,7 +295,9 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
         else KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
         for key, label, unit in (
             ("rise_time_s", "Rise time", "s"),
-            ("steady_state", "Final value", ""),
+            ("overshoot_percent", "Overshoot", "%")
+            if suited
+            else ("steady_state", "Final value", ""),
         )
     ]
 

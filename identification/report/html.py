@@ -107,6 +107,7 @@ def render_report(data: ReportData) -> str:
             checks=checks,
             temperatures=[run.temperature for run in data.runs if run.temperature is not None],
             feedback=rows("table of the loop", feedback_tables, result["feedback"]),
+            suited=rows("loop that suits", feedback_tables, result.get("feedback_suited") or []),
             comparisons=rows("comparison of loops", loop_comparisons, result),
             sampler=rows("table of the sampler", sampler_rows, data),
             errors=rows("table of errors", error_rows, result),

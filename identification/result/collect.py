@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import confusions_of
-from identification.feedback import step_curves
+from identification.feedback import AbstractController, step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
@@ -75,7 +75,9 @@ def _steps(findings: Findings) -> list[StepResponse]:
         for loop in findings.loops
     }
     options, steps = findings.options, []
-    for curve in step_curves(findings.draws, options.temperatures, options.controllers):
+    suited = [findings.suited] if findings.suited else []
+    controllers: list[str | AbstractController] = [*suited, *options.controllers]
+    for curve in step_curves(findings.draws, options.temperatures, controllers):
         known = simulated.get((curve.controller, curve.temperature_degC))
         with_effects = None if known is None else np.interp(curve.time, *known)
         steps.append(StepResponse(**vars(curve), simulated=with_effects))

@@ -19,6 +19,7 @@ from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
+from identification.feedback import feedback_metrics
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.identifiability import identified
@@ -105,10 +106,18 @@ def assemble(findings: Findings) -> dict[str, object]:
         "feedback": findings.feedback,
         "feedback_before": findings.feedback_before,
         "feedback_nonlinear": nonlinear_entries(findings.loops),
+        "feedback_suited": _suited(findings),
         "sampler": None if sample is None else _sampler(sample),
         "warnings": [str(warning) for warning in warnings],
         "warning_details": [warning.details() for warning in warnings],
     }
+
+
+def _suited(findings: Findings) -> list[dict[str, Any]]:
+    """Member ``feedback_suited`` of the result."""
+    if findings.suited is None:
+        return []
+    return feedback_metrics(findings.draws, findings.options.temperatures, [findings.suited])
 
 
 def _sampler(sample: Sample) -> dict[str, object]:

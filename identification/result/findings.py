@@ -12,6 +12,7 @@ from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
+from identification.feedback.controller import AbstractController
 from identification.feedback.nonlinear import SimulatedLoop
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
@@ -52,6 +53,7 @@ class Findings:
         feedback: The feedback list of the result.
         outcome: Outcome of the effect search, None if none was made.
         feedback_before: The feedback list of the nominal model; empty if that is the final model.
+        suited: PI controller that suits the motor; None if the rule gives none.
         loops: Closed-loop simulations with the effects; empty if no effect acts in the loop.
         localisation: Missing voltage and torque of the nominal model, None if not estimated.
         left: Missing voltage and torque of the final model, None if not estimated.
@@ -74,6 +76,7 @@ class Findings:
     feedback: list[dict[str, object]]
     outcome: Outcome | None = None
     feedback_before: list[dict[str, object]] = field(default_factory=list)
+    suited: AbstractController | None = None
     loops: tuple[SimulatedLoop, ...] = ()
     localisation: Localisation | None = None
     left: Localisation | None = None

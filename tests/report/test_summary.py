@@ -160,6 +160,7 @@ def spread(result: dict[str, Any], name: str, factor: float) -> None:
 
 def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> None:
     """If the shaft never turned, Kt and J are unknown by decades."""
+    result["feedback_suited"] = []
     for name in ("Kt25", "J", "b"):
         result["parameters"][name]["identified"] = False
     spread(result, "rise_time_s", 200.0)
@@ -170,6 +171,19 @@ def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> 
     assert "these runs do not determine the rise time and the final value" in told
     assert "changes the final value" not in told
     assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
+
+
+def test_the_controller_that_suits_the_motor_stands_on_the_first_screen(
+    result: dict[str, Any],
+) -> None:
+    """Without it, the figures are those of the first controller of the options."""
+    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Overshoot"]
+    assert "PI:2,40" in key_figures(result)[1].remark
+
+    result["feedback_suited"] = []
+
+    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Final value"]
+    assert "P:1" in key_figures(result)[1].remark
 
 
 def test_each_determined_loop_metric_is_reported(result: dict[str, Any]) -> None:
