@@ -146,6 +146,10 @@ benches: $(READY) ## measure accuracy on realistic test bench recordings; ARGS="
 faults: $(READY) ## measure detection and false alarm rates of faulty runs (some minutes)
 	$(BIN)/python -m benchmarks.faults
 
+.PHONY: report-page
+report-page: $(READY) ## measure first paint, zoom and size of a report with long runs (needs chromium; some minutes)
+	$(BIN)/python -m benchmarks.report_page --out docs/benchmarks/report-page.md $(ARGS)
+
 .PHONY: torture
 torture: $(READY) ## stress tests of the service: kills, bombs, fuzzing, load; ARGS=--short takes minutes (long)
 	$(BIN)/python -m benchmarks.torture $(ARGS)

@@ -213,6 +213,6 @@ def _median(entry: Entry | None, factor: float) -> str:
         return UNKNOWN
     ends = (entry[key] for key in ("median", "q05", "q95"))
     written = interval_text(*(None if end is None else factor * end for end in ends))
-    if len(written.median) > 6:
+    if len(written.median) > 5:
         return number_text(factor * entry["median"], 3)
     return written.median + written.power
