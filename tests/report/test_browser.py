@@ -38,3 +38,34 @@ def test_the_script_draws_every_panel_of_a_run_without_a_console_message(tmp_pat
         r'<h3 id="detail-title">bench_validation_5.csv \(validation\)</h3>', shown.stdout
     )
     assert not re.search(r"CONSOLE|Refused to|Uncaught", shown.stderr)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_print_shows_every_run_and_a_small_screen_readable_text(tmp_path: Path) -> None:
+    """Seven runs with six panels each; no text of the page is smaller than 11 px at 390 px."""
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    page = tmp_path / "report.html"
+    page.write_text(render_report(make_report(rows=600, with_effect=True)), encoding="utf-8")
+    smallest = """() => Math.min(...[...document.querySelectorAll('main *, header *')]
+      .filter(e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()))
+      .filter(e => !['SCRIPT', 'STYLE'].includes(e.tagName) && !e.closest('math'))
+      .map(e => parseFloat(getComputedStyle(e).fontSize)))"""
+
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        tab = browser.new_page(viewport={"width": 390, "height": 844})
+        tab.goto(page.as_uri())
+        tab.wait_for_selector("html[data-ready]", state="attached")
+        size, width = tab.evaluate(smallest), tab.evaluate("document.body.scrollWidth")
+        tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+        printed = [
+            tab.locator(f"#sheets {kind}").count() for kind in ("h3", ".panel", ".panel canvas")
+        ]
+        tab.evaluate("dispatchEvent(new Event('afterprint'))")
+        left = tab.locator("#sheets *").count()
+        browser.close()
+
+    assert size >= 11.0
+    assert width == 390
+    assert printed == [7, 42, 42]
+    assert left == 0
