@@ -16,6 +16,7 @@ import pytest
 from identification.ingest import read_run, write_run
 from identification.prediction import predict
 from motorid.client import Client
+from tests.app.browser import needs_browser, show
 from tests.app.service import serving
 from tests.motors import campaign, motor_named
 
@@ -209,3 +210,16 @@ def test_page_of_a_prediction_draws_measured_and_simulated(bench: Bench) -> None
     assert page.text.count('class="line after thin"') == 2
     assert f"/predictions/{bench.runs[1]}.csv" in page.text
     assert re.search(rf'value="{bench.runs[0]}"[^<]*training run', page.text)
+
+
+@needs_browser
+@pytest.mark.parametrize("page", ["fits/{first}/loop", "compare?fit={first}&fit={second}"])
+def test_page_in_a_browser_is_quiet(bench: Bench, tmp_path: Path, page: str) -> None:
+    """The console is empty, and all requests go to this service."""
+    base = str(bench.http.base_url).rstrip("/")
+
+    shown = show(f"{base}/{page.format(first=bench.first, second=bench.second)}", tmp_path)
+
+    assert shown.console == []
+    assert [address for address in shown.requests if not address.startswith(f"{base}/")] == []
+    assert "<svg" in shown.dom
