@@ -70,7 +70,7 @@ demo: $(READY) ## identify a motor from the runs in data/ and print the path of 
 
 .PHONY: serve
 serve: $(READY) ## run the HTTP service on 127.0.0.1:8000 without API keys
-	$(BIN)/motorid serve --no-auth
+	$(if $(wildcard $(OUT)/site/index.html),MOTORID_HELP_DIR=$(OUT)/site )$(BIN)/motorid serve --no-auth
 
 .PHONY: data
 data: $(READY) ## regenerate the campaigns in data/ with the bench simulator
@@ -111,7 +111,7 @@ docs: $(READY) ## check links, commands, decision records and generated pages ag
 	$(BIN)/python -m pytest --quiet tests/repository $(ARGS)
 
 .PHONY: docs-site
-docs-site: $(READY) ## build the documentation as a site in out/site; `motorid serve` shows it at /help
+docs-site: $(READY) ## build the documentation as a site in out/site; `make serve` shows it at /help/
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir $(OUT)/site
 	@echo '$(OUT)/site/index.html'
 

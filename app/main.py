@@ -20,10 +20,11 @@ from app.batches.endpoints import router as batches
 from app.composition import Services
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
-from app.http import API_PREFIX, STATIC_PREFIX, UPLOAD_PATHS
+from app.http import API_PREFIX, HELP_PREFIX, STATIC_PREFIX, UPLOAD_PATHS
 from app.http.connections import BodyDeadline, CrowdCheck
 from app.http.files import PageFiles
 from app.http.gate import Gate
+from app.http.help import HelpPages
 from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, WellFormed
 from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
@@ -85,6 +86,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))
     application.mount(STATIC_PREFIX.rstrip("/"), PageFiles(directory=STATIC_FILES))
+    if settings.help_dir is not None:
+        application.mount(HELP_PREFIX.rstrip("/"), HelpPages(settings.help_dir))
     add_problem_handlers(application)
     # The middleware added last handles a request first.
     application.add_middleware(HeadCheck)

@@ -53,6 +53,11 @@ class Settings(BaseSettings):
         default=Path("motorid-data"),
         description="Directory of the database, the runs and the results.",
     )
+    help_dir: Path | None = Field(
+        default=None,
+        description="Directory of the documentation site that `make docs-site` has built, served "
+        "under /help/ without a key; empty: not served.",
+    )
     no_auth: bool = Field(
         default=False, description="Accept requests without an API key; only on a loopback address."
     )
@@ -228,6 +233,11 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"no_auth with host {self.host}: expected a loopback address such as 127.0.0.1; "
                 "omit --no-auth and create a key with `motorid keys create`"
+            )
+        if self.help_dir is not None and not (self.help_dir / "index.html").is_file():
+            raise ValueError(
+                f"help_dir is {self.help_dir}, which has no index.html; build it with `make "
+                "docs-site`, or omit the setting"
             )
         if self.lease_s < 2 * self.heartbeat_s:
             raise ValueError(

@@ -7,6 +7,7 @@ from typing import Final
 __all__ = [
     "API_PREFIX",
     "HEALTH_PATHS",
+    "HELP_PREFIX",
     "LOGIN_PATH",
     "PENDING_PATH",
     "STATIC_PREFIX",
@@ -29,6 +30,9 @@ UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview", PENDI
 
 LOGIN_PATH: Final = "/login"
 """Login page."""
+
+HELP_PREFIX: Final = "/help/"
+"""Prefix of the documentation site."""
 
 STATIC_PREFIX: Final = "/static/"
 """Prefix of the style sheets and scripts of the web pages, which are the same for all users."""

@@ -21,14 +21,16 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.access.service import DEFAULT_WORKSPACE, AccessService, Caller
 from app.errors import BadKey, CrossSite
-from app.http import API_PREFIX, HEALTH_PATHS, LOGIN_PATH, STATIC_PREFIX
+from app.http import API_PREFIX, HEALTH_PATHS, HELP_PREFIX, LOGIN_PATH, STATIC_PREFIX
 from app.http.problems import database_error, problem_of
 
-__all__ = ["COOKIE", "PUBLIC_PATHS", "Gate", "session_of", "wants_page"]
+__all__ = ["COOKIE", "PUBLIC_PATHS", "PUBLIC_PREFIXES", "Gate", "session_of", "wants_page"]
 
 COOKIE = "motorid_session"
 PUBLIC_PATHS = frozenset({LOGIN_PATH, *HEALTH_PATHS})
 """Paths that need no key: health, metrics and the login page."""
+PUBLIC_PREFIXES = (STATIC_PREFIX, HELP_PREFIX)
+"""Prefixes of files that need no key: those of the pages, and the documentation."""
 
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
@@ -60,7 +62,7 @@ class Gate:
         try:
             _refuse_other_sites(scope["method"], headers)
             path = scope["path"]
-            if path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX):
+            if path not in PUBLIC_PATHS and not path.startswith(PUBLIC_PREFIXES):
                 scope.setdefault("state", {})["caller"] = await self._caller(headers)
         except (BadKey, CrossSite, SQLAlchemyError) as error:
             refusal = database_error(error) if isinstance(error, SQLAlchemyError) else error

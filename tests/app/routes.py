@@ -11,8 +11,7 @@ from fastapi import FastAPI
 
 from app.access.service import AccessService
 from app.database import Database
-from app.http import STATIC_PREFIX
-from app.http.gate import PUBLIC_PATHS
+from app.http.gate import PUBLIC_PATHS, PUBLIC_PREFIXES
 
 PLACE = re.compile(r"\{(\w+)\}")
 
@@ -36,7 +35,7 @@ def every_route(application: FastAPI) -> list[tuple[str, str]]:
     return sorted(
         (method, path)
         for method, path in found
-        if path and path not in PUBLIC_PATHS and not path.startswith(STATIC_PREFIX.rstrip("/"))
+        if path and path not in PUBLIC_PATHS and not f"{path}/".startswith(PUBLIC_PREFIXES)
     )
 
 

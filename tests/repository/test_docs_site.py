@@ -16,6 +16,8 @@ import pytest
 import yaml
 
 import identification
+from tests.app.browser import needs_browser, show
+from tests.app.service import serving
 
 pytest.importorskip("mkdocstrings", reason="mkdocs-material and mkdocstrings are not installed")
 
@@ -108,3 +110,15 @@ def test_search_finds_pages_and_generated_references(site: Path) -> None:
     locations = {entry["location"] for entry in index["docs"]}
     assert {"effects.html#brush_drop", "http-reference.html#post-apiv1runs"} <= locations
     assert any("identification.identified.inference_data" in place for place in locations)
+
+
+@needs_browser
+def test_service_shows_the_site_within_its_policy(site: Path, tmp_path: Path) -> None:
+    """Chromium logs each violation of the policy; the search field exists, so the scripts ran."""
+    with serving(tmp_path / "data", HELP_DIR=site) as server:
+        shown = show(f"{server.url}/help/effects.html?q=brush", tmp_path)
+
+    assert shown.console == []
+    assert all(address.startswith(f"{server.url}/help/") for address in shown.requests)
+    assert any("search_index.json" in address for address in shown.requests)
+    assert re.search(r'<html[^>]* class="js', shown.dom)
