@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -341,3 +342,17 @@ def test_blocks_of_the_page_run_in_order(
         "result.json", "report.html", "posterior.nc",
     }  # fmt: skip
     assert Path("out/motor-17.html").is_file()
+
+
+@pytest.mark.parametrize("name", ["first_motor", "own_data"])
+def test_cells_of_the_notebook_run_in_order(name: str, checkout: Path) -> None:
+    """The cells check their own numbers against data/*/truth.json; stored without outputs."""
+    content = json.loads((ROOT / "docs" / "notebooks" / f"{name}.ipynb").read_text("utf-8"))
+    scope: dict[str, Any] = {}
+
+    for number, cell in enumerate(content["cells"]):
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            exec(compile("".join(cell["source"]), f"{name}.ipynb, cell {number}", "exec"), scope)
+
+    assert content["nbformat"] == 4

@@ -42,6 +42,9 @@ _EVERY: Final = 10
 _FOLLOWS: Final = 0.9
 """Fraction of the variance that a function of the driver explains if the term follows it [-]."""
 
+_NAMESPACE: Final = 'xmlns="http://www.w3.org/2000/svg"'
+_WIDTH: Final = 330
+_HEIGHT: Final = 200
 _ROUNDING: Final = 1e-6
 """Smallest change that is plotted [A] or [rad/s]."""
 _LEAST: Final = 3e-3
@@ -107,7 +110,7 @@ def effect_plot(name: str, shown: Signature) -> str:
         shown: Its signature.
     """
     marks = ""
-    width = 330 * len(shown.curves)
+    width = _WIDTH * len(shown.curves)
     for number, (label, values) in enumerate(shown.curves.items()):
         low, high = float(min(values.min(), 0.0)), float(max(values.max(), 0.0))
         # An unchanged channel is drawn as a line at zero, not as its rounding errors.
@@ -118,9 +121,9 @@ def effect_plot(name: str, shown: Signature) -> str:
             (low - margin, high + margin),
         )
         curve = axes(frame, shown.x_label, label) + line(frame, shown.x, values)
-        marks += f'<g transform="translate({330 * number} 0)">{curve}</g>'
-    drawing = svg(width, 200, f"Signature of {name}", ", ".join(shown.curves), marks)
-    return drawing.replace(">", f' xmlns="http://www.w3.org/2000/svg">{_STYLE}', 1)
+        marks += f'<g transform="translate({_WIDTH * number} 0)">{curve}</g>'
+    drawing = svg(width, _HEIGHT, f"Signature of {name}", ", ".join(shown.curves), marks)
+    return drawing.replace(">", f' {_NAMESPACE} width="{width}" height="{_HEIGHT}">{_STYLE}', 1)
 
 
 def main() -> None:
