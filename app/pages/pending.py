@@ -72,7 +72,9 @@ async def correct(
     mapping = mapping_from(texts, row.mapping or {})
     services.reading.check()
     row = await services.reading.run(services.pending.correct, caller, run_id, mapping)
-    return page("pending_run", run=pending_view(row))
+    rows = await to_thread.run_sync(services.pending.all, caller)
+    # The button above the list counts the runs that can be added now.
+    return page("pending_corrected", run=pending_view(row), pending=pending_list_view(rows))
 
 
 @router.delete("/{run_id}")

@@ -110,13 +110,19 @@ class PendingRuns:
             NotFound: The workspace has no such pending run.
             RunRefused: Examining the file exceeds the limits.
         """
-        row = self.get(caller, run_id)
-        found = self._examined(row, mapping, is_of_bench=False)
+        chosen = None if mapping is None else dict(mapping)
         with self._database.writing() as session:
             row = queries.known(session, PendingRow, caller.workspace, run_id, lock=True)
-            row.mapping, row.found = found["mapping"], found
-            if row.bench and mapping and found["summary"] is not None:
-                _save_bench(session, row, dict(mapping))
+            row.mapping = chosen
+        found = self._examined(row, chosen, is_of_bench=False)
+        with self._database.writing() as session:
+            row = queries.known(session, PendingRow, caller.workspace, run_id, lock=True)
+            if row.mapping != chosen:
+                # The user has selected something else meanwhile, which another call examines.
+                return row
+            row.found = found
+            if row.bench and chosen and found["summary"] is not None:
+                _save_bench(session, row, chosen)
         return row
 
     def relabel(self, caller: Caller, motor: str | None, bench: str | None) -> None:

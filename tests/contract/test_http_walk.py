@@ -1,0 +1,226 @@
+"""Walk of a user through the pages in a real browser, from three files to a report.
+
+Every page on the way is checked in light and dark and at 1280 and 390 pixels: no message on the
+console, no request to another host, no serious accessibility finding of axe-core, no sideways
+scrolling.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from identification.ingest import write_run
+from tests.app.browser import BROWSER, needs_browser
+from tests.app.service import Server, serving
+from tests.motors import campaign, motor_named
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+pytestmark = needs_browser
+
+AXE = (Path(__file__).parents[1] / "app" / "vendor" / "axe.min.js").read_text(encoding="utf-8")
+WIDTHS = (1280, 390)
+RPM = 60.0 / (2.0 * 3.141592653589793)
+
+
+@dataclass
+class Walk:
+    """Browser page with everything that must not occur on it.
+
+    Args:
+        page: The page.
+        server: The service.
+        console: Messages on the console and uncaught errors.
+        elsewhere: Requests to other hosts.
+    """
+
+    page: Page
+    server: Server
+    console: list[str] = field(default_factory=list)
+    elsewhere: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on("console", lambda message: self.console.append(message.text))
+        self.page.on("pageerror", lambda error: self.console.append(str(error)))
+        self.page.on("request", lambda request: self._note(request.url))
+
+    def _note(self, url: str) -> None:
+        if not url.startswith((f"{self.server.url}/", "data:", "blob:")):
+            self.elsewhere.append(url)
+
+    def check(self) -> None:
+        """Check the page as it is now, at both widths, in light and dark."""
+        for width in WIDTHS:
+            self.page.set_viewport_size({"width": width, "height": 900})
+            assert self.page.evaluate("document.documentElement.scrollWidth") == width
+        for scheme in ("dark", "light"):
+            self.page.emulate_media(color_scheme=scheme)
+            assert self.findings() == []
+        self.page.set_viewport_size({"width": WIDTHS[0], "height": 900})
+        assert (self.console, self.elsewhere) == ([], [])
+
+    def findings(self) -> list[str]:
+        """Serious and critical findings of axe-core, with the elements concerned."""
+        self.page.evaluate(AXE)
+        found = self.page.evaluate(
+            "axe.run(document, {iframes: false, resultTypes: ['violations']})"
+        )
+        return [
+            f"{entry['id']}: {node['html'][:200]}"
+            for entry in found["violations"]
+            if entry["impact"] in ("serious", "critical")
+            for node in entry["nodes"]
+        ]
+
+    def drop(self, files: list[Path]) -> None:
+        """Drop files on the page."""
+        held = self.page.evaluate_handle(
+            """files => {
+              const held = new DataTransfer();
+              for (const [name, text] of files) held.items.add(new File([text], name));
+              return held;
+            }""",
+            [[file.name, file.read_text(encoding="utf-8")] for file in files],
+        )
+        self.page.dispatch_event("#drop", "drop", {"dataTransfer": held})
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three runs of the 100 W servo: canonical CSV, German CSV with units, oscilloscope table."""
+    directory = tmp_path_factory.mktemp("files")
+    names = ("canonical.csv", "pruefstand.csv", "scope.tsv")
+    paths = [directory / name for name in names]
+    runs = campaign(motor_named("servo 100 W"), seed=3, runs=3, rows=600)
+    for run, path in zip(runs, paths, strict=True):
+        write_run(run, path)
+    german, scope = runs[1], runs[2]
+    rows = zip(german.time * 1e3, german.voltage, german.current, german.speed * RPM, strict=True)
+    lines = ["Zeit [ms];U [V];I [A];n [rpm]", *(";".join(map(repr, map(float, r))) for r in rows)]
+    paths[1].write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
+    rows = zip(scope.time, scope.voltage, scope.current, scope.speed, strict=True)
+    lines = ["t [s]\tCH1\tCH2\tCH3", *("\t".join(map(repr, map(float, r))) for r in rows)]
+    paths[2].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return paths
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
+    """Browser on the start page of an empty service."""
+    directory = tmp_path_factory.mktemp("walk")
+    pipeline = {"PIPELINE": "identification.pipeline:identify"}
+    with (
+        serving(directory / "data", "--no-auth", **pipeline) as server,
+        sync_api.sync_playwright() as playwright,
+    ):
+        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
+        context = browser.new_context(timezone_id="Asia/Kolkata")
+        context.set_default_timeout(60_000)
+        yield Walk(context.new_page(), server)
+        browser.close()
+
+
+def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) -> None:
+    """Each step waits for what the page shows; the steps are those of the words on the page."""
+    page = walk.page
+    page.goto(walk.server.url)
+    walk.check()
+    add_three_files(walk, files)
+    walk.check()
+
+    start_fit(page)
+    page.wait_for_selector("text=succeeded")
+    walk.check()
+    address = page.url
+    page.click("text=Open report")
+    page.frame_locator("iframe").locator(".uplot").first.wait_for()
+    walk.check()
+    page.click(".back a >> nth=0")
+    assert page.url == address
+
+    cancel_a_fit(walk)
+    page.goto(f"{walk.server.url}/nowhere")
+    # The browser itself reports the status of the page on the console.
+    assert all("404" in message for message in walk.console)
+    walk.console.clear()
+    walk.check()
+    page.click("main >> text=Runs and fits")
+    assert page.locator("tr[data-fit]").count() == 2
+    walk.check()
+
+
+def add_three_files(walk: Walk, files: list[Path]) -> None:
+    """Drop three files, reload in between, correct one mapping by selection, add the runs."""
+    page = walk.page
+    page.fill("#motor", "servo 1")
+    page.fill("#bench", "bench 4")
+    walk.drop(files)
+    page.locator("article.pending").nth(2).wait_for()
+    assert page.locator(".state.ready").count() == 2
+    page.reload()
+    assert page.input_value("#motor") == "servo 1"
+    assert page.locator("article.pending .uplot").first.is_visible()
+    walk.check()
+    scope = page.locator("article.pending", has_text="scope.tsv")
+    for channel, column, unit in (
+        ("voltage", "CH1", "V"), ("current", "CH2", "A"), ("speed", "CH3", "rad/s"),
+    ):  # fmt: skip
+        for label, text in ((f"Column of {channel}", column), (f"Unit of {channel}", unit)):
+            menu = scope.get_by_label(label)
+            menu.select_option(text)
+            # The page has come back with the selection.
+            chosen = menu.locator("option[selected]", has_text=re.compile(f"^{text}$"))
+            chosen.wait_for(state="attached")
+    scope.locator(".state.ready").wait_for()
+    with page.expect_navigation():
+        page.click("text=Add 3 runs")
+    assert page.locator("#runs tr").count() == 3
+    page.wait_for_selector("table.prospects")
+    assert page.locator("#chosen").inner_text().startswith("Proposed: 2 training and 1 validation")
+    shown = page.locator("#runs time").first
+    uploaded = str(shown.get_attribute("title"))
+    # Kolkata is 5 h 30 min ahead of UTC.
+    assert shown.inner_text()[-2:] == f"{(int(uploaded[14:16]) + 30) % 60:02d}"
+
+
+def start_fit(page: Page) -> None:
+    """Choose roles in one step and start a short fit."""
+    with page.expect_response(re.compile("/choice")):
+        page.click("text=All training")
+    page.fill("#choice-pattern", "scope")
+    with page.expect_response(re.compile("/choice")):
+        page.click("text=Apply")
+    page.reload()
+    assert page.locator("select.validation").count() == 1
+    page.uncheck("[name=posterior]")
+    page.uncheck("[name=effects]")
+    page.click("text=Start fit")
+    page.wait_for_url("**/fits/fit_*")
+
+
+def cancel_a_fit(walk: Walk) -> None:
+    """Start a long fit, watch it, reload, and cancel it."""
+    page = walk.page
+    page.goto(walk.server.url)
+    page.click("text=More options")
+    page.select_option("[name=effort]", "thorough")
+    page.click("text=Start fit")
+    page.wait_for_url("**/fits/fit_*")
+    page.wait_for_selector(".state.running")
+    page.locator(".stage", has_text=re.compile(r" · [1-9]\d* %")).wait_for()
+    page.reload()
+    assert page.locator("progress").is_visible()
+    walk.check()
+    with page.expect_navigation():
+        page.click("text=Cancel")
+    page.wait_for_selector(".state.cancelled")
