@@ -18,6 +18,7 @@ import pytest
 from identification.ingest import write_run
 from tests.app.browser import BROWSER, needs_browser
 from tests.app.service import Server, serving
+from tests.app.waiting import WAITS
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
     """Browser on the start page of an empty service."""
     directory = tmp_path_factory.mktemp("walk")
-    pipeline = {"PIPELINE": "identification.pipeline:identify"}
+    pipeline = {"PIPELINE": "tests.app.waiting:identify"}
     with (
         serving(directory / "data", "--no-auth", **pipeline) as server,
         sync_api.sync_playwright() as playwright,
@@ -213,7 +214,7 @@ def cancel_a_fit(walk: Walk) -> None:
     page = walk.page
     page.goto(walk.server.url)
     page.click("text=More options")
-    page.select_option("[name=effort]", "thorough")
+    page.fill("[name=seed]", str(WAITS))
     page.click("text=Start fit")
     page.wait_for_url("**/fits/fit_*")
     page.wait_for_selector(".state.running")
