@@ -31,6 +31,7 @@ from app.http.rate import RateLimit
 from app.pages.choice import router as choice
 from app.pages.endpoints import router as pages
 from app.pages.errors import ErrorPages
+from app.pages.keys import router as keys
 from app.pages.pending import router as pending
 from app.pages.rendering import PLOT_FILES, STATIC_FILES
 from app.runs.endpoints import router as runs
@@ -81,7 +82,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for router in (fits, analyses, batches, health):
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
-    for router in (pages, choice):
+    for router in (pages, choice, keys):
         application.include_router(router, max_body_size=settings.max_body_bytes)
     application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))

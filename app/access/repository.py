@@ -45,11 +45,12 @@ def open_keys(session: Session, key_ids: Collection[str], now: float) -> set[str
     return set(session.scalars(query))
 
 
-def revoke(session: Session, key_id: str, now: float) -> bool:
-    """Revoke a key; False if it does not exist or is already revoked."""
+def revoke(session: Session, key_id: str, now: float, workspace: str | None = None) -> bool:
+    """Revoke a key; False if it does not exist, is already revoked or of another workspace."""
+    of_workspace = [] if workspace is None else [KeyRow.workspace == workspace]
     changed = session.execute(
         update(KeyRow)
-        .where(KeyRow.id == key_id, KeyRow.revoked_at.is_(None))
+        .where(KeyRow.id == key_id, KeyRow.revoked_at.is_(None), *of_workspace)
         .values(revoked_at=now)
         .returning(KeyRow.id)
     )

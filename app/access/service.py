@@ -96,19 +96,26 @@ class AccessService:
             repository.add_key(session, key)
         return key, secret
 
-    def list_keys(self) -> Sequence[KeyRow]:
-        """All keys, including revoked ones, oldest first."""
+    def list_keys(self, workspace: str | None = None) -> Sequence[KeyRow]:
+        """Keys of a workspace, or of all, including revoked ones, oldest first."""
         with self._database.reading() as session:
-            return repository.all_keys(session)
+            keys = repository.all_keys(session)
+        return [key for key in keys if workspace in (None, key.workspace)]
 
-    def revoke_key(self, key_id: str) -> None:
+    def revoke_key(self, key_id: str, workspace: str | None = None) -> None:
         """Revoke a key and thereby end its sessions.
+
+        Args:
+            key_id: ID of the key.
+            workspace: Workspace to which the key must belong; None for any.
 
         Raises:
             OptionError: There is no such key, or it is already revoked.
         """
         with self._database.writing() as session:
-            known = is_id("key", key_id) and repository.revoke(session, key_id, time.time())
+            known = is_id("key", key_id) and repository.revoke(
+                session, key_id, time.time(), workspace
+            )
         if not known:
             raise OptionError(
                 f"{key_id!r} is no key that can be revoked; `motorid keys list` shows them",

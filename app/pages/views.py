@@ -10,7 +10,7 @@ from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary, Progress
 from app.runs.schemas import RunOut, RunWarningOut
 
-__all__ = ["batch_view", "duration", "fit_view", "run_view", "span"]
+__all__ = ["batch_view", "duration", "fit_view", "run_view", "span", "when"]
 
 _CHANNELS = {
     "voltage_V": "V",
@@ -34,7 +34,7 @@ def run_view(run: RunOut) -> dict[str, Any]:
         "ranges": {name: _range(run, name) for name in _CHANNELS},
         "warnings": [_placed(warning) for warning in run.warnings],
         "created_at": run.created_at,
-        "received": _when(run.created_at),
+        "received": when(run.created_at),
     }
 
 
@@ -48,7 +48,7 @@ def fit_view(fit: FitSummary, files: Mapping[str, str]) -> dict[str, Any]:
         **fit.model_dump(exclude={"training", "validation"}),
         "training": [files.get(run, run) for run in fit.training],
         "validation": [files.get(run, run) for run in fit.validation],
-        "begun": _when(fit.created_at),
+        "begun": when(fit.created_at),
         "percent": f"{100 * fit.progress.fraction:.0f} %",
         "progress_text": _progress(fit.progress),
         "took": took,
@@ -61,7 +61,7 @@ def batch_view(batch: BatchSummary) -> dict[str, Any]:
     counts = [f"{number} {status}" for status, number in batch.counts.items() if number]
     return {
         **batch.model_dump(),
-        "begun": _when(batch.created_at),
+        "begun": when(batch.created_at),
         "percent": f"{100 * batch.progress.fraction:.0f} %",
         "has_ended": batch.status not in ("queued", "running"),
         "counts_text": ", ".join(counts),
@@ -114,6 +114,6 @@ def _time(text: str) -> datetime:
     return datetime.fromisoformat(text)
 
 
-def _when(text: str) -> str:
+def when(text: str) -> str:
     """Time in UTC, formatted for people; the script of the pages shows local time."""
     return f"{_time(text):%Y-%m-%d %H:%M} UTC"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import httpx
 import pytest
@@ -27,11 +28,13 @@ def closed(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def ids(alice: Caller, stored: str) -> dict[str, str]:
+def ids(alice: Caller, server: Server, stored: str) -> dict[str, str]:
     """ID of an item of alice for each path parameter."""
     fit = alice.wait(alice.begin(stored)["id"])["id"]
     batch = alice.http.post("/batches", json={"motors": [{"training": [stored]}]}).json()["id"]
-    return {"run_id": stored, "fit_id": fit, "batch_id": batch}
+    page = httpx.get(f"{server.url}/keys", headers=alice.http.headers).text
+    [key] = re.findall(r'hx-post="/keys/(key_\w+)/revoke"', page)[:1]
+    return {"run_id": stored, "fit_id": fit, "batch_id": batch, "key_id": key}
 
 
 @pytest.mark.parametrize("kind", ["none", "wrong", "revoked", "expired"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -120,6 +121,55 @@ def test_fit_page_of_another_workspace_is_not_found(
     fit = alice.wait(alice.begin(stored)["id"])["id"]
 
     assert httpx.get(f"{server.url}/fits/{fit}", headers=bob.http.headers).status_code == 404
+
+
+def test_keys_of_a_workspace_are_created_and_revoked(browser: httpx.Client, server: Server) -> None:
+    """The secret is shown once, works at once, and no longer after it was revoked."""
+    workspace = f"keys-{secrets.token_hex(6)}"
+    browser.post("/login", data={"key": make_key(server.data_dir, workspace)})
+
+    made = browser.post("/keys", data={"name": "bench 4", "days": "30"})
+    [secret] = re.findall(r'class="secret">(motorid_[\w-]+)<', made.text)
+    bearer = {"Authorization": f"Bearer {secret}"}
+    works = httpx.get(f"{server.url}/api/v1/runs", headers=bearer)
+    later = browser.get("/keys").text
+    [key] = re.findall(r'hx-post="/keys/(\w+)/revoke"[^>]*Revoke bench 4', later.replace("\n", " "))
+    revoked = browser.post(f"/keys/{key}/revoke")
+    refused = httpx.get(f"{server.url}/api/v1/runs", headers=bearer)
+
+    assert works.status_code == 200
+    assert secret not in later
+    assert (revoked.status_code, refused.status_code) == (204, 401)
+    assert ">revoked</span>" in browser.get("/keys").text
+
+
+@pytest.mark.parametrize(
+    ("name", "days", "words"),
+    [("bench 4", "soon", "is not a number"), ("bench 4", "-1", "expected more than 0")],
+)
+def test_fault_of_a_new_key_keeps_its_name(
+    browser: httpx.Client, key: str, name: str, days: str, words: str
+) -> None:
+    """The form comes back with the sentence and the name."""
+    browser.post("/login", data={"key": key})
+
+    answer = browser.post("/keys", data={"name": name, "days": days})
+
+    assert answer.status_code == 422
+    assert words in answer.text
+    assert f'value="{name}"' in answer.text
+
+
+def test_keys_of_other_workspaces_are_not_shown(
+    browser: httpx.Client, key: str, server: Server
+) -> None:
+    """A name that only another workspace uses does not occur."""
+    with httpx.Client(base_url=server.url, headers=HTML) as other:
+        other.post("/login", data={"key": make_key(server.data_dir, "pages-2")})
+        other.post("/keys", data={"name": "secret bench"})
+    browser.post("/login", data={"key": key})
+
+    assert "secret bench" not in browser.get("/keys").text
 
 
 def test_report_and_fleet_page_have_a_way_back(alice: Caller, server: Server, stored: str) -> None:

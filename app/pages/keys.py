@@ -1,0 +1,102 @@
+"""Page of the API keys of a workspace: list, create and revoke.
+
+A key gives access to all data of its workspace and to nothing else, its keys included.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Form, Response
+from fastapi.responses import HTMLResponse
+
+from app.access.service import Caller
+from app.composition import Services
+from app.errors import FieldRefused, NotFound
+from app.http.dependencies import CallerDep, ServicesDep
+from app.pages.rendering import page
+from app.pages.views import when
+from app.tables import KeyRow
+from app.texts import moment
+from identification.errors import OptionError
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/keys", include_in_schema=False)
+
+
+@router.get("")
+def show(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Keys of the workspace."""
+    return _page(services, caller)
+
+
+@router.post("")
+def create(
+    services: ServicesDep,
+    caller: CallerDep,
+    name: Annotated[str, Form(max_length=200)],
+    days: Annotated[str, Form(max_length=20)] = "",
+) -> HTMLResponse:
+    """Create a key of the workspace and show its secret once."""
+    _refuse_without_keys(caller)
+    try:
+        lifetime = float(days.replace(",", ".")) if days.strip() else None
+        _, secret = services.access.create_key(name.strip(), caller.workspace, days=lifetime)
+    except ValueError:
+        return _page(services, caller, problem=f"days: {days!r} is not a number", name=name)
+    except OptionError as error:
+        return _page(services, caller, problem=str(error), name=name)
+    return _page(services, caller, secret=secret)
+
+
+@router.post("/{key_id}/revoke")
+def revoke(key_id: str, services: ServicesDep, caller: CallerDep) -> Response:
+    """Revoke a key of the workspace and end its sessions."""
+    try:
+        services.access.revoke_key(key_id, caller.workspace)
+    except OptionError as error:
+        raise NotFound("there is no such key that can be revoked; /keys lists them") from error
+    return Response(status_code=204, headers={"HX-Refresh": "true"})
+
+
+def _refuse_without_keys(caller: Caller) -> None:
+    if caller.key_id is None:
+        raise FieldRefused("this service requires no keys (--no-auth)", "name")
+
+
+def _page(
+    services: Services, caller: Caller, *, secret: str = "", problem: str = "", name: str = ""
+) -> HTMLResponse:
+    keys = reversed(services.access.list_keys(caller.workspace))
+    return page(
+        "keys",
+        status=422 if problem else 200,
+        caller=caller,
+        keys=[_key_view(key, caller) for key in keys],
+        secret=secret,
+        problem=problem,
+        name=name,
+    )
+
+
+def _key_view(key: KeyRow, caller: Caller) -> dict[str, Any]:
+    state = "valid"
+    if key.revoked_at is not None:
+        state = "revoked"
+    elif key.expires_at is not None and key.expires_at <= time.time():
+        state = "expired"
+    times = {
+        "created": key.created_at, "expires": key.expires_at, "last_used": key.last_used_at,
+    }  # fmt: skip
+    return {
+        "id": key.id,
+        "name": key.name,
+        "state": state,
+        "is_own": key.id == caller.key_id,
+        "times": {
+            label: None if at is None else {"iso": moment(at), "text": when(moment(at))}
+            for label, at in times.items()
+        },
+    }
