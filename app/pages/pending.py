@@ -61,6 +61,14 @@ def confirm(services: ServicesDep, caller: CallerDep) -> Response:
     return Response(status_code=204, headers={"HX-Refresh": "true"})
 
 
+@router.post("/{run_id}/reopen")
+async def reopen(run_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Make a pending run of a stored run, to correct its mapping."""
+    services.reading.check()
+    await services.reading.run(services.pending.reopen, caller, run_id)
+    return await to_thread.run_sync(_section, services, caller)
+
+
 @router.post("/{run_id}/mapping")
 async def correct(
     run_id: str, request: Request, services: ServicesDep, caller: CallerDep

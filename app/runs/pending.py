@@ -6,8 +6,10 @@ second browser shows the same.  The mapping of a bench applies to the next files
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import delete, select
@@ -17,6 +19,8 @@ from app import queries
 from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
+from app.disk import open_regular
+from app.errors import FileLost
 from app.identifiers import new_id
 from app.runs import repository
 from app.runs.reading import RunReader
@@ -71,12 +75,7 @@ class PendingRuns:
             found=found,
             created_at=time.time(),
         )
-        # The file first: a sweep deletes a file without a row.
-        with refused_when_full("run"):
-            self._storage.keep_run(upload.path, row.id)
-        with self._database.writing() as session:
-            self._quotas.check_run(session, caller.workspace, upload.size)
-            session.add(row)
+        self._keep(caller, upload.path, row)
         return row
 
     def all(self, caller: Caller) -> Sequence[PendingRow]:
@@ -124,6 +123,53 @@ class PendingRuns:
             if row.bench and chosen and found["summary"] is not None:
                 _save_bench(session, row, chosen)
         return row
+
+    def reopen(self, caller: Caller, run_id: str) -> None:
+        """Make a pending run of the file of a stored run, so that its mapping can be corrected.
+
+        The stored run remains: fits refer to it.
+
+        Raises:
+            NotFound: The workspace has no such run.
+            QuotaExceeded: The quota of the workspace does not allow another run of this size.
+            FileLost: The file of the run is missing.
+            StorageFull: No disk space is left.
+        """
+        with self._database.reading() as session:
+            run = queries.known(session, RunRow, caller.workspace, run_id)
+            self._quotas.check_run(session, caller.workspace, run.bytes)
+        copy = self._storage.new_incoming()
+        try:
+            with refused_when_full("run"), open_regular(self._storage.run(run_id)) as file:
+                with copy.open("xb") as target:
+                    shutil.copyfileobj(file, target)
+        except FileNotFoundError as error:
+            raise FileLost(f"the file of {run_id} is missing; upload it again") from error
+        found = self._reader.pending(copy, run.file, run.mapping, is_of_bench=False)
+        self._keep(
+            caller,
+            copy,
+            PendingRow(
+                id=new_id("run"),
+                workspace=caller.workspace,
+                sha256=run.sha256,
+                bytes=run.bytes,
+                file=run.file,
+                motor=run.motor,
+                bench=None,
+                mapping=run.mapping,
+                found=found,
+                created_at=time.time(),
+            ),
+        )
+
+    def _keep(self, caller: Caller, file: Path, row: PendingRow) -> None:
+        # The file first: a sweep deletes a file without a row.
+        with refused_when_full("run"):
+            self._storage.keep_run(file, row.id)
+        with self._database.writing() as session:
+            self._quotas.check_run(session, caller.workspace, row.bytes)
+            session.add(row)
 
     def relabel(self, caller: Caller, motor: str | None, bench: str | None) -> None:
         """Set motor and bench of all pending runs; the mapping of a new bench is applied.

@@ -177,6 +177,25 @@ def test_file_that_is_a_run_already_is_not_added_again(page: Page) -> None:
     assert "copy.csv" not in page.shown()
 
 
+def test_mapping_of_a_stored_run_is_corrected_as_another_run(page: Page) -> None:
+    """A stored run never changes, since fits refer to it; the reversed current is a new run."""
+    page.drop(run_text(16), motor="servo 3")
+    page.http.post("/pending/confirm")
+    (before,) = page.runs()
+    section = page.http.post(f"/pending/{before['id']}/reopen").text
+    copy = section.partition('<article class="pending" id="')[2].partition('"')[0]
+    form = {"current_A.column": "current_A", "current_A.was": "current_A", "current_A.sign": "-"}
+    page.http.post(f"/pending/{copy}/mapping", data=form)
+    page.http.post("/pending/confirm")
+
+    after, unchanged = page.runs()
+
+    assert unchanged == before
+    assert (after["id"], after["motor"], after["sha256"]) == (copy, "servo 3", before["sha256"])
+    low, high = (before["channels"]["current_A"][end] for end in ("min", "max"))  # type: ignore[index]
+    assert after["channels"]["current_A"] == {"min": -high, "max": -low}  # type: ignore[index]
+
+
 def test_discarded_file_leaves_nothing(page: Page, server: Server) -> None:
     """The file is deleted with its row."""
     run = page.drop(run_text(12))
