@@ -187,9 +187,9 @@ def test_table_of_a_prediction_is_that_of_the_library(bench: Bench, declared: bo
     assert answer.headers["content-type"].startswith("text/csv")
     assert header == ["time_s", "current_A", "speed_rad_s"]
     time, current, speed = np.array(rows, dtype=np.float64).T
-    np.testing.assert_array_equal(time, expected.time)
-    np.testing.assert_allclose(current, expected.current, rtol=1e-9)
-    np.testing.assert_allclose(speed, expected.speed, rtol=1e-9)
+    np.testing.assert_array_equal(time, expected["time_s"])
+    np.testing.assert_allclose(current, expected["current_A"], rtol=1e-9)
+    np.testing.assert_allclose(speed, expected["speed_rad_s"], rtol=1e-9)
 
 
 @pytest.mark.parametrize("ending", ["", ".csv"])

@@ -92,7 +92,7 @@ def test_page_of_a_fit_shows_its_parameters(bench: Bench, tmp_path: Path) -> Non
     assert_is_quiet(shown, bench.server)
     for name in ("Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L"):
         assert f"<code>{name}</code>" in shown.dom
-    assert f'href="/api/v1/fits/{bench.fit}/report"' in shown.dom
+    assert f'href="/fits/{bench.fit}/report"' in shown.dom
 
 
 def test_report_draws_in_its_sandbox(bench: Bench, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def test_compiled_motor_follows_predict(
 
     predicted = predict(result, run)
     first = max(edge[0] for edge in motor.model.edges)
-    for k, wanted in enumerate((predicted.current, predicted.speed)):
+    for k, wanted in enumerate((predicted["current_A"], predicted["speed_rad_s"])):
         error = np.abs(readings[first:, k] - wanted[first:])
         assert error.max() < 1e-6 * np.ptp(wanted), ("current", "speed")[k]
 
@@ -49,7 +49,9 @@ def test_equal_substeps_give_equal_numbers(compiled_motors: dict[str, Path]) -> 
 
     readings = one.run(inputs)
 
-    np.testing.assert_allclose(readings[:, 1], predict(result, run).speed, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        readings[:, 1], predict(result, run)["speed_rad_s"], rtol=1e-9, atol=1e-9
+    )
 
 
 def test_load_torque_changes_speed_and_current_as_in_steady_state(

@@ -94,7 +94,7 @@ def test_fmu_is_valid_and_follows_predict(case: str, fmi: Literal[2, 3], tmp_pat
     )
 
     first = max(edge[0] for edge in motor.model.edges)
-    for name, wanted in (("current", predicted.current), ("speed", predicted.speed)):
+    for name, wanted in (("current", predicted["current_A"]), ("speed", predicted["speed_rad_s"])):
         error = np.abs(found[name][: run.rows] - wanted)[first:]
         assert error.max() < TOLERANCE * np.ptp(wanted), name
 

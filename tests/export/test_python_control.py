@@ -68,7 +68,7 @@ def test_state_space_follows_predict() -> None:
     ).outputs
 
     predicted = predict(result, run)
-    for row, wanted in zip(found, (predicted.current, predicted.speed), strict=True):
+    for row, wanted in zip(found, (predicted["current_A"], predicted["speed_rad_s"]), strict=True):
         assert np.abs(row - wanted).max() < TOLERANCE * np.ptp(wanted)
 
 
@@ -119,7 +119,9 @@ def test_motor_with_effects_follows_predict() -> None:
     ).outputs  # fmt: skip
 
     predicted = predict(result, run)
-    for row, wanted in zip(found[:2], (predicted.current, predicted.speed), strict=True):
+    for row, wanted in zip(
+        found[:2], (predicted["current_A"], predicted["speed_rad_s"]), strict=True
+    ):
         assert np.abs(row - wanted).max() < TOLERANCE * np.ptp(wanted)
 
 
