@@ -78,7 +78,7 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
 
     def progress(stage: str, fraction: float) -> None:
         nonlocal spent
-        spent = operations()
+        spent = max(spent, operations())
 
     try:
         with tempfile.TemporaryDirectory() as directory:

@@ -99,7 +99,8 @@ def _share(done: Sequence[Line], holds: Callable[[Line], bool]) -> str:
 
 
 def _median(done: Sequence[Line], name: str) -> str:
-    return f"{np.median([line[name] for line in done]):.0f}" if done else "-"
+    known = [line[name] for line in done if line[name] is not None]
+    return f"{np.median(known):.0f}" if known else "-"
 
 
 def _coverage(done: Sequence[Line], name: str) -> str:
