@@ -20,7 +20,7 @@ class ResultWarning:
         code: Stable identifier such as ``unexplained_channel``.
         severity: Consequence for the result.
         message: Description with the values.
-        fix: Action that removes the cause; empty if there is none.
+        fix: Action that removes the cause, which `message` may contain; empty if there is none.
     """
 
     code: str
@@ -30,7 +30,9 @@ class ResultWarning:
 
     def __str__(self) -> str:
         """Message and remedy as one line of text."""
-        return f"{self.message}; {self.fix}" if self.fix else self.message
+        if not self.fix or f"; {self.fix}" in self.message:
+            return self.message
+        return f"{self.message}; {self.fix}"
 
     def details(self) -> dict[str, str]:
         """The parts that a program needs beside the text, for result.json."""

@@ -28,6 +28,7 @@ class Finding:
         limit: Limit that it was compared with.
         corrections: ``--map`` arguments that correct the fault; empty if no mapping can.
         separable: Whether the fault is known to be in this run, regardless of the others.
+        remedy: Action at the end of the message that removes the cause; empty if it has none.
     """
 
     code: str
@@ -40,6 +41,7 @@ class Finding:
     limit: float
     corrections: tuple[str, ...] = ()
     separable: bool = True
+    remedy: str = ""
 
     def __str__(self) -> str:
         """Location, message, statistic with its limit, and the correction to type."""
@@ -56,7 +58,8 @@ class Finding:
         text = f"{location}: {self.message}" if location else self.message
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"
         maps = " ".join(f"--map '{word}'" for word in self.corrections)
-        return ResultWarning(self.code, severity, lead + text, maps and f"correct it with {maps}")
+        fix = f"correct it with {maps}" if maps else self.remedy
+        return ResultWarning(self.code, severity, lead + text, fix)
 
     def entry(self) -> dict[str, object]:
         """The finding as plain data for result.json and HTTP."""

@@ -63,6 +63,7 @@ def time_constant_findings(
 
 
 def _electrical(time: float, longest: float) -> Finding:
+    remedy = "measure L with an LCR meter and give --known L=VALUE"
     return Finding(
         "electrical_time_constant",
         "suspect",
@@ -70,15 +71,17 @@ def _electrical(time: float, longest: float) -> Finding:
         "current_A",
         f"L / Ra is {1e3 * time:.3g} ms, expected at most {1e3 * longest:.3g} ms for a motor of "
         "this size; possible causes: a filter or delay of the current sensor, a choke in the "
-        "leads, a wrong sample clock; measure L with an LCR meter and give --known L=VALUE",
+        f"leads, a wrong sample clock; {remedy}",
         "electrical time constant [s]",
         time,
         longest,
         separable=False,
+        remedy=remedy,
     )
 
 
 def _mechanical(time: float) -> Finding:
+    remedy = "compare J with the data sheet and give --known J=VALUE"
     is_short = time < _MECHANICAL_S[0]
     why = (
         f"expected at least {1e3 * _MECHANICAL_S[0]:.3g} ms for a rotor without load; possible "
@@ -92,10 +95,10 @@ def _mechanical(time: float) -> Finding:
         "suspect",
         "",
         "speed_rad_s",
-        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why}; compare J with the data sheet and give "
-        "--known J=VALUE",
+        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why}; {remedy}",
         "mechanical time constant [s]",
         time,
         _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],
         separable=False,
+        remedy=remedy,
     )

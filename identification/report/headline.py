@@ -318,7 +318,7 @@ def warning_groups(result: Entry) -> list[Warnings]:
     for place, text in enumerate(texts):
         detail = details[place] if place < len(details) else {}
         severity, fix = str(detail.get("severity", "")), str(detail.get("fix", ""))
-        message = text.removesuffix(f"; {fix}") if fix else text
+        message = text.replace(f"; {fix}", "", 1) if fix else text
         found[severity if severity in found else "warning"].append(
             (_capital(message), _capital(fix))
         )

@@ -10,6 +10,7 @@ from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
 from identification import FitOptions, identify
 from identification.checks.time_constants import time_constant_findings
+from identification.report.headline import warning_groups
 
 TRUSTED = dict.fromkeys(("Ra25", "Kt25", "J", "L"), True)
 
@@ -62,6 +63,29 @@ def test_inertia_far_from_that_of_a_rotor_is_reported(factor: float, word: str) 
     assert found.code == "mechanical_time_constant"
     assert word in found.message
     assert "--known J=VALUE" in found.message
+
+
+def test_remedy_of_an_implausible_time_constant_is_in_the_message_once() -> None:
+    """The report shows the remedy apart from the cause; the warning's text has it as before."""
+    resistance, constant, inertia, inductance = DATA_SHEETS["Faulhaber 3863H024CR"]
+    found = time_constant_findings(
+        values_of(resistance, constant, 100.0 * inertia, 100.0 * inductance), TRUSTED
+    )
+    warnings = [one.warning() for one in found]
+    (group,) = warning_groups(
+        {"warnings": list(map(str, warnings)), "warning_details": [w.details() for w in warnings]}
+    )
+
+    assert [fix for _, fix in group.items] == [
+        "Measure L with an LCR meter and give --known L=VALUE",
+        "Compare J with the data sheet and give --known J=VALUE",
+    ]
+    for one, warning, (message, _) in zip(found, warnings, group.items, strict=True):
+        assert str(warning) == (
+            f"{one.column}: {one.message} ({one.statistic} {one.value:.3g}, limit {one.limit:.3g})"
+        )
+        assert str(warning).count(warning.fix) == 1
+        assert "--known" not in message
 
 
 def test_parameter_that_is_not_identified_is_not_checked() -> None:
