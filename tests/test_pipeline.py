@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification import FitOptions, InputError, OptionError, Run, identify, read_run
 from identification.ingest import write_run
+from identification.prediction import model_of
 from tests.motors import campaign, motor_named
 
 RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
@@ -51,6 +52,16 @@ def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
 
     assert single.result["parameters"] == identify([RUN], [RUN], options).result["parameters"]
     assert (tmp_path / "out" / "result.json").is_file()
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_a_prediction_holds_the_voltage_as_the_fit_did(hold: Literal["zoh", "foh"]) -> None:
+    """The model of a stored result has the hold that the user gave to the fit."""
+    options = FitOptions(effects=False, posterior=False, hold=hold)
+
+    model, _ = model_of(identify(RUN, options=options).result, declared=True)
+
+    assert model.hold == hold
 
 
 def test_paths_of_run_files_stand_for_their_runs(tmp_path: Path) -> None:

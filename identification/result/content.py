@@ -81,7 +81,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "options": _options(findings),
         "runs": _runs(findings.campaign),
         **_checks(findings.admission, implausible),
-        "declared": {"parameters": before},
+        "declared": {"hold": declared.simulator.model.hold, "parameters": before},
         "parameters": after,
         "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
         "diagnosis": {
