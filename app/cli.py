@@ -183,6 +183,7 @@ def feedback(
         temperature or [25.0, 125.0],
         controller or ["P:1"],
         out,
+        result=result,
         show=motor.Show(as_json=json, quiet=quiet),
     )
 

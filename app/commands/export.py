@@ -24,7 +24,7 @@ def export(result: Path, form: str, out: Path, temperatures: Sequence[float]) ->
     from identification.result.atomic import replacing
 
     content = read_result(result)
-    with writable_file(out):
+    with writable_file(out, inputs=(result, result.parent)):
         made = exported(content, form, lambda: draws_of(content, result, _MOST_DRAWS), temperatures)
         with replacing(out) as file:
             file.write_bytes(made.content)

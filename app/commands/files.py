@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ from identification.errors import OptionError
 __all__ = ["draws_of", "read_result", "writable_directory", "writable_file"]
 
 Array = NDArray[np.float64]
+
+_RESULT_FILES = ("result.json", "posterior.nc", "report.html")
 
 
 @contextmanager
@@ -48,12 +50,24 @@ def writable_directory(directory: Path, option: str = "--out") -> Iterator[None]
 
 
 @contextmanager
-def writable_file(path: Path, option: str = "--out") -> Iterator[None]:
+def writable_file(path: Path, option: str = "--out", inputs: Iterable[Path] = ()) -> Iterator[None]:
     """Check that a file can be written, as `writable_directory` does for a directory.
 
+    Args:
+        path: The file.
+        option: Name of the option in the message.
+        inputs: Files or directories that the command reads, also by another name or link.
+
     Raises:
-        OptionError: The path is a directory or cannot be written.
+        OptionError: The path is a directory, cannot be written, or is an input.
     """
+    for read in inputs:
+        files = [read / name for name in _RESULT_FILES] if read.is_dir() else [read]
+        if any(path.exists() and file.exists() and path.samefile(file) for file in files):
+            raise OptionError(
+                f"{option} {path}: is an input of this command; expected another file name",
+                value=str(path),
+            )
     if path.is_dir():
         raise OptionError(f"{option} {path}: is a directory; expected a file name", value=str(path))
     with writable_directory(Path(os.path.abspath(path)).parent, option):

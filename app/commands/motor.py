@@ -166,7 +166,7 @@ def predict(
 
     content = read_result(result)
     measured = read_run(run, mapping=mapping)
-    with writable_file(out):
+    with writable_file(out, inputs=(run, result, result.parent)):
         from identification.prediction import predict as simulate
         from identification.result.atomic import write_text
 
@@ -180,9 +180,10 @@ def feedback(
     controllers: Sequence[str],
     out: Path | None,
     *,
+    result: Path | None,
     show: Show,
 ) -> None:
-    """Compute the feedback metrics, write them and show them.
+    """Compute the feedback metrics, write them and show them; `result` is not overwritten.
 
     Raises:
         InputError: A parameter, temperature, controller or the output file is not accepted.
@@ -191,7 +192,8 @@ def feedback(
     if out is not None:
         from identification.result.atomic import write_text
 
-        with writable_file(out):
+        inputs = () if result is None else (result, result.parent)
+        with writable_file(out, inputs=inputs):
             write_text(out, json.dumps(entries, indent=2, allow_nan=False) + "\n")
     if show.as_json:
         console.print_json(entries)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +104,37 @@ def test_result_whose_parameters_are_impossible_is_refused(
     assert status == 2
     assert "L of the result is" in capsys.readouterr().err
     assert not (tmp_path / "p").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["predict", "DIR/result.json", "RUN", "--out", "RUN"],
+        ["predict", "DIR/result.json", "RUN", "--out", "LINK"],
+        ["predict", "DIR/result.json", "RUN", "--out", "DIR/result.json"],
+        ["feedback", "--result", "DIR/result.json", "--out", "DIR/result.json"],
+        ["export", "DIR/result.json", "--to", "csv", "--out", "DIR/result.json"],
+        ["export", "DIR", "--to", "csv", "--out", "DIR/result.json"],
+        ["export", "DIR/result.json", "--to", "csv", "--out", "DIR/report.html"],
+    ],
+    ids=["run", "link", "result", "metrics", "export", "directory", "report"],
+)
+def test_no_input_is_overwritten(
+    fitted: Path,
+    run_files: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+) -> None:
+    """A measured run exists once; a command that would replace what it reads ends with status 2."""
+    copied = shutil.copytree(fitted, tmp_path / "fit")
+    run = Path(shutil.copy(run_files[3], tmp_path / "run.csv"))
+    (tmp_path / "link.csv").symlink_to(run)
+    before = {path: path.read_bytes() for path in (run, *copied.iterdir())}
+    names = {"DIR": str(copied), "RUN": str(run), "LINK": str(tmp_path / "link.csv")}
+
+    status = main([re.sub("DIR|RUN|LINK", lambda found: names[found[0]], a) for a in arguments])
+
+    assert status == 2
+    assert "is an input of this command" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in (run, *copied.iterdir())} == before
