@@ -329,6 +329,12 @@ class AbsurdValue(RunFileError):
     code: ClassVar[str] = "absurd_value"
 
 
+class AmbiguousAngle(RunFileError):
+    """An angle from which the speed is derived jumps, or turns too far between two samples."""
+
+    code: ClassVar[str] = "ambiguous_angle"
+
+
 class OptionError(InputError):
     """An option has a value that is not accepted."""
 

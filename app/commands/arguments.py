@@ -35,7 +35,9 @@ __all__ = [
     "whole",
 ]
 
-_MAP_FORM = "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT with optional parts"
+_MAP_FORM = (
+    "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT mod PERIOD with optional parts"
+)
 
 
 def _is_number(word: str) -> bool:
@@ -231,13 +233,14 @@ def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | str |
         raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
     if channel == TABLE:
         return file, channel, column
+    column, period = _cut_at("mod", column)
     column, unit = _cut_at("in", column)
     column, offset = _cut_at("+", column)
     column, scale = _cut_at("*", column)
     if not column:
         return file, channel, None
     entry: dict[str, object] = {"column": column}
-    for key, text in (("scale", scale), ("offset", offset)):
+    for key, text in (("scale", scale), ("offset", offset), ("period", period)):
         if text is not None:
             entry[key] = _map_number(setting, text)
     if unit is not None:

@@ -153,6 +153,9 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
     )
     for name in ("unit", "scale", "offset", "from", "to"):
         table.add_column(name, justify="right")
+    is_derived = any("method" in channel for channel in run["channels"].values())
+    if is_derived:
+        table.add_column("method")
     for name, channel in run["channels"].items():
         low, high = excitation.get(name) or (None, None)
         table.add_row(
@@ -165,6 +168,7 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
                 "" if end is None else f"{end:.4g} {unit_text(channel['si_unit'])}"
                 for end in (low, high)
             ),
+            *([channel.get("method", "")] if is_derived else []),
         )
     console.print(table)
     turned = (

@@ -51,6 +51,9 @@ def mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[st
         offset = _number(form, f"{channel}.offset", 0.0)
         if (scale, offset) != (1.0, 0.0):
             entry |= {"scale": scale, "offset": offset}
+        before = earlier.get(channel) or {}
+        if column == was and "period" in before:
+            entry["period"] = before["period"]
         mapping[channel] = entry
     return mapping or None
 

@@ -46,6 +46,7 @@ class Channel:
         unit: Unit of the cells after scale and offset.
         scale: Factor applied to the cell.
         offset: Offset added after the factor, in `unit`.
+        period: Change of the cell after which an angle or a counter starts again, or None.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Channel:
     unit: Unit
     scale: float = 1.0
     offset: float = 0.0
+    period: float | None = None
 
     @property
     def may_be_blank(self) -> bool:
@@ -70,7 +72,8 @@ def assign_channels(
         mapping: User-defined mapping by canonical name.
 
     Returns:
-        Channels by canonical name, without the optional ones that have no column.
+        Channels by canonical name, without the optional ones that have no column, and without the
+        speed where only an angle is logged.
 
     Raises:
         MissingColumn: Required channels have no column; one message covers all of them.
@@ -95,6 +98,9 @@ def assign_channels(
                 found[name] = _unambiguous(name, candidates)
             elif name not in OPTIONAL_CHANNELS:
                 missing.append(name)
+    if "position_rad" in found and "speed_rad_s" in missing:
+        # The speed is derived from the angle.
+        missing.remove("speed_rad_s")
     if missing:
         errors.append(_missing(missing, free, columns))
     if errors:
@@ -137,7 +143,8 @@ def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
     if len(matches) > 1:
         raise _duplicate(matches)
     column = matches[0]
-    return Channel(entry.channel, column, _mapped_unit(entry, column), entry.scale, entry.offset)
+    unit = _mapped_unit(entry, column)
+    return Channel(entry.channel, column, unit, entry.scale, entry.offset, entry.period)
 
 
 def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
@@ -241,6 +248,13 @@ def _missing(names: list[str], free: list[Column], columns: Sequence[Column]) ->
     )
     first = next((name for name in names if similar[name]), names[0])
     example = _example(first, similar[first][0] if similar[first] else None)
+    angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
+    if angles:
+        example += (
+            f"; or map the angle or encoder count {quoted(angles[0].title)} to position_rad, from "
+            f'which the speed is derived: {{"position_rad": {{"column": {_json(angles[0].title)}, '
+            '"scale": RAD_PER_COUNT}}'
+        )
     return MissingColumn(
         f"no column for {', '.join(names)}; similar columns: {found}; the file has "
         f"{listed(column.title for column in columns)}; log the missing "

@@ -4,7 +4,8 @@
      "speed_rad_s": {"column": "n_ist", "unit": "rpm"},
      "position_rad": null}
 
-``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The key
+``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The
+``period`` of a position is the change of the cell after which it starts again.  The key
 ``table`` selects a sheet, group or variable of a file that holds several tables.  The key ``files``
 holds mappings of single files by name; they override the common mapping:
 
@@ -58,6 +59,7 @@ TABLE = "table"
 """Key of a mapping that holds the name of the table to read."""
 
 _KEYS = ("column", "unit", "scale", "offset")
+_PERIODIC = ("position_rad",)
 _LARGEST_FILE = 1_000_000
 _HUGE = 1e300
 
@@ -73,6 +75,7 @@ class ChannelMapping:
         scale: Factor applied to the cell.
         offset: Offset added after the factor, in `unit`.
         scaled: True if scale or offset was given.
+        period: Change of the cell after which an angle or a counter starts again, or None.
     """
 
     channel: str
@@ -81,6 +84,7 @@ class ChannelMapping:
     scale: float = 1.0
     offset: float = 0.0
     scaled: bool = False
+    period: float | None = None
 
 
 @dataclass(frozen=True)
@@ -199,9 +203,10 @@ def _channel(channel: object, entry: object) -> ChannelMapping:
             f'{name} is mapped to {_shown(entry)}; expected {{"column": "header text"}}',
             value=entry,
         )
-    unknown = [str(key) for key in entry if key not in _KEYS]
+    keys = (*_KEYS, "period") if name in _PERIODIC else _KEYS
+    unknown = [str(key) for key in entry if key not in keys]
     if unknown:
-        raise MappingError(f"{name} has the key {listed(unknown)}; expected {', '.join(_KEYS)}")
+        raise MappingError(f"{name} has the key {listed(unknown)}; expected {', '.join(keys)}")
     column = entry.get("column")
     if not isinstance(column, str) or not column.strip():
         raise MappingError(f'{name} has no column; add "column" with the header text', value=column)
@@ -212,6 +217,7 @@ def _channel(channel: object, entry: object) -> ChannelMapping:
         scale=_number(name, "scale", entry.get("scale", 1.0)),
         offset=_number(name, "offset", entry.get("offset", 0.0)),
         scaled="scale" in entry or "offset" in entry,
+        period=_number(name, "period", entry["period"]) if "period" in entry else None,
     )
 
 
@@ -242,8 +248,11 @@ def _number(channel: str, key: str, value: object) -> float:
         number = float(value)
     # Subnormal numbers lose digits: the scaled column would be quantised.
     is_denormal = 0.0 < abs(number) < sys.float_info.min
-    if not math.isfinite(number) or is_denormal or (key == "scale" and number == 0.0):
-        wanted = "a finite number other than 0" if key == "scale" else "a finite number"
+    is_absurd = (key == "scale" and number == 0.0) or (key == "period" and number <= 0.0)
+    if not math.isfinite(number) or is_denormal or is_absurd:
+        wanted = {"scale": "a finite number other than 0", "period": "a positive number"}.get(
+            key, "a finite number"
+        )
         wanted += ", of at least 2.2e-308 in magnitude" if is_denormal else ""
         raise MappingError(
             f"{channel} has the {key} {_shown(value)}; expected {wanted}", value=value

@@ -47,7 +47,8 @@ _NAME_LISTS = {
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
     "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit",
     "temperature": "temperature, temp, t, theta, ϑ, temperatur",
-    "angle": "position, pos, angle, theta, phi, φ, θ, winkel, drehwinkel",
+    "angle": "position, pos, angle, theta, phi, φ, θ, encoder position, encoder angle, winkel, "
+    "drehwinkel, geberwinkel, rotorlage, wellenlage",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
@@ -159,7 +160,7 @@ _FRAGMENTS = {
     "current": ("cur", "amp"),
     "speed": ("vel", "speed", "rpm"),
     "temperature": ("temp",),
-    "angle": ("pos", "angle"),
+    "angle": ("pos", "angle", "encoder", "count", "geber", "winkel", "inkrement"),
 }
 
 

@@ -78,13 +78,22 @@ def check_values(
     yield from _check_small_voltage(channels["voltage_V"], locator)
     yield from check_polarity(channels, time, locator)
     yield from _check_same(channels, locator)
-    if "position_rad" in channels:
+    if "position_rad" in channels and "speed_rad_s" not in locator.derived:
         yield from _check_position(channels["position_rad"], channels["speed_rad_s"], time, locator)
 
 
 def _correction(name: str, locator: SourceLocator, unit: str) -> str:
     """Command-line option that reads a channel of this file in another unit."""
+    origin = locator.derived.get(name)
+    if origin is not None:
+        return f"--map '{locator.file}:{origin}={locator.columns[origin]} * SCALE'"
     return f"--map '{locator.file}:{name}={locator.columns[name]} in {unit}'"
+
+
+def _hint(name: str, locator: SourceLocator) -> str:
+    """Most likely cause of a value outside the bounds of a channel."""
+    derived = f"is the scale of {locator.derived.get(name)} right?"
+    return derived if name in locator.derived else BOUNDS[name].hint
 
 
 def _refuse_kelvin(temperature: Array, locator: SourceLocator) -> None:
@@ -110,8 +119,9 @@ def _check_bounds(name: str, signal: Array, locator: SourceLocator) -> Iterator[
         raise locator.error(
             AbsurdValue,
             f"{value:.6g} {unit} is impossible for a brushed motor; expected "
-            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}; {bounds.hint} Correct the "
-            f"value, or the unit with {_correction(name, locator, _OTHER_UNITS[name])}",
+            f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}; {_hint(name, locator)} "
+            "Correct the value, or the unit with "
+            f"{_correction(name, locator, _OTHER_UNITS[name])}",
             name,
             sample,
             value,
@@ -121,7 +131,8 @@ def _check_bounds(name: str, signal: Array, locator: SourceLocator) -> Iterator[
         worst = int(np.argmax(np.abs(np.where(unusual, signal, 0.0))))
         yield locator.warning(
             "suspicious_value",
-            f"reaches {signal[worst]:.6g} {unit}, unusual for a brushed motor; {bounds.hint}",
+            f"reaches {signal[worst]:.6g} {unit}, unusual for a brushed motor; "
+            f"{_hint(name, locator)}",
             name,
             worst,
         )

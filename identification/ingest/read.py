@@ -12,13 +12,20 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from identification.errors import AbsurdValue, FileTooLarge, RaggedRow, TooFewRows
+from identification.errors import (
+    AbsurdValue,
+    FileTooLarge,
+    MissingColumn,
+    RaggedRow,
+    TooFewRows,
+)
+from identification.ingest.angle import unwrapped, with_speed
 from identification.ingest.channels import Channel, similar_columns
 from identification.ingest.clipping import find_clipped
 from identification.ingest.columns import Column
@@ -117,10 +124,14 @@ def _check_size(samples: Samples, limits: Limits) -> None:
             "split the file or record at a lower rate",
             value=rows,
         )
+    _refuse_few(rows, samples.row)
+
+
+def _refuse_few(rows: int, row: Callable[[int], int]) -> None:
     if rows < FEWEST_ROWS:
         raise TooFewRows(
             f"{rows} samples are too few for an identification; expected at least {FEWEST_ROWS}",
-            row=samples.row(rows - 1) if rows else None,
+            row=row(rows - 1) if rows else None,
             value=rows,
         )
 
@@ -134,16 +145,14 @@ def _run(
     """Convert to SI units and check."""
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)
-    warnings: list[RunWarning] = []
-    values: dict[str, Array] = {}
-    clock = samples.cells["time_s"]
-    for name, channel in channels.items():
-        filled, notes = _filled(channel, samples.cells.pop(name), clock, locator)
-        warnings += notes
-        if filled is not None:
-            values[name] = _in_si(filled, channel, locator)
+    values, warnings = _values(channels, samples, locator)
+    sources = {name: _source(channel, samples.methods) for name, channel in channels.items()}
+    if "speed_rad_s" not in channels:
+        values, locator, note = with_speed(values, channels["position_rad"], locator)
+        _refuse_few(values["time_s"].size, locator.row)
+        warnings.append(note)
+        sources["speed_rad_s"] = dataclasses.replace(sources["position_rad"], method="difference")
     time = values.pop("time_s")
-    check_time(time, locator)
     segments, notes = find_segments(time, locator)
     warnings += notes
     warnings += check_values(values, time, locator)
@@ -160,19 +169,49 @@ def _run(
         position=values.get("position_rad"),
         segments=segments,
         clipped=clipped,
-        sources={
-            name: Source(
-                channel.column.title,
-                channel.unit.name,
-                channel.scale,
-                channel.offset,
-                samples.methods.get(name),
-            )
-            for name, channel in channels.items()
-        },
+        sources=sources,
     )
     about_file = (*_header_warnings(columns, channels, run, locator), *samples.warnings)
     return dataclasses.replace(run, warnings=(*about_file, *warnings, *notes))
+
+
+def _source(channel: Channel, methods: Mapping[str, str]) -> Source:
+    return Source(
+        channel.column.title,
+        channel.unit.name,
+        channel.scale,
+        channel.offset,
+        methods.get(channel.name),
+        channel.period,
+    )
+
+
+def _values(
+    channels: dict[str, Channel], samples: Samples, locator: SourceLocator
+) -> tuple[dict[str, Array], list[RunWarning]]:
+    """Channels in SI units, with an increasing time and an angle without jumps."""
+    warnings: list[RunWarning] = []
+    values: dict[str, Array] = {}
+    clock = samples.cells["time_s"]
+    is_derived = "speed_rad_s" not in channels
+    if is_derived and "position_rad" in samples.methods:
+        raise MissingColumn(
+            "no column for speed_rad_s, and the angle has another clock than the voltage, so that "
+            "its differences would be those of an interpolation; log the speed, or the angle at "
+            "the times of the voltage",
+            column=channels["position_rad"].column.label,
+        )
+    for name, channel in channels.items():
+        cells, notes = _filled(channel, samples.cells.pop(name), clock, locator)
+        warnings += notes
+        if cells is None:
+            continue
+        if name == "position_rad" and (is_derived or channel.period is not None):
+            cells = unwrapped(cells, values["time_s"], channel, locator)
+        values[name] = _in_si(cells, channel, locator)
+        if name == "time_s":
+            check_time(values[name], locator)
+    return values, warnings
 
 
 def _filled(

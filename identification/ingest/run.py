@@ -58,11 +58,13 @@ class SourceLocator:
         file: Name of the file in messages.
         columns: Channel name to header text.
         row: Function from sample index to row in the file.
+        derived: Channel name to the channel from which it is derived; both have one column.
     """
 
     file: str
     columns: Mapping[str, str]
     row: Callable[[int], int]
+    derived: Mapping[str, str] = field(default_factory=dict)
 
     def error(
         self, kind: type[Error], message: str, channel: str, sample: int, value: object
@@ -93,7 +95,9 @@ class SourceLocator:
 class Source:
     """Source column of a channel; its value in `unit` is ``cell * scale + offset``.
 
-    `method` is ``linear`` or ``hold`` for a channel brought to the clock of another one, else None.
+    `method` is ``linear`` or ``hold`` for a channel brought to the clock of another one,
+    ``difference`` for a speed derived from the angle, else None.  `period` is the change of the
+    cell after which an angle starts again.
     """
 
     header: str
@@ -101,16 +105,23 @@ class Source:
     scale: float = 1.0
     offset: float = 0.0
     method: str | None = None
+    period: float | None = None
+
+    @property
+    def origin(self) -> str | None:
+        """Channel from which this one is derived; None for a logged one."""
+        return {"difference": "position_rad"}.get(self.method or "")
 
     def entry(self) -> dict[str, object]:
-        """The source as plain data: the keys of a mapping, and the method if there is one."""
+        """The source as plain data: the keys of a mapping, with period and method if any."""
         entry: dict[str, object] = {
             "column": self.header,
             "unit": self.unit,
             "scale": self.scale,
             "offset": self.offset,
         }
-        return entry | ({"method": self.method} if self.method else {})
+        further = {"period": self.period, "method": self.method}
+        return entry | {key: value for key, value in further.items() if value is not None}
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,8 @@ def choose_table(opened: SourceTable | TableSet, mapping: RunMapping) -> Assigne
     found, errors = _assigned(tables, mapping.channels)
     if not found:
         raise _closest(opened, tables, errors)
+    # A logged speed precedes one derived from an angle.
+    found = {name: one for name, one in found.items() if "speed_rad_s" in one[1]} or found
     if len(found) > 1:
         raise _ambiguous(opened.kind, list(found))
     return next(iter(found.values()))

@@ -23,7 +23,7 @@ from identification.errors import IdentificationError, InputError, RunFileError
 from identification.fit.campaign import campaign_of
 from identification.ingest.file import Limits
 from identification.ingest.given import RunLike, each_given, run_of
-from identification.ingest.mapping import MappingLike
+from identification.ingest.mapping import OPTIONAL_CHANNELS, MappingLike
 from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
@@ -87,6 +87,8 @@ class Preview:
             first = entries[0][1]
             if any(entry != first for _, entry in entries):
                 for file, entry in entries:
+                    if entry is None and name not in OPTIONAL_CHANNELS:
+                        continue
                     single.setdefault(file, {})[name] = entry
             elif first is not None:
                 common[name] = first
@@ -238,11 +240,11 @@ def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:
 
 
 def _mapped(source: Source | None) -> dict[str, object] | None:
-    """Entry of a mapping for a channel; None if it has no column."""
-    if source is None:
+    """Entry of a mapping for a channel; None if it has no column of its own."""
+    if source is None or source.origin is not None:
         return None
     scaled = source.scale != 1.0 or source.offset != 0.0
-    kept = ("column", "unit", "scale", "offset") if scaled else ("column", "unit")
+    kept = ("column", "unit", "period", *(("scale", "offset") if scaled else ()))
     return {name: value for name, value in source.entry().items() if name in kept}
 
 

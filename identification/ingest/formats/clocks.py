@@ -169,7 +169,8 @@ def join(groups: Mapping[str, Sequence[Signal]]) -> list[Signal]:
 
 def _base(clocks: Mapping[str, Array]) -> str:
     """Channel whose clock is used."""
-    intervals = {n: float(np.median(np.diff(clocks[n]))) for n in _MEASURED if clocks[n].size > 1}
+    fast = [name if name in clocks else "position_rad" for name in _MEASURED]
+    intervals = {n: float(np.median(np.diff(clocks[n]))) for n in fast if clocks[n].size > 1}
     if not intervals:
         return _MEASURED[0]
     fastest = min(intervals, key=lambda name: intervals[name])
