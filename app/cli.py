@@ -131,6 +131,7 @@ def check(
         typer.Option(metavar="FILE", help="JSON file to write with the mapping as understood."),
     ] = None,
     json: options.AsJson = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Examine runs before a fit: columns, excitation, contradictions, precision to expect.
 
@@ -141,7 +142,8 @@ def check(
 
     given = [] if mapping is None else ["--mapping", str(mapping)]
     given += [word for text in map or [] for word in ("--map", text)]
-    check(runs, mapping_of(mapping, map or []), save_mapping, given=given, as_json=json)
+    understood = mapping_of(mapping, map or [])
+    check(runs, understood, save_mapping, given=given, as_json=json, quiet=quiet)
 
 
 @app.command(cls=SeveralWords)

@@ -30,6 +30,7 @@ def check(
     *,
     given: Sequence[str] = (),
     as_json: bool,
+    quiet: bool = False,
 ) -> None:
     """Show columns, excitation, contradictions and expected precision of runs.
 
@@ -40,6 +41,7 @@ def check(
             replaced only if it is a mapping.
         given: Options of the command line that the mapping comes from.
         as_json: Print the preview as JSON.
+        quiet: Print nothing, except a requested JSON document and the error.
 
     Raises:
         InputError: A file cannot be read, or runs contradict; all of them have been shown.
@@ -59,7 +61,7 @@ def check(
         _save(found, save_mapping)
     if as_json:
         print_json(content)
-    else:
+    elif not quiet:
         words = ["--mapping", str(save_mapping)] if save_mapping else given
         _print(content, files, save_mapping, words)
     refused = [finding for finding in found.findings if finding.severity == "refuse"]
@@ -68,7 +70,8 @@ def check(
         first = str(refused[0]) if refused else ""
         for error in found.errors[:1]:
             first = _located(error.file, error.row, error.column) + error.message
-        raise InputError(first + (f" (and {count - 1} more, see above)" if count > 1 else ""))
+        unseen = "run without -q to see them" if quiet and not as_json else "see above"
+        raise InputError(first + (f" (and {count - 1} more, {unseen})" if count > 1 else ""))
 
 
 def _check_replaceable(path: Path) -> None:

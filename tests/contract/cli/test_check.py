@@ -41,6 +41,21 @@ def test_all_faults_of_all_files_are_shown_at_once(
     assert "(and 1 more, see above)" in shown.err
 
 
+def test_quiet_check_prints_only_errors(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`-q` prints only errors, as for `fit`: none for good runs, one line for two missing files."""
+    assert main(["check", "-q", *map(str, run_files)]) == 0
+    assert capsys.readouterr() == ("", "")
+    missing = [str(tmp_path / name) for name in ("none.csv", "lost.csv")]
+    assert main(["check", "-q", *missing]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "none.csv" in shown.err
+    assert "(and 1 more, run without -q to see them)" in shown.err
+    assert len(shown.err.splitlines()) == 1
+
+
 def test_reversed_current_is_shown_with_its_correction(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
