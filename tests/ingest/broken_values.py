@@ -112,7 +112,13 @@ BROKEN_VALUES = (
         "decimal commas between commas",
         write(record(), Dialect(",", ",")),
         errors.RaggedRow,
-        "decimal commas need another",
+        "the comma is both the decimal sign and the delimiter",
+    ),
+    Refusal(
+        "decimal commas between commas, no header",
+        write(record(), Dialect(",", ",")).split(b"\n", 1)[1],
+        errors.RaggedRow,
+        "the comma is both the decimal sign and the delimiter",
     ),
     Refusal(
         "not a number", with_cell("current_A", 3, "NaN"), errors.NotFinite, "'NaN'", 5, "current_A"

@@ -7,6 +7,7 @@ samples is a damaged sample and raises an error.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,9 @@ from identification.ingest.text.cells import is_number, split_cells
 __all__ = ["HeaderRows", "Line"]
 
 _MOST_ROWS = 5
+_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
+# A whole number has no leading zero.
+_FRACTION = re.compile(r"0\d+", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -137,17 +141,34 @@ class HeaderRows:
     def _headless(self, lines: list[Line]) -> RunFileError:
         """Error for samples that have no matching row of names above them."""
         last = split_cells(lines[-1].text, self._delimiter) if lines else []
+        # Each of n numbers with a decimal comma has one or two fields.
+        is_halved = self._delimiter == "," and len(last) < self._fields <= 2 * len(last)
+        is_named = len(last) > 1 and any(map(is_channel_name, last))
+        if (is_named and is_halved and self._are_whole()) or self._has_fractions():
+            return RaggedRow(
+                f"the comma is both the decimal sign and the delimiter, which makes {self._fields} "
+                "fields of each sample; export with a decimal point, or with a semicolon or tab "
+                "as the delimiter",
+                row=self._sample.number,
+                value=self._fields,
+            )
         if len(last) < 2 or not any(map(is_channel_name, last)):
             return NoHeader(
                 f"the samples have no header that names their {self._fields} columns; "
                 "add a header such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
                 row=self._sample.number,
             )
-        hint = "write one name for each column"
-        if self._delimiter == "," and self._fields + 1 >= 2 * len(last) - 1:
-            hint = "decimal commas need another delimiter than the comma, such as a semicolon"
         return RaggedRow(
-            f"the samples have {self._fields} fields and the header has {len(last)}; {hint}",
+            f"the samples have {self._fields} fields and the header has {len(last)}; write one "
+            "name for each column",
             row=self._sample.number,
             value=self._fields,
         )
+
+    def _are_whole(self) -> bool:
+        return all(map(_WHOLE.fullmatch, self._sample_cells))
+
+    def _has_fractions(self) -> bool:
+        """Whether fields between commas are digits after a decimal comma, such as ``001``."""
+        fractions = [cell for cell in self._sample_cells if _FRACTION.fullmatch(cell)]
+        return self._delimiter == "," and self._are_whole() and bool(fractions)
