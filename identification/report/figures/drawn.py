@@ -32,8 +32,8 @@ CHART: Final = re.compile(
 _KIND: Final = re.compile(r"[a-z]+[0-9]?")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 66.0, 10.0, 10.0, 40.0
 _KEY: Final = 18.0
-_PER_LETTER: Final = 6.4
-"""Width of a letter of the key at least as wide as the average one [drawing units]."""
+_PER_LETTER: Final = 7.6
+"""Width of a letter of the key, at least that of a wide one in bold [drawing units]."""
 _BARS: Final = 0.14
 """Height of the tallest bar over that of the plot."""
 
@@ -64,7 +64,8 @@ def drawn_chart(element: str, width: float = 460.0) -> str:
 def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
     title, _, description = words.partition(". ")
     labels = [(one["label"], _kind(one)) for one in spec["lines"] if one["label"]]
-    key = _KEY if labels else 0.0
+    keys = _rows(labels, width - _RIGHT)
+    key = _KEY * len(keys)
     height = min(float(spec["height"]), 400.0) - _BOTTOM
     box = (_LEFT, _TOP + key, width - _LEFT - _RIGHT, height)
     frame = Frame(box, _x_range(spec), _y_range(spec))
@@ -73,7 +74,7 @@ def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
         low, high = _array(one["low"]), _array(one["high"])
         body += band(frame, _array(one["x"]), low, high, f"band {_kind(one)}")
     body += "".join(_mark(frame, one) for one in spec["lines"])
-    return svg(width, height + key + _TOP + _BOTTOM, title, description, body + _key(labels))
+    return svg(width, height + key + _TOP + _BOTTOM, title, description, body + _key(keys))
 
 
 def _mark(frame: Frame, one: Mapping[str, Any]) -> str:
@@ -85,7 +86,7 @@ def _mark(frame: Frame, one: Mapping[str, Any]) -> str:
             return dots(frame, x, y, "dots few")
         case "stems":
             return "".join(
-                line(frame, np.full(2, at), np.array([0.0, value]), "stem")
+                line(frame, np.full(2, at), np.array([0.0, value]), f"stem {kind}")
                 for at, value in zip(x, y, strict=True)
             )
         case "bars":
@@ -111,13 +112,30 @@ def _bars(frame: Frame, x: Array, y: Array) -> str:
     return marks
 
 
-def _key(labels: list[tuple[str, str]]) -> str:
-    """Labels of the series above the plot, each in the colour of its series."""
-    marks, at = "", _LEFT
+_Placed = tuple[float, str, str]
+
+
+def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
+    """Rows of the key: the start of each label, the label and its kind."""
+    rows: list[list[_Placed]] = []
+    at = right
     for label, kind in labels:
-        marks += text(at, _TOP + 4.0, f"— {label}", f"tick strong {kind}")
-        at += _PER_LETTER * (len(label) + 4)
-    return marks
+        wide = _PER_LETTER * (len(label) + 3)
+        if not rows or at + wide > right:
+            rows.append([])
+            at = _LEFT
+        rows[-1].append((at, label, kind))
+        at += wide
+    return rows
+
+
+def _key(rows: list[list[_Placed]]) -> str:
+    """Labels of the series above the plot, each in the colour of its series."""
+    return "".join(
+        text(at, _TOP + 4.0 + _KEY * row, f"— {label}", f"tick strong {kind}")
+        for row, placed in enumerate(rows)
+        for at, label, kind in placed
+    )
 
 
 def _x_range(spec: Mapping[str, Any]) -> tuple[float, float]:

@@ -6,16 +6,20 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.pages.rendering import STATIC_FILES
 from app.pages.results import result_view
+from identification.report.figures.chart import Line, chart
+from identification.report.figures.drawn import drawn_chart
 from identification.report.html import render_report
 from tests.reports import make_report
 
 DATA = make_report(with_effect=True)
 RESULT: dict[str, Any] = dict(DATA.result)
 REPORT = render_report(DATA)
+TIME = np.linspace(0.0, 1.0, 5)
 
 
 def test_story_names_the_effect_the_quality_and_the_parameters() -> None:
@@ -60,6 +64,23 @@ def test_every_mark_of_a_figure_has_a_style() -> None:
     styled = set(re.findall(r"\.([a-z][a-z0-9]*)", sheet))
     assert used - styled <= {"after"}, "the line of the final model has the default colour"
     assert used
+
+
+def test_key_of_a_chart_wraps_and_has_the_colours_of_its_series() -> None:
+    """Five temperatures with their simulation need several rows; no label is cut."""
+    kinds = [f"heat{i}" for i in range(5)]
+    lines = [Line(f"{25 * i} °C with effects", kind, TIME, TIME) for i, kind in enumerate(kinds)]
+    drawn = drawn_chart(chart("Step", "Five.", ("time [s]", "speed"), lines))
+    sheet = Path(STATIC_FILES, "result.css").read_text(encoding="utf-8")
+
+    keys = re.findall(r'<text class="tick strong (\w+)" x="([\d.]+)" y="([\d.]+)">', drawn)
+
+    assert [kind for kind, _, _ in keys] == kinds
+    assert len({y for _, _, y in keys}) > 1
+    # 7 units are the average width of a bold letter of 11 units.
+    assert all(float(x) + 7.0 * len("— 100 °C with effects") < 460.0 for _, x, _ in keys)
+    for kind in (*kinds, "before", "after", "measured", "voltage", "loud"):
+        assert f"svg text.{kind}" in sheet
 
 
 @pytest.mark.parametrize(
