@@ -35,11 +35,13 @@ class ReportFigure:
 
     Args:
         svg: SVG element; its classes are those of the style sheet of the page.
+        title: Title, which the report only reads out.
         caption: Caption as text.
         is_wide: Whether the figure has the width of the page.
     """
 
     svg: Markup
+    title: str
     caption: str
     is_wide: bool
 
@@ -64,5 +66,6 @@ def report_figures(text: str, section: str) -> list[ReportFigure]:
         except ValueError:
             continue
         svg = Markup(drawn)  # noqa: S704  text is escaped where it is drawn
-        figures.append(ReportFigure(svg, html.unescape(match["caption"]), is_wide))
+        title = html.unescape(match["words"]).partition(". ")[0]
+        figures.append(ReportFigure(svg, title, html.unescape(match["caption"]), is_wide))
     return figures

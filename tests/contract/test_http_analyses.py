@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 import httpx
 import numpy as np
@@ -126,6 +127,14 @@ def test_page_of_a_motor_lists_its_fits_and_draws_its_history(bench: Bench) -> N
     plots = page.text.count(" over the fits</title>")
     assert 0 < plots <= 7
     assert plots <= page.text.count('<path class="stem') <= 2 * plots
+
+
+def test_first_page_leads_to_the_history_and_to_the_comparison(bench: Bench) -> None:
+    """Every fit of a named motor links to the motor's page, and the bar to the comparison."""
+    shown = bench.http.get("/", headers={"accept": "text/html"}).text
+
+    assert 'href="/compare"' in shown
+    assert shown.count(f'href="/motor?name={quote(MOTOR)}"') == 2
 
 
 def test_unknown_motor_has_a_page_that_says_so(bench: Bench) -> None:
