@@ -111,7 +111,7 @@ def _evaluated(path: Path, controllers: Sequence[str]) -> None:
     with contextlib.redirect_stderr(io.StringIO()):
         motor = {name: values[:_DRAWS] for name, values in motor_of(path, ()).items()}
     out = path.with_name("feedback.json")
-    feedback(motor, (25.0, 125.0), controllers, out, show=Show(quiet=True))
+    feedback(motor, (25.0, 125.0), controllers, out, result=path, show=Show(quiet=True))
 
 
 def _refused(word: str) -> None:
