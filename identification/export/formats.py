@@ -26,7 +26,7 @@ Draws = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Request:
-    """What a format writes.
+    """Input of a format.
 
     Args:
         result: Content of a result.json.

@@ -196,7 +196,7 @@ def _kept(term: AbstractTerm) -> str:
 
 
 def _note(term: AbstractTerm, run: int) -> str:
-    """What the export does not hold of a term, in a sentence; empty if it holds all."""
+    """Sentence on the part of a term that the export omits; empty if it is complete."""
     if isinstance(term, AbstractDelay) and term.channel == "voltage":
         return (
             f"{term.name}: the logged voltage lagged the terminals; the input of the export is "
@@ -220,7 +220,7 @@ def _variant(term: AbstractTerm) -> str:
 
 
 def _acts(term: AbstractTerm, run: int) -> bool:
-    """Whether a term changes the motor or a reading in a new run."""
+    """Return True if a term changes the motor or a reading in a new run."""
     alone = ExportModel((term, _External()), run=run)
     x, u, p = alone.symbols()
     first = len(MotorModel().parameters)

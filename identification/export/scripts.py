@@ -60,7 +60,7 @@ def equations(
 
 
 def continuous_notes(motor: Exported, *, delays: bool) -> tuple[str, ...]:
-    """What continuous equations do not hold of a sampled model, as sentences.
+    """Sentences on the parts of a sampled model that continuous equations omit.
 
     Args:
         motor: The model.

@@ -59,7 +59,7 @@ _STYLE: Final = (
 
 @dataclass(frozen=True)
 class Signature:
-    """What an effect adds to the example motor.
+    """Difference between the example motor with and without an effect.
 
     Args:
         x: (n_sample,) abscissa.
