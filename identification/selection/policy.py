@@ -57,8 +57,8 @@ class SelectionPolicy:
 
     # Predicted gains that justify a refit.
     underestimate: float = 5.0
-    """Ratio of achieved to predicted gain that is never exceeded [-]: larger than any observed one
-    (decision 0018)."""
+    """Ratio of achieved to predicted gain up to which a candidate is refitted [-], unless an effect
+    with the same equation and drivers has exceeded it (decision 0018)."""
     curve_underestimate: float = 2.0
     """The same for a curve [-], which has no shape parameter: the prediction is nearly exact."""
     predicted_share: float = 0.1

@@ -15,7 +15,9 @@ from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
+from identification.selection.candidates import candidates_of
 from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.screen import screened
 from identification.selection.start import (
     Start,
     begun,
@@ -30,6 +32,7 @@ __all__ = [
     "refitted_as",
     "refitted_with",
     "refitted_without",
+    "swapped",
     "with_known_amplitudes",
 ]
 
@@ -82,6 +85,21 @@ def refitted_without(fit: Fit, name: str, limits: TerminationLimits = _LIMITS) -
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
     return _refitted(fit, model, (), limits)
+
+
+def swapped(fit: Fit, old: AbstractTerm, new: AbstractEffect, limits: TerminationLimits) -> Fit:
+    """Fit with `new` in place of `old`, from the optimum of `fit`.
+
+    Its starting points are those of the score test without `old` at that optimum.
+    """
+    bare = refitted_without(fit, old.name, TerminationLimits(0))
+    candidates = [
+        candidate
+        for candidate in candidates_of(bare, ())
+        if (candidate.final.name, candidate.final.variant) == (new.name, new.variant)
+    ]
+    starts = [start for score in screened(bare, candidates) for start in score.starts]
+    return refitted_with(bare, new, starts, limits)
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:

@@ -51,6 +51,7 @@ from identification.selection.steps import (
     has_predicted_gain,
     lacks_more,
     rivals_of,
+    settled,
 )
 from identification.selection.tracing import traced
 from identification.selection.trials import Trials
@@ -271,7 +272,9 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
-        rivals = trials.evaluated_rivals(simpler, term.name)
+        rivals = [
+            settled(state, rival, term) for rival in trials.evaluated_rivals(simpler, term.name)
+        ]
         if not trials.over and term.name != "unlisted":
             curves = [r for r in rivals if r.fit.simulator.model.terms[-1].name == "unlisted"]
             rivals = [*rivals_of(state, simpler, term.name), *curves]

@@ -8,12 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identification.effects.effect import effects_of
+from identification.fit.solve import TerminationLimits
+from identification.model.term import AbstractTerm
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import UNCOMPUTED, AcceptanceCriteria, EvaluatedModel
 from identification.selection.outcome import Searched
 from identification.selection.ranking import ranked
+from identification.selection.refit import swapped
 from identification.selection.score import Score
 from identification.selection.trials import Trials
+from identification.work import Budget
 
 __all__ = [
     "State",
@@ -25,6 +29,7 @@ __all__ = [
     "has_predicted_gain",
     "lacks_more",
     "rivals_of",
+    "settled",
 ]
 
 
@@ -183,12 +188,37 @@ def exchange(state: State) -> None:
         state.current = models[ranked(models, trials.policy)[0]]
 
 
+def settled(state: State, rival: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
+    """Rival with another effect in place of `term`, compared at its optimum.
+
+    Effects of the same equation and drivers have nearly the same signature, so an unfinished fit
+    of one decides nothing against the other.  It is repeated from the optimum of the current model,
+    even after the budget is spent.
+
+    Args:
+        state: Current model, with `term`.
+        rival: Evaluated model; its last term replaces `term`.
+        term: The replaced effect.
+    """
+    trials, current = state.trials, state.current
+    (*_, added) = effects_of(rival.fit.simulator.model.terms)
+    is_like = (added.equation, added.drivers) == (term.equation, term.drivers)
+    if not is_like or not trials.is_due(rival, current):
+        return rival
+    steps, longest = trials.policy.steps, trials.longest
+    fit = swapped(current.fit, term, added, TerminationLimits(steps, budget=Budget(longest)))
+    finished = trials.finished(fit, TerminationLimits(steps, budget=Budget(longest)))
+    return trials.evaluate(finished, current.fraction)
+
+
 def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
     """Models with another effect type in place of `name` and a cost close to the current one."""
     trials, policy = state.trials, state.trials.policy
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
     limit = trials.abandon_cost(state.current, simpler)
-    least = (simpler.fit.cost - limit) / policy.underestimate
-    least = max(_least_gain(trials, simpler, without=name), least)
-    wanted = with_predicted_gain(scores, policy.rivals, least)
+    needed = simpler.fit.cost - limit
+    scores = [
+        s for s in scores if s.gain * trials.underestimate(simpler, s.candidate.term) > needed
+    ]
+    wanted = with_predicted_gain(scores, policy.rivals, _least_gain(trials, simpler, without=name))
     return trials.finish_best(simpler, trials.refits(simpler, wanted, limit))

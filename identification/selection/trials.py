@@ -28,7 +28,7 @@ from identification.selection.refit import (
     refitted_with,
     refitted_without,
 )
-from identification.selection.score import Score
+from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
 from identification.selection.start import Start, traded
 from identification.selection.tracing import missing_curves
@@ -108,6 +108,13 @@ class Trials:
             known = self._evaluated[key] = evaluated(fit.light(), self.campaign, fraction)
         return known
 
+    def is_due(self, model: EvaluatedModel, start: EvaluatedModel) -> bool:
+        """Whether to repeat an unfinished fit from the optimum of another model; True once."""
+        keys = _key(model.fit), _key(start.fit)
+        is_due = not (model.fit.converged or keys in self._retried)
+        self._retried.add(keys)
+        return is_due
+
     def without(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
         """Model without one of its terms.
 
@@ -116,7 +123,7 @@ class Trials:
         """
         key = frozenset(name for name in _key(current.fit) if name[0] != term.name)
         known = self._evaluated.get(key)
-        if known is None or not (known.fit.converged or (key, _key(current.fit)) in self._retried):
+        if known is None or self.is_due(known, current):
             self._retried.add((key, _key(current.fit)))
             limits = self.limits(reference=current.fit.cost)
             fit = refitted_without(current.fit, term.name, limits)
@@ -143,7 +150,7 @@ class Trials:
                 if led.cost > fit.cost and fit is not current.fit:
                     break
                 fit = led
-            fit = self._finished(fit) if fit.cost < abandon_cost else fit
+            fit = self.finished(fit) if fit.cost < abandon_cost else fit
             known = self.evaluate(fit, current.fraction)
         return known
 
@@ -193,13 +200,30 @@ class Trials:
         scores = [*self.scores(current), *self.curves(current)]
         return omitted_terms(current.fit, current.fraction, scores, self.tried)
 
+    def underestimate(self, current: EvaluatedModel, term: AbstractEffect) -> float:
+        """Largest ratio of achieved to predicted gain that is assumed for an effect [-].
+
+        Effects of the same equation and drivers have nearly the same signature.  If one of them
+        gained more than predicted, so may the others: the score is taken at a biased model.
+        """
+        key, ratio = _key(current.fit), 1.0
+        for score in gathered(self._scores.get(key, [])):
+            other = score.candidate.final
+            if (other.equation, other.drivers) == (term.equation, term.drivers) and score.gain > 0:
+                found = key | {_name(other)}
+                model = self._evaluated.get(found)
+                fit = self._fits.get(found) if model is None else model.fit
+                if fit is not None:
+                    ratio = max(ratio, (current.fit.cost - fit.cost) / score.gain)
+        return self.policy.underestimate * ratio
+
     def refits(
         self, current: EvaluatedModel, scores: Sequence[Score], abandon_cost: float = np.inf
     ) -> list[tuple[Score, Fit]]:
         """Fits of the model with each candidate added, best first; poor fits are stopped early.
 
-        A candidate is skipped if `underestimate` times its predicted gain is less than the gain
-        that `abandon_cost` requires, or less than a gain close to the best so far.
+        A candidate is skipped if its predicted gain, however much it is underestimated, is less
+        than the gain that `abandon_cost` requires, or less than a gain close to the best so far.
 
         Args:
             current: Model to which the candidates are added.
@@ -214,7 +238,7 @@ class Trials:
             if fit is None:
                 needed = current.fit.cost - min(abandon_cost, current.fit.cost)
                 needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
-                if policy.underestimate * score.gain < needed:
+                if self.underestimate(current, score.candidate.term) * score.gain < needed:
                     continue
                 slack = max(policy.abandon_slack, policy.close_share * (current.fit.cost - best))
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)
@@ -236,7 +260,7 @@ class Trials:
         gains = {key: nominal - cost for cost, key in costs if next(iter(key))[0] != "unlisted"}
         least = self.policy.runner_share * max(gains.values(), default=0.0)
         keys = [key for key, gain in gains.items() if gain > least][1:]
-        return [self.evaluate(self._finished(self._fits[key])) for key in keys]
+        return [self.evaluate(self.finished(self._fits[key])) for key in keys]
 
     def finish_best(
         self, current: EvaluatedModel, fits: Sequence[tuple[Score, Fit]]
@@ -258,7 +282,7 @@ class Trials:
             began = operations()
             fraction = min((model.fraction for model in models), default=1.0)
             limits = self.limits(best + policy.abandon_slack / fraction, longest, best)
-            finished = self._finished(fit, limits)
+            finished = self.finished(fit, limits)
             if finished.is_behind(limits) or operations() - began > longest:
                 self._unfinished.add(key)
             # Evaluate the fit while its derivatives are still in memory.
@@ -273,7 +297,7 @@ class Trials:
         limits = TerminationLimits(self.policy.steps, budget=Budget())
         return refined(current.fit, limits, self.policy)
 
-    def _finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+    def finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         """Fit at its optimum, with substeps as fine as it needs.
 
         If the base model had not converged, every added effect would seem to improve it.
@@ -301,9 +325,8 @@ class Trials:
     ) -> float:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
-        The score is exact for small effects.  It underestimates large effects, whose shape
-        parameters differ from those of the prototype; no effect has been observed to exceed a
-        factor of five.  The size limit is divided by `understated`, the significance limit by two.
+        The score is exact for small effects and underestimates large ones, whose shape differs from
+        the prototype.  The size limit is divided by `understated`, the significance limit by two.
 
         Args:
             current: Model to which the effect is added.

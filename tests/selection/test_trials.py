@@ -12,6 +12,7 @@ from identification.fit.declared import fit_declared
 from identification.selection import search
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel
+from identification.selection.score import Score, gathered
 from identification.selection.steps import State
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
@@ -107,3 +108,47 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
     assert found.name == "coulomb_friction"
     assert found.probability > 0.95
     assert [term.name for term in state.current.fit.simulator.model.terms] == ["coulomb_friction"]
+
+
+def frictions() -> tuple[Trials, EvaluatedModel, dict[str, Score]]:
+    """A servo with Coulomb friction, and the best score of each friction law."""
+    measured = make_campaign(
+        "servo_150w", ["coulomb_friction"], seed=12, rows=800, training=2, validation=1
+    )
+    trials = Trials(records_of_bench(measured))
+    declared = trials.evaluate(fit_declared(trials.campaign.training, "zoh"))
+    best: dict[str, Score] = {}
+    for score in gathered(trials.scores(declared)):
+        best.setdefault(score.candidate.term.name, score)
+    return trials, declared, best
+
+
+def test_a_friction_that_gained_more_than_predicted_raises_the_limit_of_other_frictions() -> None:
+    """The policy's limit holds for a ratio of one; a ratio of ten multiplies it by ten."""
+    trials, declared, best = frictions()
+    coulomb, drag = best["coulomb_friction"], best["quadratic_drag"]
+    ((_, fit),) = trials.refits(declared, [coulomb])
+    scored = replace(coulomb, gain=(declared.fit.cost - fit.cost) / 10.0)
+    trials._scores = {key: [scored, drag] for key in trials._scores}
+    limit = trials.policy.underestimate
+
+    assert trials.underestimate(declared, drag.candidate.term) == pytest.approx(10.0 * limit)
+    assert trials.underestimate(declared, best["brush_drop"].candidate.term) == limit
+
+
+def test_an_unfinished_fit_of_the_true_friction_is_finished_before_a_friction_is_named() -> None:
+    """Coulomb friction is hidden; its fit had stopped at a fifth of its torque, behind the drag."""
+    trials, declared, best = frictions()
+    ((score, fit),) = trials.refits(declared, [best["coulomb_friction"]])
+    (drag,) = trials.finish_best(declared, trials.refits(declared, [best["quadratic_drag"]]))
+    at = fit.coordinates.names.index("coulomb_friction.torque")
+    position = fit.position.copy()
+    position[at] *= 0.2
+    cost = drag.fit.cost + 100.0
+    trials.evaluate(replace(fit, position=position, cost=cost, converged=False))
+    trials.budget = Budget(0.0)
+
+    (found,) = search._effects_of(State(trials, declared, drag))
+
+    assert score.candidate.term.name == found.name == "coulomb_friction"
+    assert found.probability > 0.95
