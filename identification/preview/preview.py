@@ -28,7 +28,8 @@ from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
-from identification.preview.prospects import Prospect, prospects_of
+from identification.preview.prospects import Prospect, interval_of, prospects_of
+from identification.preview.sampling import sampling_note
 
 __all__ = ["Preview", "check", "examine"]
 
@@ -65,7 +66,10 @@ class Preview:
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
-        return replace(self, prospects=tuple(prospects))
+        values = {prospect.name: prospect.value for prospect in prospects}
+        slow = sampling_note(values, interval_of(self.records))
+        notes = (slow, *self.notes) if slow else self.notes
+        return replace(self, prospects=tuple(prospects), notes=notes)
 
     @property
     def is_accepted(self) -> bool:

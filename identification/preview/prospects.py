@@ -25,9 +25,10 @@ from identification.fit.noise import effective_fraction
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation
+from identification.preview.sampling import rounded_up, sampling_advice
 from identification.selection.subset import informative_segments
 
-__all__ = ["Prospect", "prospects_of"]
+__all__ = ["Prospect", "interval_of", "prospects_of"]
 
 _ROWS: Final = 20_000
 """Samples of the segments; enough for each parameter that all samples together determine."""
@@ -89,6 +90,7 @@ def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Pros
     # The information grows with the number of samples.
     gain = math.sqrt(rows / used)
     relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
+    faster = sampling_advice({n: p.estimate for n, p in precision.items()}, interval_of(records))
     found = []
     for parameter in DECLARED:
         bound = precision[parameter.name]
@@ -101,11 +103,17 @@ def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Pros
             base = relative.get(_SLOPES[parameter.name], np.inf)
             advice = _warmer(excitation, lacking, base, bound.limit)
         elif not lacking < 1.0:
-            advice = _more(parameter.name, lacking)
+            more = _more(parameter.name, lacking)
+            advice = f"{faster[parameter.name]}; {more}" if parameter.name in faster else more
         found.append(
             Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
         )
     return found
+
+
+def interval_of(records: Sequence[Record]) -> float:
+    """Median sampling interval of all records [s]."""
+    return float(np.median(np.concatenate([np.diff(record.time) for record in records])))
 
 
 def _warmer(excitation: Excitation, lacking: float, relative: float, limit: float) -> str:
@@ -119,18 +127,12 @@ def _warmer(excitation: Excitation, lacking: float, relative: float, limit: floa
     span = excitation.temperature_span * lacking if excitation.temperature_span > 1.0 else np.inf
     span = min(span, math.sqrt(2.0) * relative / limit) if np.isfinite(relative) else span
     span = max(span, _LEAST_SPAN, excitation.temperature_span)
-    wanted = f"at least {_round_up(span)} K apart" if span < 300.0 else "as far apart as possible"
+    wanted = f"at least {rounded_up(span)} K apart" if span < 300.0 else "as far apart as possible"
     return f"record cold and hot runs, {wanted} (now {excitation.temperature_span:.1f} K)"
 
 
 def _more(name: str, lacking: float) -> str:
     ratio = lacking**2
     if ratio < _MOST_SAMPLES:
-        return f"record {_round_up(ratio)} times as long, or {_ADVICE[name]}"
+        return f"record {rounded_up(ratio)} times as long, or {_ADVICE[name]}"
     return f"record {_ADVICE[name]}"
-
-
-def _round_up(value: float) -> str:
-    """Two significant digits, rounded up."""
-    step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
-    return f"{math.ceil(value / step - 1e-9) * step:.4g}"

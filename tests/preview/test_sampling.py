@@ -1,0 +1,67 @@
+"""Sampling interval against the time constants: the rate comes before any advice on excitation."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from identification.ingest.run import Run
+from identification.preview import Preview, check
+from identification.preview.sampling import sampling_note
+from tests.motors import NAMES, campaign, motor_named
+
+SERVO = motor_named("servo 100 W")
+SERVO_VALUES = dict(zip(NAMES, SERVO.values, strict=True))
+
+
+def decimated(factor: int) -> list[Run]:
+    """Runs of a servo with noise of 2 %, of which each `factor`-th sample was logged."""
+    steps = replace(SERVO, dwell=round(0.7 * SERVO.dwell * factor))
+    runs = campaign(steps, seed=3, runs=2, rows=1500 * factor, noise=0.02)
+    logged = []
+    for run in runs:
+        assert run.temperature is not None
+        signals = (run.time, run.voltage, run.current, run.speed, run.temperature)
+        time, voltage, current, speed, temperature = (
+            np.ascontiguousarray(signal[::factor]) for signal in signals
+        )
+        logged.append(Run(run.name, run.sha256, time, voltage, current, speed, temperature))
+    return logged
+
+
+def advice(found: Preview) -> dict[str, str]:
+    """Advice on each parameter that is not identified, temperature coefficients left out."""
+    named = {p.name: p.advice for p in found.prospects if p.advice}
+    return {name: text for name, text in named.items() if not name.startswith("alpha")}
+
+
+def test_sampling_slower_than_both_transients_is_said_before_the_excitation() -> None:
+    """100 ms a sample at time constants of 3 and 12 ms: the rate leads each advice and the notes.
+
+    The advised rate exceeds twenty samples in the slower of the two time constants.
+    """
+    found = check(decimated(100))
+    texts = advice(found)
+    assert texts
+    for text in (*texts.values(), found.notes[0].rpartition("; ")[2]):
+        wanted = re.match(r"sample at ([\d.]+) Hz or faster \(now 10 Hz\)", text)
+        assert wanted is not None, text
+        assert float(wanted[1]) > 10.0 / 0.012
+    assert "neither the electrical nor the mechanical transient" in found.notes[0]
+
+
+def test_only_the_electrical_transient_is_too_fast_for_a_millisecond() -> None:
+    """L/Ra of 0.1 ms, J Ra/Kt^2 of 5 ms: the note concerns L, at five samples in 0.1 ms."""
+    coreless = motor_named("coreless 10 W")
+    note = sampling_note(dict(zip(NAMES, coreless.values, strict=True)), 1e-3)
+    wanted = re.search(r"electrical time constant of 0.1\d* ms.*sample at (\d+) Hz", note)
+    assert wanted is not None, note
+    assert 5 / 1.1e-4 < float(wanted[1]) < 5 / 0.9e-4
+
+
+def test_resolved_transients_have_no_remark() -> None:
+    """The rate of the servo's bench, and one three times slower, below the natural period."""
+    for factor in (1, 3):
+        assert sampling_note(SERVO_VALUES, factor * SERVO.interval) == ""
