@@ -69,7 +69,8 @@ def test_page_gives_the_bounds_and_limits() -> None:
     for channel, bounds in BOUNDS.items():
         low, high = bounds.possible
         assert f"| `{channel}` | {low:g} to {high:g} | " in PAGE
-        assert f" | {bounds.usual[0]:g} to {bounds.usual[1]:g} |" in PAGE
+        peak = f"{bounds.least:g} " if bounds.least else ""
+        assert f" | {bounds.usual[0]:g} to {bounds.usual[1]:g} | {peak}|\n" in PAGE
     limits = Limits()
     assert (
         f"{limits.bytes:,} bytes, {limits.rows:,} rows, {limits.columns:,} columns, "

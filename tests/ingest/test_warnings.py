@@ -285,7 +285,9 @@ def test_reversed_sensor_is_reported(tmp_path: Path, channel: str) -> None:
         ("voltage_V", 150.0, "is it in millivolts"),
         ("voltage_V", 1e-3, "is it in kilovolts"),
         ("current_A", 500.0, "is it in milliamperes"),
+        ("current_A", 1e-6, "is it in kiloamperes"),
         ("speed_rad_s", 40.0, "is it in rpm"),
+        ("speed_rad_s", 1e-6, "is it in krad/s"),
         ("time_s", 1e3, "check the unit of the time"),
     ],
 )
