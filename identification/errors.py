@@ -42,7 +42,8 @@ the value, what was expected and what to do next.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 __all__ = [
@@ -56,6 +57,7 @@ __all__ = [
     "DamagedFile",
     "DuplicateColumn",
     "EmptyFile",
+    "Example",
     "FileTooLarge",
     "HeaderTooLong",
     "IdentificationError",
@@ -84,6 +86,10 @@ __all__ = [
 ]
 
 
+Example = Mapping[str, object]
+"""Mapping of columns to channels: ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``."""
+
+
 class IdentificationError(Exception):
     """Base class of all errors that this package raises deliberately."""
 
@@ -98,6 +104,8 @@ class InputError(IdentificationError):
         column: Name of the column as in the file.
         value: The offending text or number.
         further: Other errors of the same file, so that one reading shows all of them.
+        examples: Mappings of columns, as `read_run` takes them, each of which is a remedy; a text
+            in capitals stands for a value that only the user knows.
     """
 
     def __init__(
@@ -109,6 +117,7 @@ class InputError(IdentificationError):
         column: str | None = None,
         value: object = None,
         further: Sequence[InputError] = (),
+        examples: Sequence[Example] = (),
     ) -> None:
         self.message = message
         self.file = file
@@ -116,19 +125,34 @@ class InputError(IdentificationError):
         self.column = column
         self.value = value
         self.further = tuple(further)
+        self.examples = tuple(examples)
         super().__init__(str(self))
 
     def __str__(self) -> str:
         """Location and message on one line: ``run3.csv, row 412, column current_A: ...``."""
+        return self.described(_as_json)
+
+    def described(self, remedies: Callable[[Sequence[Example]], str]) -> str:
+        """Location, message, remedies and the further errors on one line.
+
+        Args:
+            remedies: Text of the examples in the words of the user's interface.
+        """
         place = [self.file] if self.file else []
         if self.row is not None:
             place.append(f"row {self.row}")
         if self.column is not None:
             place.append(f"column {self.column}")
         text = f"{', '.join(place)}: {self.message}" if place else self.message
+        text += f", or give {remedies(self.examples)}" if self.examples else ""
         for number, other in enumerate(self.further, 2):
-            text += f"; ({number}) {other}"
+            text += f"; ({number}) {other.described(remedies)}"
         return text
+
+
+def _as_json(examples: Sequence[Example]) -> str:
+    shown = (json.dumps(example, ensure_ascii=False) for example in examples)
+    return f"a mapping such as {' or '.join(shown)}"
 
 
 class ContradictoryRuns(InputError):

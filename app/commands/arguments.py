@@ -16,6 +16,7 @@ import json
 import math
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -29,6 +30,7 @@ __all__ = [
     "SeveralWords",
     "check_mapped_files",
     "decimal",
+    "map_arguments",
     "mapping_of",
     "run_names",
     "values_by_name",
@@ -186,6 +188,30 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
         into[channel] = entry
     read_mapping(mapping)
     return mapping
+
+
+def map_arguments(examples: Sequence[Mapping[str, Any]]) -> str:
+    """The ``--map`` options of mappings, each of which is a remedy, for a user to copy.
+
+    Args:
+        examples: Mappings of an `InputError`.
+    """
+    return " or ".join(
+        " ".join(f"--map {shlex.quote(_map_text(*entry))}" for entry in example.items())
+        for example in examples
+    )
+
+
+def _map_text(channel: str, entry: Mapping[str, Any] | str | None) -> str:
+    """Text from which `_map_entry` reads an entry of a mapping."""
+    if not isinstance(entry, Mapping):
+        return f"{channel}={entry or ''}"
+    words = [f"{channel}={entry['column']}"]
+    for key, sign in (("scale", "*"), ("offset", "+"), ("unit", "in"), ("period", "mod")):
+        if key in entry:
+            value = entry[key]
+            words.append(f"{sign} {value if isinstance(value, str) else f'{value:.12g}'}")
+    return " ".join(words)
 
 
 def run_names(files: Sequence[Path]) -> list[str]:

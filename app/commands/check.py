@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from app.commands.arguments import check_mapped_files, run_names
+from app.commands.arguments import check_mapped_files, map_arguments, run_names
 from app.commands.console import print_help, print_json, remark, results_console, table_with
 from app.commands.files import writable_file
-from identification.errors import InputError, OptionError, RunFileError
+from identification.errors import Example, InputError, OptionError, RunFileError
 from identification.result.numbers import number_text, unit_text
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def check(
     if count:
         first = str(refused[0]) if refused else ""
         for error in found.errors[:1]:
-            first = _located(error.file, error.row, error.column) + error.message
+            first = _located(error.file, error.row, error.column)
+            first += _remedied(error.message, error.examples)
         unseen = "run without -q to see them" if quiet and not as_json else "see above"
         raise InputError(first + (f" (and {count - 1} more, {unseen})" if count > 1 else ""))
 
@@ -117,7 +118,8 @@ def _print(
     for error in content["errors"]:
         place = _located(error["file"], error["row"], error["column"])
         fault = "Not readable" if error["code"] else "Not sufficient"
-        console.print(f"{fault}: {place}{error['message']}", style="red", soft_wrap=True)
+        text = _remedied(error["message"], error["examples"])
+        console.print(f"{fault}: {place}{text}", style="red", soft_wrap=True, markup=False)
     for finding in content["findings"]:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
@@ -145,6 +147,11 @@ def _located(file: str | None, row: int | None, column: str | None) -> str:
     words = ((file, ""), (row, "row "), (column, "column "))
     place = ", ".join(f"{name}{word}" for word, name in words if word is not None)
     return f"{place}: " if place else ""
+
+
+def _remedied(message: str, examples: Sequence[Example]) -> str:
+    """Message with the ``--map`` options that remedy the fault."""
+    return f"{message}, or give {map_arguments(examples)}" if examples else message
 
 
 def _print_run(console: Console, run: Mapping[str, Any]) -> None:

@@ -16,6 +16,7 @@ from typing import Any, Final, TextIO
 import typer
 import typer.core
 
+from app.commands.arguments import map_arguments
 from app.disk import is_full
 from identification.errors import ComputationError, InputError
 
@@ -169,7 +170,9 @@ def _message(error: BaseException) -> str:
         text = f"{error.strerror or error}{_file(error)}"
     elif isinstance(error, MemoryError):
         text = "not enough memory; fit fewer or shorter runs"
-    elif isinstance(error, InputError | ComputationError):
+    elif isinstance(error, InputError):
+        text = error.described(map_arguments)
+    elif isinstance(error, ComputationError):
         text = str(error)
     else:
         format_message = getattr(error, "format_message", None)

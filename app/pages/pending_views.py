@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,8 +16,6 @@ _STATES = {
     "contradictory": "contradictory",
     "unreadable": "needs a correction",
 }
-_EXAMPLE = re.compile(r"(assign a column with )?a mapping such as \{.*", re.DOTALL)
-"""End of a message that shows the mapping to write, which the form replaces."""
 
 
 def pending_list_view(rows: Sequence[PendingRow]) -> dict[str, Any]:
@@ -48,7 +45,8 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "state_text": _STATES[state],
         "facts": [] if summary is None else _facts(summary),
         "errors": [
-            _EXAMPLE.sub("select it below", error["message"]) for error in preview["errors"]
+            error["message"] + (", or select it below" if error.get("examples") else "")
+            for error in preview["errors"]
         ],
         "findings": [_finding(finding) for finding in preview["findings"]],
         "warnings": [] if summary is None else [w["message"] for w in summary["warnings"]],

@@ -1,12 +1,11 @@
 """Assignment of columns to channels, without guessing.
 
 The user's mapping has priority, then exact canonical names, then names with a unit.  A missing or
-ambiguous column, or a missing, unknown or wrong unit, is an error whose message shows the fix.
+ambiguous column, or a missing, unknown or wrong unit, is an error with examples of a mapping.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from identification.errors import (
     AmbiguousColumn,
     AmbiguousUnit,
     DuplicateColumn,
+    Example,
     MappingError,
     MissingColumn,
     RunFileError,
@@ -158,8 +158,19 @@ def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
     if header is not None and header.quantity == si.quantity and header != si:
         raise AmbiguousUnit(
             f"the mapping scales {entry.channel}, and the header gives {header.name}; "
-            f'add "unit": "{header.name}" or "unit": "{si.name}" for the unit of the scaled cell',
+            "remove the scale",
             column=column.label,
+            examples=[
+                {
+                    entry.channel: {
+                        "column": plain(column.title, 80),
+                        "scale": entry.scale,
+                        **({"offset": entry.offset} if entry.offset else {}),
+                        "unit": unit.name,
+                    }
+                }
+                for unit in (header, si)
+            ],
         )
     return si
 
@@ -186,8 +197,9 @@ def _unambiguous(name: str, candidates: list[Column]) -> Channel:
             raise _duplicate(candidates)
         raise AmbiguousColumn(
             f"{listed(column.title for column in candidates)} are all possible for {name}; "
-            f"choose one with a mapping such as {_example(name, candidates[0])}",
+            "rename all except one",
             column=candidates[0].label,
+            examples=[_example(name, candidates[0])],
         )
     return Channel(name, candidates[0], _unit(name, candidates[0]))
 
@@ -198,15 +210,15 @@ def _unit(name: str, column: Column) -> Unit:
     accepted = accepted_spellings(quantity)
     if column.has_contradictory_units:
         raise AmbiguousUnit(
-            f"the header gives two units, {listed(column.unit_texts)}; "
-            f"choose one with a mapping such as {_example(name, column)}",
+            f"the header gives two units, {listed(column.unit_texts)}; remove one",
             column=column.label,
+            examples=[_example(name, column)],
         )
     if not column.unit_texts:
         raise AmbiguousUnit(
-            f"the column may be {name}, but has no unit; expected one of {accepted} in the header, "
-            f"or a mapping such as {_example(name, column)}",
+            f"the column may be {name}, but has no unit; write one of {accepted} in the header",
             column=column.label,
+            examples=[_example(name, column)],
         )
     unit = column.unit
     if unit is None:
@@ -214,11 +226,11 @@ def _unit(name: str, column: Column) -> Unit:
     if unit.quantity != quantity:
         raise WrongUnit(
             f"{unit.name} is a unit of {unit.quantity}, and {name} needs a unit of {quantity} "
-            f"({accepted}); if the column is a sensor output, add a mapping with the sensor gain "
-            f"in {canonical_unit(name).name} per {unit.name}: "
-            f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}',
+            f"({accepted}) or the gain of a sensor in {canonical_unit(name).name} per "
+            f"{unit.name}; correct the unit",
             column=column.label,
             value=column.unit_texts[0],
+            examples=[_scaled(name, column)],
         )
     return unit
 
@@ -227,15 +239,11 @@ def _unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
     text = column.unit_texts[0]
     other_case = unit_in_another_case(text)
     hint = f" (case-sensitive; did you mean {other_case.name}?)" if other_case else ""
-    leave_out = (
-        f', or omit the channel with {{"{name}": null}}' if name in OPTIONAL_CHANNELS else ""
-    )
     return UnknownUnit(
-        f"the unit {quoted(text)} is unknown{hint}; expected one of {accepted} for {name}, "
-        f"or a mapping with a scale to {canonical_unit(name).name} such as "
-        f'{{"{name}": {{"column": {_json(column.title)}, "scale": NUMBER}}}}{leave_out}',
+        f"the unit {quoted(text)} is unknown{hint}; write one of {accepted} for {name}",
         column=column.label,
         value=text,
+        examples=[_scaled(name, column), *([{name: None}] if name in OPTIONAL_CHANNELS else [])],
     )
 
 
@@ -246,20 +254,27 @@ def _missing(names: list[str], free: list[Column], columns: Sequence[Column]) ->
         f"{name} may be {listed(c.title for c in columns)}" if columns else f"{name} has none"
         for name, columns in similar.items()
     )
-    first = next((name for name in names if similar[name]), names[0])
-    example = _example(first, similar[first][0] if similar[first] else None)
+    likely = [name for name in names if similar[name]] or names[:1]
+    examples: list[Example] = [
+        {
+            channel: entry
+            for name in likely
+            for channel, entry in _example(name, next(iter(similar[name]), None)).items()
+        }
+    ]
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
+    hint = ""
     if angles:
-        example += (
-            f"; or map the angle or encoder count {quoted(angles[0].title)} to position_rad, from "
-            f'which the speed is derived: {{"position_rad": {{"column": {_json(angles[0].title)}, '
-            '"scale": RAD_PER_COUNT}}'
+        hint = (
+            " (the speed may be derived from an angle or encoder count, "
+            f"{quoted(angles[0].title)} mapped to position_rad)"
         )
+        examples.append(_scaled("position_rad", angles[0], "RAD_PER_COUNT"))
     return MissingColumn(
         f"no column for {', '.join(names)}; similar columns: {found}; the file has "
-        f"{listed(column.title for column in columns)}; log the missing "
-        f"channel, or assign a column with a mapping such as {example}",
+        f"{listed(column.title for column in columns)}; log the missing channel{hint}",
         column=names[0],
+        examples=examples,
     )
 
 
@@ -271,13 +286,15 @@ def _duplicate(columns: Sequence[Column]) -> RunFileError:
     )
 
 
-def _example(name: str, column: Column | None) -> str:
-    title = _json(column.title) if column else '"HEADER TEXT"'
+def _example(name: str, column: Column | None) -> Example:
+    """Mapping of a channel to a column in its unit, else in the SI unit."""
     unit = canonical_unit(name)
     if column is not None and column.unit is not None and column.unit.quantity == unit.quantity:
         unit = column.unit
-    return f'{{"{name}": {{"column": {title}, "unit": "{unit.name}"}}}}'
+    title = plain(column.title, 80) if column else "HEADER TEXT"
+    return {name: {"column": title, "unit": unit.name}}
 
 
-def _json(title: str) -> str:
-    return json.dumps(plain(title, 80), ensure_ascii=False)
+def _scaled(name: str, column: Column, factor: str = "NUMBER") -> Example:
+    """Mapping of a channel to a column that is multiplied by a factor only the user knows."""
+    return {name: {"column": plain(column.title, 80), "scale": factor}}

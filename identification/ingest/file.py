@@ -167,6 +167,7 @@ def naming(file: str | None) -> Iterator[None]:
             column=error.column,
             value=error.value,
             further=error.further,
+            examples=error.examples,
         ) from error
 
 

@@ -93,11 +93,10 @@ def _assigned(
 
 
 def _ambiguous(kind: str, names: list[str]) -> AmbiguousTable:
-    example = plain(names[0]).replace('"', '\\"')
     return AmbiguousTable(
-        f"the {kind}s {listed(names)} all contain a run; choose one with the mapping "
-        f'{{"table": "{example}"}} or --map \'table={plain(names[0])}\'',
+        f"the {kind}s {listed(names)} all contain a run; keep one",
         value=names[0],
+        examples=[{"table": plain(names[0])}],
     )
 
 
@@ -152,4 +151,5 @@ def _noted(error: RunFileError, note: str) -> RunFileError:
         column=error.column,
         value=error.value,
         further=error.further,
+        examples=error.examples,
     )

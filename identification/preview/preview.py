@@ -286,4 +286,5 @@ def _error_entry(error: InputError, file: str | None) -> dict[str, object]:
         "file": file,
         "row": error.row,
         "column": error.column,
+        "examples": list(error.examples),
     }

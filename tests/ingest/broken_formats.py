@@ -66,7 +66,6 @@ BROKEN_WORKBOOKS = (
         errors.AmbiguousTable,
         "the sheets 'Cold', 'Hot' all contain a run",
         '{"table": "Cold"}',
-        "--map 'table=Cold'",
         needs=XLSX,
     ),
     broken(

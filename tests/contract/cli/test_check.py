@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -108,15 +110,36 @@ def test_all_columns_at_fault_are_shown_at_once(
         "n [foo]": "unknown_unit",
     }
     assert all(error["file"] == "bad.csv" for error in errors.values())
-    assert all(
-        channel in errors[column]["message"]
-        for column, channel in (
-            ("U", '{"voltage_V": '),
-            ("I [V]", '{"current_A": '),
-            ("n [foo]", '{"speed_rad_s": '),
-        )
-    )
+    assert {column: [*error["examples"][0]] for column, error in errors.items()} == {
+        "U": ["voltage_V"],
+        "I [V]": ["current_A"],
+        "n [foo]": ["speed_rad_s"],
+    }
     assert "(and 2 more, see above)" in shown.err
+
+
+def test_option_of_the_message_reads_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No unit, and a unit of another quantity: the options shown are copied, with a gain of 2.
+
+    The same error shows its mappings as JSON only in `--json`, as by HTTP.
+    """
+    file = tmp_path / "bad.csv"
+    rows = "".join(f"{number},{number % 7},{number % 5},{number}\n" for number in range(60))
+    file.write_text(f"time [s],U mot,I [V],n [rad/s]\n{rows}", encoding="utf-8")
+
+    assert main(["check", str(file)]) == 2
+    shown = capsys.readouterr()
+    assert "--map 'voltage_V=U mot in V'" in shown.err
+    assert "{" not in shown.out + shown.err
+    given = re.findall(r"or give (--map .*)", shown.out)
+    assert len(given) == 2
+    words = [word for text in given for word in shlex.split(text.replace("NUMBER", "2"))]
+    main(["check", str(file), *words, "--json"])
+    content = json.loads(capsys.readouterr().out)
+    assert not [error for error in content["errors"] if error["code"]]
+    assert content["runs"][0]["channels"]["current_A"]["scale"] == 2.0
 
 
 def test_next_command_repeats_the_mapping(
