@@ -42,9 +42,10 @@ the value, what was expected and what to do next.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
+
+from identification.examples import Example, as_json
 
 __all__ = [
     "AbsurdValue",
@@ -57,7 +58,6 @@ __all__ = [
     "DamagedFile",
     "DuplicateColumn",
     "EmptyFile",
-    "Example",
     "FileTooLarge",
     "HeaderTooLong",
     "IdentificationError",
@@ -86,10 +86,6 @@ __all__ = [
 ]
 
 
-Example = Mapping[str, object]
-"""Mapping of columns to channels: ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``."""
-
-
 class IdentificationError(Exception):
     """Base class of all errors that this package raises deliberately."""
 
@@ -104,8 +100,7 @@ class InputError(IdentificationError):
         column: Name of the column as in the file.
         value: The offending text or number.
         further: Other errors of the same file, so that one reading shows all of them.
-        examples: Mappings of columns, as `read_run` takes them, each of which is a remedy; a text
-            in capitals stands for a value that only the user knows.
+        examples: Mappings, each a remedy; capitals stand for values that only the user knows.
     """
 
     def __init__(
@@ -130,29 +125,17 @@ class InputError(IdentificationError):
 
     def __str__(self) -> str:
         """Location and message on one line: ``run3.csv, row 412, column current_A: ...``."""
-        return self.described(_as_json)
+        return self.described(as_json)
 
     def described(self, remedies: Callable[[Sequence[Example]], str]) -> str:
-        """Location, message, remedies and the further errors on one line.
-
-        Args:
-            remedies: Text of the examples in the words of the user's interface.
-        """
-        place = [self.file] if self.file else []
-        if self.row is not None:
-            place.append(f"row {self.row}")
-        if self.column is not None:
-            place.append(f"column {self.column}")
+        """Text on one line, in which `remedies` words the examples for the user's interface."""
+        named = ((self.file or None, ""), (self.row, "row "), (self.column, "column "))
+        place = [f"{word}{value}" for value, word in named if value is not None]
         text = f"{', '.join(place)}: {self.message}" if place else self.message
         text += f", or give {remedies(self.examples)}" if self.examples else ""
         for number, other in enumerate(self.further, 2):
             text += f"; ({number}) {other.described(remedies)}"
         return text
-
-
-def _as_json(examples: Sequence[Example]) -> str:
-    shown = (json.dumps(example, ensure_ascii=False) for example in examples)
-    return f"a mapping such as {' or '.join(shown)}"
 
 
 class ContradictoryRuns(InputError):

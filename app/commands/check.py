@@ -14,7 +14,8 @@ from rich.table import Table
 from app.commands.arguments import check_mapped_files, map_arguments, run_names
 from app.commands.console import print_help, print_json, remark, results_console, table_with
 from app.commands.files import writable_file
-from identification.errors import Example, InputError, OptionError, RunFileError
+from identification.errors import InputError, OptionError, RunFileError
+from identification.examples import Example
 from identification.result.numbers import number_text, unit_text
 
 if TYPE_CHECKING:

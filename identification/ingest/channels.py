@@ -14,13 +14,13 @@ from identification.errors import (
     AmbiguousColumn,
     AmbiguousUnit,
     DuplicateColumn,
-    Example,
     MappingError,
     MissingColumn,
     RunFileError,
     UnknownUnit,
     WrongUnit,
 )
+from identification.examples import Example
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
