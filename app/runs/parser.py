@@ -16,7 +16,6 @@ from identification.errors import RunFileError
 from identification.ingest import Column, Limits, Run, read_run
 from identification.ingest.channels import similar_columns
 from identification.ingest.listing import list_columns
-from identification.ingest.run import Array
 from identification.ingest.units import CHANNEL_QUANTITIES
 
 __all__ = ["handle"]
@@ -125,7 +124,7 @@ def _samples(run: Run) -> dict[str, list[float]]:
     """Extremes of each channel over time, for a plot."""
     from identification.report.columns import extremes
 
-    channels = _channels(run)
+    channels = run.channels
     kept = extremes(list(channels.values()), _BUCKETS)
     # Six digits are finer than a screen shows.
     return {
@@ -144,18 +143,6 @@ def _problem(error: RunFileError) -> dict[str, Any]:
     }
 
 
-def _channels(run: Run) -> dict[str, Array]:
-    """Measured channels of a run by canonical name."""
-    channels = {
-        "voltage_V": run.voltage,
-        "current_A": run.current,
-        "speed_rad_s": run.speed,
-        "temperature_degC": run.temperature,
-        "position_rad": run.position,
-    }
-    return {name: values for name, values in channels.items() if values is not None}
-
-
 def _summary(run: Run) -> dict[str, Any]:
     return {
         "sha256": run.sha256,
@@ -164,7 +151,7 @@ def _summary(run: Run) -> dict[str, Any]:
         "duration_s": float(run.time[-1] - run.time[0]),
         "channels": {
             name: {"min": float(np.min(values)), "max": float(np.max(values))}
-            for name, values in _channels(run).items()
+            for name, values in run.channels.items()
         },
         "warnings": [
             {"code": w.code, "message": w.message, "row": w.row, "column": w.column}

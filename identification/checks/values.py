@@ -45,16 +45,7 @@ def check_values(training: Sequence[Run], validation: Sequence[Run]) -> None:
 
 
 def _check_run(run: Run) -> None:
-    channels = {
-        "voltage_V": run.voltage,
-        "current_A": run.current,
-        "speed_rad_s": run.speed,
-        "temperature_degC": run.temperature,
-        "position_rad": run.position,
-    }
-    for name, values in channels.items():
-        if values is None:
-            continue
+    for name, values in run.channels.items():
         wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
         if wrong.size:
             raise InputError(

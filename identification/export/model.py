@@ -138,13 +138,6 @@ class Exported:
         return tuple(zip(own, self.values.tolist(), strict=False))
 
     @property
-    def uses_angle(self) -> bool:
-        """Whether an effect depends on the shaft angle."""
-        x, u, p = self.model.symbols()
-        rates = self.model.motor.rates(x[: x.numel() - 1], u, p)
-        return bool(ca.depends_on(rates, u[_ANGLE]))
-
-    @property
     def starts(self) -> tuple[str, ...]:
         """For each state what it equals at the start: a signal, or ``zero``."""
         own = [state.follows for term in self.model.terms for state in term.states]

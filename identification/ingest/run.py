@@ -171,9 +171,21 @@ class Run:
         """Sampling frequency, from the median sampling interval [Hz]."""
         return float(1.0 / np.median(np.diff(self.time)))
 
+    @property
+    def channels(self) -> dict[str, Array]:
+        """Logged channels by canonical name: (n_sample,) in the unit of the name."""
+        channels = {
+            "voltage_V": self.voltage,
+            "current_A": self.current,
+            "speed_rad_s": self.speed,
+            "temperature_degC": self.temperature,
+            "position_rad": self.position,
+        }
+        return {name: values for name, values in channels.items() if values is not None}
+
     def table(self) -> pd.DataFrame:
         """The samples in canonical columns and SI units; unlogged channels have no column."""
-        return pd.DataFrame(_columns(self))
+        return pd.DataFrame({"time_s": self.time, **self.channels})
 
     def _repr_html_(self) -> str:
         """Name, ranges of the channels and warnings, for notebooks."""
@@ -185,19 +197,6 @@ class Run:
         )
 
 
-def _columns(run: Run) -> dict[str, Array]:
-    """Logged channels by canonical name, with the time."""
-    columns = {
-        "time_s": run.time,
-        "voltage_V": run.voltage,
-        "current_A": run.current,
-        "speed_rad_s": run.speed,
-        "temperature_degC": run.temperature,
-        "position_rad": run.position,
-    }
-    return {name: values for name, values in columns.items() if values is not None}
-
-
 def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     """Write a run in canonical columns and SI units; the values read back bit for bit.
 
@@ -205,9 +204,9 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
         run: Run to write; segments, clipped samples and warnings are recomputed on reading.
         path: File to write.
     """
-    present = {name: values.tolist() for name, values in _columns(run).items()}
+    columns = {"time_s": run.time, **run.channels}
     with open(path, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(present)
+        writer.writerow(columns)
         # Python writes the shortest decimal that reads back as the same float.
-        writer.writerows(zip(*present.values(), strict=True))
+        writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
