@@ -58,11 +58,7 @@ __all__ = [
 _ROLES = ("training", "validation")
 _MOMENT_S = 0.1
 _PAGE = 100
-_TABLES = {
-    ".csv": "text/csv",
-    ".json": "application/json",
-    ".parquet": "application/vnd.apache.parquet",
-}
+_TABLES = (".csv", ".json", ".parquet")
 
 
 class Client:
@@ -281,7 +277,7 @@ class Client:
                 f"{target.name!r} has no suffix of a table format; expected a name that ends with "
                 f"{', '.join(_TABLES)}"
             )
-        return self._fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
+        return self._fetched(f"/batches/{_id(batch)}/results{target.suffix}", target)
 
     def fetch_fleet(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
         """Write the fleet page of a batch; return the path."""
@@ -364,9 +360,9 @@ class Client:
         except NotFound:
             return
 
-    def _fetched(self, path: str, target: Path, kind: str = "*/*") -> Path:
+    def _fetched(self, path: str, target: Path) -> Path:
         with replacing(target) as file:
-            self._transport.copy(path, {"Accept": kind}, file)
+            self._transport.copy(path, file)
         return target
 
 
