@@ -34,6 +34,7 @@ from scipy import special
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import HYPER, likelihood
 from identification.diagnosis.maximise import maximise
+from identification.fit.sensors import difference_noise
 
 __all__ = ["Hyperparameters", "longest_correlation_time", "p_value_of", "maximum_likelihood"]
 
@@ -178,8 +179,8 @@ def _voltage_noise(pieces: Sequence[Piece]) -> float:
         voltage = piece.record.column("voltage")
         steps = np.abs(np.diff(voltage))
         quantum = float(steps[steps > 0].min(initial=np.inf))
-        second = float(np.median(np.abs(np.diff(voltage, n=2)))) / 0.6745 / np.sqrt(6.0)
-        found.append(max(second, quantum / np.sqrt(12.0) if np.isfinite(quantum) else 0.0))
+        rounding = quantum / np.sqrt(12.0) if np.isfinite(quantum) else 0.0
+        found.append(max(difference_noise([voltage], 2), rounding))
     return float(min(found))
 
 

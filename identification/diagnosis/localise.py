@@ -37,7 +37,6 @@ from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from identification.diagnosis.deviation import Deviation, Piece, deviation_of
 from identification.diagnosis.filtering import Likelihood, likelihood
@@ -49,6 +48,7 @@ from identification.diagnosis.intensities import (
 )
 from identification.diagnosis.outliers import with_outliers_weighted
 from identification.diagnosis.smoothing import smoothed_disturbances
+from identification.fit.sensors import difference_noise
 from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise"]
@@ -185,18 +185,9 @@ def _least_noise(deviation: Deviation) -> Array:
     noise of the current as well as the sensor does.  A missing term changes slowly or jumps now and
     then; the median of higher differences measures the noise between the jumps.
     """
-    least = np.full(2, np.inf)
-    for order in range(1, _DIFFERENCES + 1):
-        size = np.sqrt(special.comb(2 * order, order))
-        for channel in range(2):
-            moved = [
-                np.abs(np.diff(piece.targets[:, channel, 0], order))
-                for piece in deviation.pieces
-                if piece.rows > order
-            ]
-            middle = float(np.median(np.concatenate(moved))) / 0.6745 / size if moved else 0.0
-            least[channel] = min(least[channel], middle)
-    return least
+    channels = [[piece.targets[:, k, 0] for piece in deviation.pieces] for k in range(2)]
+    orders = range(1, _DIFFERENCES + 1)
+    return np.array([min(difference_noise(own, order) for order in orders) for own in channels])
 
 
 @dataclass(frozen=True)

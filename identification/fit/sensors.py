@@ -19,7 +19,7 @@ Source: Widrow and Kollar, Quantization Noise, Cambridge University Press 2008, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -29,7 +29,7 @@ from identification.ingest.run import Run
 from identification.model.excitation import Record
 from identification.warning import ResultWarning
 
-__all__ = ["bounded_noise", "coarse_warnings", "noise_ceiling", "step_of"]
+__all__ = ["bounded_noise", "coarse_warnings", "difference_noise", "noise_ceiling", "step_of"]
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,6 @@ _SPANS: Final = ((0, 1), (1, 2), (2, 4), (4, 8), (8, 16), (16, 32), (32, 64))
 _FEWEST: Final = 20
 """Least number of samples per coefficient."""
 _ORDER: Final = 4
-_NORMAL: Final = 0.6745
 _EXPLAINED: Final = 0.3
 """Simulation error over the standard deviation of the channel, above which the bound is applied."""
 _COARSE: Final = 2.0
@@ -83,7 +82,8 @@ def noise_ceiling(records: Sequence[Record]) -> Array:
             continue
         for channel in range(2):
             left = _left(measured[:, channel], voltage, measured[:, 1 - channel])
-            squares[channel] += voltage.size * (left + _white(measured[:, channel]))
+            white = difference_noise([measured[:, channel]], _ORDER)
+            squares[channel] += voltage.size * (left + white**2)
         rows += voltage.size
     return _MARGIN * np.sqrt(squares / rows) if rows else np.full(2, np.inf)
 
@@ -105,10 +105,11 @@ def _left(target: Array, *others: Array) -> float:
     return float(np.mean((target[first:] - matrix @ values) ** 2))
 
 
-def _white(signal: Array) -> float:
-    """Variance of white noise from the median of fourth-order differences, which ignores steps."""
-    gain = math.sqrt(math.comb(2 * _ORDER, _ORDER))
-    return float((np.median(np.abs(np.diff(signal, n=_ORDER))) / (_NORMAL * gain)) ** 2)
+def difference_noise(signals: Iterable[Array], order: int) -> float:
+    """Noise of a sensor from the median of differences, which ignores steps; 0 if too short."""
+    differences = np.abs(np.concatenate([np.diff(signal, order) for signal in signals]))
+    gain = 0.6745 * math.sqrt(math.comb(2 * order, order))
+    return float(np.median(differences)) / gain if differences.size else 0.0
 
 
 def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, ...]:
