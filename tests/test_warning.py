@@ -5,8 +5,12 @@ from __future__ import annotations
 import ast
 import re
 from pathlib import Path
+from typing import get_args
 
-from identification.warning import ResultWarning
+import pytest
+
+from app.fits.schemas import FitOptionsIn
+from identification.warning import Option, ResultWarning, both_ways
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,6 +27,41 @@ def test_text_is_the_message_and_then_the_remedy() -> None:
         "severity": "warning",
         "fix": "give each once",
     }
+
+
+def calls_of(path: Path) -> list[ast.Call]:
+    """Calls of a module that make a warning or a finding."""
+    nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+    names = ("ResultWarning", "Finding")
+    return [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") in names]
+
+
+def test_remedy_with_an_option_names_the_field_and_the_option_of_the_service() -> None:
+    """A page or an answer of the service has no command line; `fix_http` says what to use there."""
+    warning = ResultWarning("x", "warning", "L is uncertain", "give --known L=VALUE", "known")
+
+    assert warning.details()["fix_http"] == "“Known values”, or option known"
+    assert "--known" in str(warning)
+
+
+@pytest.mark.parametrize("option", get_args(Option))
+def test_options_of_the_service_exist(option: Option) -> None:
+    """Each is a field of a fit request, of a run or of a prediction."""
+    way = ResultWarning("x", "note", "", "", option).details()["fix_http"]
+    name = re.findall(r"(?:option |member )?(\w+)(?:=true)?$", way)[0]
+
+    requests = {*FitOptionsIn.model_fields, "mapping", "declared"}
+    assert name in requests
+    assert both_ways(option) == f"--{option.replace('_', '-')} (service: {way})"
+
+
+def test_no_warning_names_an_option_without_the_way_of_the_service() -> None:
+    """Each warning and finding of the library whose text has an option gives its name."""
+    for file in (ROOT / "identification").rglob("*.py"):
+        for call in calls_of(file):
+            texts = [n.value for n in ast.walk(call) if isinstance(n, ast.Constant)]
+            if re.search(r"(?<!\w)--[a-z]+(?! \(option)", " ".join(map(str, texts))):
+                assert set(texts) & {*get_args(Option)}, f"{file.name}: {texts}"
 
 
 def test_every_code_of_the_library_is_in_the_documentation() -> None:

@@ -23,13 +23,14 @@ PAGE_POLICY = (
 )
 
 REPORT_POLICY = (
-    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
-    "style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'self'"
+    "sandbox allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox; "
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 """Policy of a report, which a page of this service frames to add the way back.
 
 A link in the report itself would leave its sandbox, and the browser would send no cookie along.
+Only the documentation needs no cookie: its links open outside of the sandbox, in a new tab.
 """
 
 FLEET_POLICY = (

@@ -19,7 +19,7 @@ from app.pages.comparison import comparison_view
 from app.pages.history import history_view
 from app.pages.loop_form import LoopForm
 from app.pages.prediction import prediction_view
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.pages.views import fit_view
 from identification.errors import InputError
 
@@ -58,6 +58,7 @@ def loop_page(
         # htmx shows the refusal in the place of the step response only if the answer is a success.
         status=422 if problem and not is_part else 200,
         caller=caller,
+        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         problem=problem,
@@ -88,6 +89,7 @@ def prediction_page(
         "prediction",
         status=422 if problem else 200,
         caller=caller,
+        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         training=fit.training,
         runs=runs,
@@ -109,6 +111,7 @@ def motor_page(
     return page(
         "motor",
         caller=caller,
+        help=help_prefix(services),
         motor=name,
         fits=shown,
         more=len(fits) == _MOST_FITS,
@@ -140,6 +143,7 @@ def compare_page(
     return page(
         "compare",
         caller=caller,
+        help=help_prefix(services),
         fits=compared,
         chosen=[one["id"] for one in compared] or (chosen + [""] * 2)[:2],
         # A selected fit may be older than all that the list holds.

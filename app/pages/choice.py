@@ -17,7 +17,7 @@ from app.errors import FieldRefused
 from app.fits.schemas import FitCreate
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.choice_views import choice_view, prospects_view
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.runs.roles import ROLES
 
 __all__ = ["MotorFilter", "choice_of", "options_from", "router"]
@@ -98,7 +98,11 @@ async def prospects(request: Request, services: ServicesDep, caller: CallerDep) 
     if training:
         services.reading.check()
         found = await services.reading.run(services.choice.prospects, caller, training)
-    return page("prospects", prospects=prospects_view(found, len(training)))
+    return page(
+        "prospects",
+        prospects=prospects_view(found, len(training)),
+        help=help_prefix(services),
+    )
 
 
 @router.post("/runs/{run_id}/motor")

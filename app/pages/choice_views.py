@@ -58,10 +58,11 @@ def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, 
         "training": training,
         "parameters": parameters,
         "lacking": lacking,
-        "errors": [error["message"] for error in found["errors"]],
+        "errors": [{"text": e["message"], "code": e["code"]} for e in found["errors"]],
         "findings": [
             {
                 "is_refused": f["severity"] == "refuse",
+                "code": f["code"],
                 "text": ": ".join(word for word in (f["file"], f["column"], f["message"]) if word),
             }
             for f in found["findings"]

@@ -17,7 +17,7 @@ from app.pages.analyses import router as analyses
 from app.pages.choice import MotorFilter, choice_of
 from app.pages.fits import router as fits
 from app.pages.pending_views import pending_list_view
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.pages.views import batch_view, fit_view
 
 __all__ = ["router"]
@@ -37,6 +37,7 @@ def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) ->
     return page(
         "home",
         caller=caller,
+        help=help_prefix(services),
         pending=pending_list_view(services.pending.all(caller)),
         benches=services.pending.benches(caller),
         choice=choice_of(services, caller, motor),
@@ -46,9 +47,14 @@ def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) ->
 
 
 @router.get("/docs")
-def docs(caller: CallerDep) -> HTMLResponse:
+def docs(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Interactive documentation of the HTTP interface."""
-    return page("docs", caller=caller, description=f"{API_PREFIX}/openapi.json")
+    return page(
+        "docs",
+        caller=caller,
+        help=help_prefix(services),
+        description=f"{API_PREFIX}/openapi.json",
+    )
 
 
 @router.get(LOGIN_PATH)

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.http import LOGIN_PATH
 from app.http.gate import wants_page
 from app.http.problems import MEDIA_TYPE
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 
 __all__ = ["ErrorPages"]
 
@@ -71,6 +71,7 @@ def _shown(problem: Mapping[str, Any], scope: Scope, given: Headers, is_part: bo
         status=status,
         headers=headers,
         caller=scope.get("state", {}).get("caller"),
+        help=help_prefix(scope["app"].state.services),
         problem=problem,
         # After a refused sign-in or from another site, the start page is not accessible.
         has_home=status not in (401, 403),

@@ -13,7 +13,7 @@ from app.errors import FileLost, NotFound, NotReady
 from app.fits.schemas import FitOut
 from app.http import API_PREFIX
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.pages.results import result_view
 from app.pages.views import fit_view
 
@@ -33,6 +33,7 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
     return page(
         "fit",
         caller=caller,
+        help=help_prefix(services),
         fit=fit_view(fit, files),
         outcome=outcome,
         first_run=next(iter((*fit.validation, *fit.training)), ""),
@@ -68,8 +69,9 @@ def report_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRe
     return page(
         "framed",
         caller=caller,
+        help=help_prefix(services),
         title=f"Report: {motor or 'motor without name'}",
-        address=f"{API_PREFIX}/fits/{fit_id}/report",
+        address=f"{API_PREFIX}/fits/{fit_id}/report{'?help' * bool(services.settings.help_dir)}",
         back=f"/fits/{fit_id}",
         back_text=motor or "Fit",
     )

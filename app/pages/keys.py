@@ -15,7 +15,7 @@ from app.access.service import Caller
 from app.composition import Services
 from app.errors import FieldRefused, NotFound
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.pages.views import when
 from app.tables import KeyRow
 from app.texts import moment
@@ -74,6 +74,7 @@ def _page(
         "keys",
         status=422 if problem else 200,
         caller=caller,
+        help=help_prefix(services),
         keys=[_key_view(key, caller) for key in keys],
         secret=secret,
         problem=problem,

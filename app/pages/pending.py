@@ -14,7 +14,7 @@ from app.http import PENDING_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.mapping_form import mapping_from
 from app.pages.pending_views import pending_list_view, pending_view
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.runs.endpoints import receive
 
 __all__ = ["router"]
@@ -41,7 +41,7 @@ async def add(request: Request, services: ServicesDep, caller: CallerDep) -> HTM
         row = await services.reading.run(services.pending.add, caller, upload)
     finally:
         upload.path.unlink(missing_ok=True)
-    return page("pending_run", run=pending_view(row))
+    return page("pending_run", run=pending_view(row), help=help_prefix(services))
 
 
 @router.post("/labels")
@@ -82,7 +82,12 @@ async def correct(
     row = await services.reading.run(services.pending.correct, caller, run_id, mapping)
     rows = await to_thread.run_sync(services.pending.all, caller)
     # The button above the list counts the runs that can be added now.
-    return page("pending_corrected", run=pending_view(row), pending=pending_list_view(rows))
+    return page(
+        "pending_corrected",
+        run=pending_view(row),
+        pending=pending_list_view(rows),
+        help=help_prefix(services),
+    )
 
 
 @router.delete("/{run_id}")
@@ -99,4 +104,8 @@ def samples(run_id: str, services: ServicesDep, caller: CallerDep) -> JSONRespon
 
 
 def _section(services: Services, caller: Caller) -> HTMLResponse:
-    return page("pending", pending=pending_list_view(services.pending.all(caller)))
+    return page(
+        "pending",
+        pending=pending_list_view(services.pending.all(caller)),
+        help=help_prefix(services),
+    )

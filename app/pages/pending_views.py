@@ -45,11 +45,15 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "state_text": _STATES[state],
         "facts": [] if summary is None else _facts(summary),
         "errors": [
-            error["message"] + (", or select it below" if error.get("examples") else "")
+            {
+                "text": error["message"]
+                + (", or select it below" if error.get("examples") else ""),
+                "code": error["code"],
+            }
             for error in preview["errors"]
         ],
         "findings": [_finding(finding) for finding in preview["findings"]],
-        "warnings": [] if summary is None else [w["message"] for w in summary["warnings"]],
+        "warnings": [] if summary is None else summary["warnings"],
         "channels": [
             _channel(name, chosen.get(name) or {}, row.found["columns"], summary)
             for name in CHANNELS
@@ -73,6 +77,7 @@ def _finding(finding: Mapping[str, Any]) -> dict[str, Any]:
         "is_refused": finding["severity"] == "refuse",
         "text": f"{label}: {finding['message']}" if label else finding["message"],
         "corrections": finding["corrections"],
+        "code": finding["code"],
     }
 
 

@@ -9,7 +9,10 @@ from typing import Any
 from fastapi.responses import HTMLResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-__all__ = ["PLOT_FILES", "STATIC_FILES", "page"]
+from app.composition import Services
+from app.http import HELP_PREFIX
+
+__all__ = ["PLOT_FILES", "STATIC_FILES", "help_prefix", "page"]
 
 STATIC_FILES = Path(__file__).parent / "static"
 """Style sheets and scripts of the pages."""
@@ -26,6 +29,11 @@ _TEMPLATES = Environment(
 )
 
 
+def help_prefix(services: Services) -> str:
+    """Path of the documentation that the service shows; empty if it shows none."""
+    return HELP_PREFIX if services.settings.help_dir is not None else ""
+
+
 def page(
     template: str, *, status: int = 200, headers: dict[str, str] | None = None, **values: Any
 ) -> HTMLResponse:
@@ -35,7 +43,9 @@ def page(
         template: File name without its ending.
         status: HTTP status.
         headers: Additional headers.
-        **values: Variables of the template; `caller` is None unless given.
+        **values: Variables of the template; `caller` is None and `help` empty unless given.
     """
-    text = _TEMPLATES.get_template(f"{template}.html.j2").render(**{"caller": None, **values})
+    text = _TEMPLATES.get_template(f"{template}.html.j2").render(
+        **{"caller": None, "help": "", **values}
+    )
     return HTMLResponse(text, status_code=status, headers=headers)

@@ -24,18 +24,21 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
     from identification.report.excerpt import report_figures
     from identification.report.headline import headline_sentences, key_figures
     from identification.report.tables import error_rows, feedback_tables, parameter_rows
+    from identification.report.warnings import warning_groups
     from identification.result.attempts import Attempts
     from identification.result.numbers import probability_text
     from identification.result.report_data import ReportData
 
     attempts = Attempts()
     rows = attempts.rows
+    groups = rows("warnings", warning_groups, result)
     parameters = rows("table of parameters", parameter_rows, ReportData(result, ()))
     meanings = _meanings(result)
     return {
         "story": rows("summary", headline_sentences, result),
         "key_figures": rows("key figures", key_figures, result),
-        "warnings": _warnings(result),
+        "warnings": dict.fromkeys(_TONES.values(), ())
+        | {_TONES[group.severity]: group.items for group in groups},
         "effects": [
             {
                 "name": _words(effect["name"]),
@@ -71,16 +74,6 @@ def _meanings(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
         for name, entry in effect["parameters"].items()
         if entry.get("meaning")
     }
-
-
-def _warnings(result: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Warnings that limit the result, each with its tone, and notes about the runs."""
-    texts = [str(text) for text in result.get("warnings") or ()]
-    details = result.get("warning_details") or [{}] * len(texts)
-    found: dict[str, list[str]] = {"bad": [], "fair": [], "plain": []}
-    for text, detail in zip(texts, details, strict=False):
-        found[_TONES.get(detail.get("severity", ""), "fair")].append(text)
-    return found
 
 
 def _words(name: object) -> str:

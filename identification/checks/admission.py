@@ -11,13 +11,13 @@ from identification.checks.finding import Finding
 from identification.errors import ContradictoryRuns
 from identification.ingest.run import Run
 from identification.options import FitOptions
-from identification.warning import ResultWarning
+from identification.warning import ResultWarning, both_ways
 
 __all__ = ["Admission", "admitted"]
 
 _FORCED: Final = (
-    "do not rely on this result: it was fitted with --force although the runs contradict physics "
-    "or each other: "
+    "do not rely on this result: it was fitted with --force (option force) although the runs "
+    "contradict physics or each other: "
 )
 _ASIDE: Final = "run set aside (neither fitted nor used for validation): "
 
@@ -98,11 +98,11 @@ def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryR
     count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
     ways = "correct the runs"
     if not options.set_aside and any(f.separable for f in findings):
-        ways += ", exclude the named runs with --set-aside"
+        ways += f", exclude the named runs with {both_ways('set_aside')}"
     elif options.set_aside:
-        ways += " (--set-aside cannot resolve this, because too few runs remain)"
+        ways += " (setting runs aside cannot resolve this, because too few runs remain)"
     text = "; ".join(f"({k}) {finding}" for k, finding in enumerate(findings, 1))
     return ContradictoryRuns(
-        f"{count} in the runs; {ways}, or fit them anyway with --force: {text}",
+        f"{count} in the runs; {ways}, or fit them anyway with {both_ways('force')}: {text}",
         [finding.entry() for finding in findings],
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from identification.warning import ResultWarning, WarningSeverity
+from identification.warning import Option, ResultWarning, WarningSeverity
 
 __all__ = ["Finding", "Severity"]
 
@@ -29,6 +29,7 @@ class Finding:
         corrections: ``--map`` arguments that correct the fault; empty if no mapping can.
         separable: Whether the fault is known to be in this run, regardless of the others.
         remedy: Action at the end of the message that removes the cause; empty if it has none.
+        option: Option of the command line that `remedy` names; None if it names none.
     """
 
     code: str
@@ -42,6 +43,7 @@ class Finding:
     corrections: tuple[str, ...] = ()
     separable: bool = True
     remedy: str = ""
+    option: Option | None = None
 
     def __str__(self) -> str:
         """Location, message, statistic with its limit, and the correction to type."""
@@ -59,7 +61,8 @@ class Finding:
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"
         maps = " ".join(f"--map '{word}'" for word in self.corrections)
         fix = f"correct it with {maps}" if maps else self.remedy
-        return ResultWarning(self.code, severity, lead + text, fix)
+        option = "map" if maps else self.option
+        return ResultWarning(self.code, severity, lead + text, fix, option)
 
     def entry(self) -> dict[str, object]:
         """The finding as plain data for result.json and HTTP."""

@@ -77,6 +77,7 @@ def _electrical(time: float, longest: float) -> Finding:
         longest,
         separable=False,
         remedy=remedy,
+        option="known",
     )
 
 
@@ -101,4 +102,5 @@ def _mechanical(time: float) -> Finding:
         _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],
         separable=False,
         remedy=remedy,
+        option="known",
     )

@@ -164,7 +164,7 @@ def _repeat_warnings(
                 f"{_same([*fitted[:1], *checked])}: the model was fitted to them, so they check "
                 "neither it nor its effects"
             )
-            fix = "give --validation runs that are not fitted"
+            fix = "validate with runs that are not fitted"
             warnings.append(ResultWarning("fitted_validation_run", "warning", message, fix))
         elif len(checked) > 1:
             message = f"{_same(checked)}: they count {len(checked)} times in the validation errors"

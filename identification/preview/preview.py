@@ -237,7 +237,7 @@ def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:
         )
     if len(runs) == 1:
         notes.append(
-            "there is one run only: record a second one for --validation, with another course of "
+            "there is one run only: record a second one for validation, with another course of "
             "the voltage"
         )
     return notes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from identification.report.loops import cold_and_hot, is_left_open, pair_text
 from identification.report.summary import (
@@ -32,23 +32,14 @@ __all__ = [
     "EffectTile",
     "ErrorBar",
     "KeyFigure",
-    "Warnings",
     "effect_tiles",
     "error_bars",
     "facts",
     "headline_sentences",
     "key_figures",
-    "warning_groups",
 ]
 
 Entry = Mapping[str, Any]
-
-_TITLES: Final = {
-    "critical": "Do not rely on this result",
-    "warning": "Parts of the result are biased, uncertain or incomplete",
-    "note": "Notes on the runs and on the origin of values",
-}
-"""Headings of the groups of warnings by severity, most important first."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +96,6 @@ class ErrorBar:
     fit: str
     widths: tuple[float, float, float]
     tone: str
-
-
-@dataclass(frozen=True)
-class Warnings:
-    """Warnings of one severity: each a message and what to do, which may be empty."""
-
-    severity: str
-    title: str
-    items: tuple[tuple[str, str], ...]
 
 
 def facts(data: ReportData) -> list[tuple[str, str]]:
@@ -308,28 +290,3 @@ def _tone(ratio: float | None, is_coloured: bool) -> str:
     if is_coloured:
         return "fair" if ratio <= NEAR_NOISE else "bad"
     return "good" if ratio <= DOWN_TO_NOISE else "fair" if ratio <= NEAR_NOISE else "bad"
-
-
-def warning_groups(result: Entry) -> list[Warnings]:
-    """Warnings by severity, most important first; without details a warning is a ``warning``."""
-    texts = [str(text) for text in result["warnings"]]
-    details: Sequence[Entry] = result.get("warning_details") or ()
-    found: dict[str, list[tuple[str, str]]] = {severity: [] for severity in _TITLES}
-    for place, text in enumerate(texts):
-        detail = details[place] if place < len(details) else {}
-        severity, fix = str(detail.get("severity", "")), str(detail.get("fix", ""))
-        message = text.replace(f"; {fix}", "", 1) if fix else text
-        found[severity if severity in found else "warning"].append(
-            (_capital(message), _capital(fix))
-        )
-    return [
-        Warnings(severity, _TITLES[severity], tuple(items))
-        for severity, items in found.items()
-        if items
-    ]
-
-
-def _capital(text: str) -> str:
-    """Text with a capital, unless it begins with a name, an option or a file."""
-    first = text.partition(" ")[0]
-    return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text

@@ -32,7 +32,6 @@ from identification.report.headline import (
     facts,
     headline_sentences,
     key_figures,
-    warning_groups,
 )
 from identification.report.loops import loop_comparisons
 from identification.report.summary import further_sentences
@@ -44,6 +43,7 @@ from identification.report.tables import (
     sampler_rows,
 )
 from identification.report.traces import run_payloads
+from identification.report.warnings import warning_groups
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
 from identification.result.numbers import (

@@ -8,7 +8,7 @@ from identification.fit.solve import Fit
 from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.posterior.sample import Sample, Source
 from identification.selection.outcome import Outcome
-from identification.warning import ResultWarning
+from identification.warning import Option, ResultWarning
 
 __all__ = ["early_stop_warnings"]
 
@@ -46,11 +46,11 @@ def early_stop_warnings(
         warnings.append(ResultWarning("fit_not_converged", "warning", message))
     if outcome is not None and not outcome.complete:
         message = (
-            f"the effect search stopped at {limit or f'the budget of --effort {effort}'} before it "
-            "was complete; effects and alternatives may be missing"
+            f"the effect search stopped at {limit or f'the budget of the effort {effort}'} before "
+            "it was complete; effects and alternatives may be missing"
         )
         fix = _remedy(effort, limit)
-        warnings.append(ResultWarning("search_incomplete", "warning", message, fix))
+        warnings.append(ResultWarning("search_incomplete", "warning", message, *fix))
     if sample is not None and not sample.convergence.reached:
         warnings.append(_unconverged(sample, effort, limit))
     return warnings
@@ -66,13 +66,13 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
         + _SUBSTITUTES[sample.source]
         + (f"; it stopped at {limit}" if limit else "")
     )
-    return ResultWarning("sampler_not_converged", "warning", message, _remedy(effort, limit))
+    return ResultWarning("sampler_not_converged", "warning", message, *_remedy(effort, limit))
 
 
-def _remedy(effort: str, limit: str) -> str:
-    """Advice for a stage that its budget or the time limit stopped."""
+def _remedy(effort: str, limit: str) -> tuple[str, Option | None]:
+    """Advice for a stage that its budget or the time limit stopped, and the option in it."""
     if limit:
-        return "raise --time-limit"
+        return "raise --time-limit", "time_limit"
     if effort == "thorough":
-        return "use shorter or fewer runs"
-    return "--effort thorough allows ten times as many operations"
+        return "use shorter or fewer runs", None
+    return "--effort thorough allows ten times as many operations", "effort"

@@ -19,12 +19,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identification.known import KNOWN
+from identification.nameplate import NAMEPLATE
 from identification.result.atomic import write_text
 
 __all__ = [
     "INTERVAL_KIND",
     "INTERVAL_LEVEL",
     "NEAR_NOISE",
+    "ORIGINS",
     "SCHEMA_VERSION",
     "finite_or_null",
     "known_only_from",
@@ -104,12 +107,17 @@ def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, 
     return quantity_entry(draws, unit) | {"identified": bool(identified)}
 
 
+ORIGINS: Final = {KNOWN: f"{KNOWN} (known values)", NAMEPLATE: f"{NAMEPLATE} (nameplate)"}
+"""Origins of known values, with the field of the service's form."""
+
+
 def known_only_from(entry: Mapping[str, Any]) -> str:
     """Origin of the known value that alone identifies a PARAMETER; empty if there is none."""
     prior = entry.get("prior") or {}
     if not (entry.get("identified") and prior.get("used")) or prior.get("identified_by_runs"):
         return ""
-    return str(prior.get("origin", ""))
+    origin = str(prior.get("origin", ""))
+    return ORIGINS.get(origin, origin)
 
 
 def result_text(result: Mapping[str, Any]) -> str:

@@ -14,7 +14,8 @@ from identification.ingest.run import Run
 from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
 from identification.known import Prior
 from identification.nameplate import NAMEPLATE
-from identification.warning import ResultWarning
+from identification.result.entries import ORIGINS
+from identification.warning import Option, ResultWarning
 
 __all__ = ["contradiction_warnings", "known_only_warnings", "prior_entries"]
 
@@ -75,7 +76,9 @@ def known_only_warnings(fit: Fit, share: float) -> list[ResultWarning]:
             names.setdefault(parameter.origin, []).append(parameter.name)
     return [
         ResultWarning(
-            "known_value_only", "note", f"{', '.join(own)}: from {origin}, not from the runs"
+            "known_value_only",
+            "note",
+            f"{', '.join(own)}: from {ORIGINS[origin]}, not from the runs",
         )
         for origin, own in names.items()
     ]
@@ -105,13 +108,16 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> ResultWarning:
     if one.unfitted:
         apart = "no fit with it and the other known values succeeded"
     message = (
-        f"{prior.name} is {given} by {prior.origin}, but {one.estimate:.4g} {prior.unit} (sd "
-        f"{one.sd:.2g}) by the runs; {apart}; the fit did not use the given value"
+        f"{prior.name} is {given} by {ORIGINS[prior.origin]}, but "
+        f"{one.estimate:.4g} {prior.unit} (sd {one.sd:.2g}) by the runs; {apart}; the fit did not "
+        "use the given value"
     )
     lag = "a filter or delay of the current sensor also increases the estimated L"
     lags = [lag] if prior.name == "L" and one.estimate > prior.value else []
-    fix = "; ".join(["check it", *lags, *_units(one, runs[0])])
-    return ResultWarning("known_value_contradicted", "warning", message, fix)
+    units = _units(one, runs[0])
+    option: Option | None = "map" if any("--map" in text for text in units) else None
+    fix = "; ".join(["check it", *lags, *units])
+    return ResultWarning("known_value_contradicted", "warning", message, fix, option)
 
 
 def _units(one: Comparison, run: Run) -> list[str]:

@@ -134,7 +134,7 @@ def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
             f"direction only: without them, b is {value}, but {found}"
         )
         fix = "record runs in both directions and at several speeds, or give --known b=VALUE"
-    return ResultWarning("confounded_parameter", "warning", message, fix)
+    return ResultWarning("confounded_parameter", "warning", message, fix, "known")
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:

@@ -102,6 +102,7 @@ def _unsearched(findings: Findings) -> list[ResultWarning]:
             f"{entry['noise_ratio']:.3g} times the sensor noise (limit {NEAR_NOISE:.3g}), and its "
             "parameters are biased",
             "run the effect search (fit without --no-effects)",
+            "effects",
         )
         for role, simulated in findings.simulated["after"].items()
         for channel, entry in (_errors(simulated, findings.noise) or {}).items()
@@ -143,7 +144,7 @@ def worse_warnings(
                     f"{final[channel] / noise[channel]:.3g} times the sensor noise, with the "
                     f"nominal model {nominal[channel] / noise[channel]:.3g} times"
                 )
-                found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX))
+                found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
     return found
 
 

@@ -10,7 +10,7 @@ from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
 from identification import FitOptions, identify
 from identification.checks.time_constants import time_constant_findings
-from identification.report.headline import warning_groups
+from identification.report.warnings import warning_groups
 
 TRUSTED = dict.fromkeys(("Ra25", "Kt25", "J", "L"), True)
 
@@ -76,16 +76,17 @@ def test_remedy_of_an_implausible_time_constant_is_in_the_message_once() -> None
         {"warnings": list(map(str, warnings)), "warning_details": [w.details() for w in warnings]}
     )
 
-    assert [fix for _, fix in group.items] == [
+    assert [item.fix for item in group.items] == [
         "Measure L with an LCR meter and give --known L=VALUE",
         "Compare J with the data sheet and give --known J=VALUE",
     ]
-    for one, warning, (message, _) in zip(found, warnings, group.items, strict=True):
+    for one, warning, item in zip(found, warnings, group.items, strict=True):
         assert str(warning) == (
             f"{one.column}: {one.message} ({one.statistic} {one.value:.3g}, limit {one.limit:.3g})"
         )
         assert str(warning).count(warning.fix) == 1
-        assert "--known" not in message
+        assert "--known" not in item.message
+        assert item.service == "“Known values”, or option known"
 
 
 def test_parameter_that_is_not_identified_is_not_checked() -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import httpx
 import pytest
 
 from identification.ingest import write_run
@@ -47,13 +48,20 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     for number, run in enumerate(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=400)):
         files.append(directory / f"run{number}.csv")
         write_run(run, files[-1])
-    settings = {"PIPELINE": "identification.pipeline:identify"}
+    (directory / "help").mkdir()
+    (directory / "help" / "index.html").write_text("<title>Help</title>")
+    settings = {
+        "PIPELINE": "identification.pipeline:identify",
+        "HELP_DIR": str(directory / "help"),
+    }
     with (
         serving(directory / "data", "--no-auth", **settings) as server,
         Client(server.url) as client,
     ):
         runs = [client.upload(file, motor="servo <1>") for file in files]
-        fit = client.wait(client.fit(runs, motor="servo <1>", options=QUICKLY))
+        # The runs contradict the known value, so that the result has a warning.
+        options = QUICKLY | {"known": ["Kt25=1"]}
+        fit = client.wait(client.fit(runs, motor="servo <1>", options=options))
         motors = [{"motor": f"servo <{n}>", "training": runs} for n in range(SEVERAL)]
         batch = client.wait_batch(client.batch(motors, options=QUICKLY, name="<b>refit"))
         assert batch.status == "succeeded"
@@ -102,6 +110,49 @@ def test_report_draws_in_its_sandbox(bench: Bench, tmp_path: Path) -> None:
     assert_is_quiet(shown, bench.server)
     assert 'class="uplot' in shown.dom
     assert len(shown.requests) == 1
+
+
+def codes_of(bench: Bench) -> set[str]:
+    """Codes of the warnings of the fit."""
+    with Client(bench.server.url) as client:
+        result = client.show_fit(bench.fit).result
+    assert result is not None
+    return {detail["code"] for detail in result["warning_details"]}
+
+
+def test_codes_of_warnings_lead_to_their_paragraphs(bench: Bench, tmp_path: Path) -> None:
+    """Page and report link each code of result.json if the service has the documentation."""
+    codes = codes_of(bench)
+    links = {f'href="/help/troubleshooting.html#{code}"' for code in codes}
+    framed = httpx.get(f"{bench.server.url}/fits/{bench.fit}/report").text
+    report = f"/api/v1/fits/{bench.fit}/report?help"
+
+    page = httpx.get(f"{bench.server.url}/fits/{bench.fit}").text
+    linked = show(bench.server.url + report, tmp_path)
+    saved = show(bench.server.url + report.removesuffix("?help"), tmp_path)
+
+    assert codes
+    assert '<a href="/help/">Help</a>' in page
+    assert f'src="{report}"' in framed
+    assert {link for link in links if link in page} == links
+    assert {link for link in links if link in linked.dom} == links
+    assert "/help/" not in saved.dom.replace(report_script(saved.dom), "")
+    assert_is_quiet(linked, bench.server)
+
+
+def report_script(dom: str) -> str:
+    """Script of a report, which has the address of the documentation."""
+    return dom[dom.rindex("<script") :]
+
+
+def test_codes_of_a_file_that_is_checked_lead_to_their_paragraphs(bench: Bench) -> None:
+    """A unit that is not in the table is the error `unknown_unit`."""
+    lines = ["t [s],u [V],i [A],speed [furlong]", *(f"{k / 100},{k % 7},1,{k}" for k in range(50))]
+    files = {"file": ("odd.csv", "\n".join(lines).encode())}
+
+    part = httpx.post(f"{bench.server.url}/pending", files=files, headers={"HX-Request": "true"})
+
+    assert 'href="/help/troubleshooting.html#unknown_unit"' in part.text
 
 
 def test_fleet_page_shows_every_motor_without_a_script(bench: Bench, tmp_path: Path) -> None:

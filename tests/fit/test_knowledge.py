@@ -78,7 +78,7 @@ def test_known_inductance_is_used_where_the_runs_leave_it_open(
         "used": True,
         "identified_by_runs": False,
     }
-    assert "L: from --known, not from the runs" in result["warnings"]
+    assert "L: from --known (known values), not from the runs" in result["warnings"]
 
 
 def test_known_coefficient_gives_the_reference_values_away_from_25_degc() -> None:
@@ -116,7 +116,7 @@ def test_wrong_value_is_the_first_warning_and_has_no_influence(
     assert entry["prior"]["identified_by_runs"] is True
     assert {k: v for k, v in entry.items() if k != "prior"} == servo["parameters"][name]
     assert result["warnings"][0].startswith(f"{name} is ")
-    assert "by --known, but" in result["warnings"][0]
+    assert "by --known (known values), but" in result["warnings"][0]
     assert "the fit did not use the given value" in result["warnings"][0]
 
 
@@ -178,7 +178,7 @@ def test_nameplate_finds_runs_in_another_unit(
 
     result = quick(runs, nameplate=PLATE)
 
-    assert "by --nameplate, but" in result["warnings"][0]
+    assert "by --nameplate (nameplate), but" in result["warnings"][0]
     assert correction in result["warnings"][0]
 
 
@@ -265,7 +265,7 @@ def test_a_known_value_does_not_make_a_parameter_identified_by_the_runs(word: st
     assert not alone["identified"]
     assert result["parameters"]["Kt25"]["prior"]["used"] is True
     assert result["parameters"]["Kt25"]["prior"]["identified_by_runs"] is False
-    assert "Kt25: from --known, not from the runs" in result["warnings"]
+    assert "Kt25: from --known (known values), not from the runs" in result["warnings"]
 
 
 def test_known_value_has_no_drift_in_a_fleet(slow_runs: list[Run]) -> None:

@@ -13,7 +13,6 @@ from identification.report.headline import (
     error_bars,
     headline_sentences,
     key_figures,
-    warning_groups,
 )
 from identification.report.summary import summary_sentences
 from identification.report.tables import (
@@ -23,6 +22,7 @@ from identification.report.tables import (
     run_rows,
     sampler_rows,
 )
+from identification.report.warnings import warning_groups
 from tests.reports import make_report
 
 
@@ -265,15 +265,15 @@ def test_warnings_are_grouped_with_the_most_important_first(result: dict[str, An
     result["warnings"] = ["run1.csv: a gap", "the runs do not determine J; log longer runs", "odd"]
     result["warning_details"] = [
         {"code": "gap", "severity": "note", "fix": ""},
-        {"code": "x", "severity": "critical", "fix": "log longer runs"},
+        {"code": "x", "severity": "critical", "fix": "log longer runs", "fix_http": "in the form"},
     ]
 
     groups = warning_groups(result)
 
     assert [(group.severity, group.items) for group in groups] == [
-        ("critical", (("The runs do not determine J", "Log longer runs"),)),
-        ("warning", (("Odd", ""),)),
-        ("note", (("run1.csv: a gap", ""),)),
+        ("critical", (("The runs do not determine J", "Log longer runs", "in the form", "x"),)),
+        ("warning", (("Odd", "", "", ""),)),
+        ("note", (("run1.csv: a gap", "", "", "gap"),)),
     ]
 
 

@@ -466,6 +466,18 @@
     }
   }).observe(document.getElementById("content"));
 
+  /* The address has ?help where the service that sends the report has the documentation, too. */
+  if (new URLSearchParams(location.search).has("help")) {
+    document.querySelectorAll(".warnings .code").forEach(function (code) {
+      var link = element("a", "");
+      link.href = "/help/troubleshooting.html#" + code.textContent;
+      link.target = "_blank";
+      link.rel = "noopener";
+      code.replaceWith(link);
+      link.append(code);
+    });
+  }
+
   charts.forEach(function (chart) { sight.observe(chart.block); });
   (async function () {
     if (!runs.length) return;

@@ -92,7 +92,7 @@ def test_warning_has_the_tone_of_its_severity(severity: str, tone: str) -> None:
 
     shown = result_view(RESULT | {"warnings": ["text"], "warning_details": details}, "")
 
-    assert shown["warnings"][tone] == ["text"]
+    assert [(item.message, item.code) for item in shown["warnings"][tone]] == [("Text", "x")]
 
 
 def test_result_with_few_members_is_shown_with_remarks() -> None:
@@ -100,5 +100,5 @@ def test_result_with_few_members_is_shown_with_remarks() -> None:
     shown = result_view({"schema_version": 1, "parameters": {}, "warnings": ["a"]}, "")
 
     assert shown["parameters"] == []
-    assert shown["warnings"]["fair"] == ["a"]
+    assert [item.message for item in shown["warnings"]["fair"]] == ["A"]
     assert any("table of parameters" in remark for remark in shown["remarks"])

@@ -81,7 +81,8 @@ def test_a_forced_fit_is_marked(
     assert result["forced"] is True
     assert result["checks"][0]["code"] == "reversed_channel"
     assert result["warnings"][0].startswith(
-        "do not rely on this result: it was fitted with --force although the runs contradict"
+        "do not rely on this result: it was fitted with --force (option force) although "
+        "the runs contradict"
     )
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "The runs contradict the motor equations or each other" in report

@@ -136,7 +136,7 @@ def test_report_marks_an_estimate_that_rests_on_a_known_value(
     assert main(["fit", str(run), *words, "--out", str(out)]) == 0
 
     report = (out / "report.html").read_text(encoding="utf-8")
-    assert "from --known, not from the runs" in report
+    assert "from --known (known values), not from the runs" in report
     assert (
         "The runs do not determine alpha_Ra; the value comes only from the given knowledge"
         in report
