@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.fleet.drift import Drift
 from identification.fleet.outliers import POSITIVE, Spread
+from identification.fleet.pooling import Quantiles
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.report.svg import Frame, span, svg, text, tick_words
@@ -27,6 +28,7 @@ _MOST_NAMED = 40
 _APART = 11.0
 _LONGEST_NAME = 17
 _LETTER = 6.0
+_SHIFT = 6.0
 _DECADES_FOR_LOG = 1.5
 _NORMAL_90 = 1.645
 
@@ -44,6 +46,7 @@ class Mark:
         is_outlier: Whether the motor is an outlier.
         drift: Change since the last refit, or None.
         change_sd: Standard deviation of that change.
+        pooled: Quantiles 5, 50 and 95 % pooled over the motors of the type, or None.
     """
 
     motor: str
@@ -54,6 +57,7 @@ class Mark:
     is_outlier: bool
     drift: Drift | None
     change_sd: float
+    pooled: Quantiles | None = None
 
     @property
     def is_significant(self) -> bool:
@@ -62,7 +66,11 @@ class Mark:
 
 
 def marks_of(
-    name: str, refits: Sequence[Refit], spread: Spread, changes: Sequence[dict[str, Drift]]
+    name: str,
+    refits: Sequence[Refit],
+    spread: Spread,
+    changes: Sequence[dict[str, Drift]],
+    pooled: Mapping[int, Quantiles],
 ) -> list[Mark]:
     """Motors whose data identify a parameter, sorted by median.
 
@@ -71,6 +79,7 @@ def marks_of(
         refits: The fleet.
         spread: Distribution of the parameter over the fleet.
         changes: Changes of each motor by parameter name.
+        pooled: Pooled quantiles by index of the fleet.
     """
     marks = []
     for index, refit in enumerate(refits):
@@ -89,6 +98,7 @@ def marks_of(
                 is_outlier=spread.is_outlier(index),
                 drift=drift,
                 change_sd=abs(drift.absolute / sds) if drift and sds else 0.0,
+                pooled=pooled.get(index),
             )
         )
     return sorted(marks, key=lambda mark: mark.median)
@@ -145,9 +155,17 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
         at = float(frame.y(scaled(np.array([spread.median])))[0])
         body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_outlier for mark in marks]
-    return body + _bars(
+    body += _bars(
         across, frame.y(scaled(low)), frame.y(scaled(middle)), frame.y(scaled(high)), loud
     )
+    shift = min(_SHIFT, 0.3 * _WIDTH / len(marks))
+    stems = [
+        f"M{x + shift:.1f} {bottom:.1f}V{top:.1f}"
+        for x, mark in zip(across, marks, strict=True)
+        if mark.pooled is not None
+        for bottom, top in [frame.y(scaled(np.array([mark.pooled[0], mark.pooled[2]])))]
+    ]
+    return body + (f'<path class="stem pooled" d="{"".join(stems)}"/>' if stems else "")
 
 
 def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: float) -> str:

@@ -27,7 +27,7 @@ import numpy as np
 
 from identification.fleet.refit import Refit
 
-__all__ = ["LEAST_MOTORS", "POSITIVE", "THRESHOLD", "Spread", "spread_of"]
+__all__ = ["LEAST_MOTORS", "POSITIVE", "THRESHOLD", "Spread", "scores_of", "spread_of"]
 
 THRESHOLD = 3.5
 """Robust standard deviations beyond which a motor is an outlier (Iglewicz and Hoaglin, 1993)."""
@@ -75,16 +75,27 @@ def spread_of(name: str, refits: Sequence[Refit]) -> Spread:
         return Spread(0, None, None, (None,) * len(refits))
     is_logarithmic = name in POSITIVE and min(medians) > 0.0
     pairs = [_logarithm(pair) if pair and is_logarithmic else pair for pair in known]
-    values = np.array([pair[0] for pair in pairs if pair is not None])
-    centre = float(np.median(values))
-    scale = _NORMAL * float(np.median(np.abs(values - centre)))
+    scores, scale = scores_of(pairs)
     median = float(np.median(medians))
     if is_logarithmic:
         relative: float | None = math.expm1(scale)
     else:
         relative = scale / abs(median) if median else None
-    scores = tuple(None if pair is None else _score(pair, centre, scale) for pair in pairs)
     return Spread(len(medians), median, relative, scores)
+
+
+def scores_of(
+    pairs: Sequence[tuple[float, float] | None],
+) -> tuple[tuple[float | None, ...], float]:
+    """Deviation of each value from the median in robust standard deviations, and the scaled MAD.
+
+    Args:
+        pairs: Value and standard deviation of each motor, at least one of them not None.
+    """
+    values = np.array([pair[0] for pair in pairs if pair is not None])
+    centre = float(np.median(values))
+    scale = _NORMAL * float(np.median(np.abs(values - centre)))
+    return tuple(None if pair is None else _score(pair, centre, scale) for pair in pairs), scale
 
 
 def _logarithm(pair: tuple[float, float]) -> tuple[float, float]:

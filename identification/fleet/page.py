@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Sequence
+import statistics
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -19,6 +20,7 @@ from markupsafe import Markup
 from identification.fleet.drift import FALSE_DISCOVERY_RATE, Drift, drifts
 from identification.fleet.figure import fleet_figure, marks_of
 from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, spread_of
+from identification.fleet.pooling import LEAST_POOLED, Pool, Quantiles, pools_of
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.numbers import (
@@ -61,6 +63,7 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
     changes = drifts(refits)
     spreads = {name: spread_of(name, refits) for name in DECLARED_PARAMETERS}
     outliers = _outliers(refits, spreads)
+    pools = pools_of(refits)
     moved = _moved(refits, changes)
     return _environment().get_template("fleet.html.j2").render(
         title=title,
@@ -73,7 +76,12 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
         more_outliers=len(outliers) - len(outliers[:_MOST_LISTED]),
         moved=moved[:_MOST_LISTED],
         more_moved=len(moved) - len(moved[:_MOST_LISTED]),
-        parameters=[_parameter(name, refits, spreads[name], changes) for name in spreads],
+        parameters=[
+            _parameter(name, refits, spreads[name], changes, _pooled(name, pools))
+            for name in spreads
+        ],
+        pools=[_pool(pool, refits) for pool in pools],
+        least_pooled=LEAST_POOLED,
         names=list(DECLARED_PARAMETERS),
         motors=[_motor(refit) for refit in refits],
         threshold=THRESHOLD,
@@ -174,9 +182,13 @@ def _with_unit(value: float | None, name: str) -> str:
 
 
 def _parameter(
-    name: str, refits: Sequence[Refit], spread: Spread, changes: Sequence[dict[str, Drift]]
+    name: str,
+    refits: Sequence[Refit],
+    spread: Spread,
+    changes: Sequence[dict[str, Drift]],
+    pooled: Mapping[int, Quantiles],
 ) -> dict[str, Any]:
-    marks = marks_of(name, refits, spread, changes)
+    marks = marks_of(name, refits, spread, changes, pooled)
     return {
         "name": name,
         "meaning": DECLARED_PARAMETERS[name].meaning,
@@ -187,8 +199,48 @@ def _parameter(
         "outliers": sum(mark.is_outlier for mark in marks),
         "compared": sum(mark.drift is not None for mark in marks),
         "moved": sum(mark.is_significant for mark in marks),
+        "pooled": any(mark.pooled for mark in marks),
         "figure": Markup(fleet_figure(name, marks, spread)) if marks else None,
     }
+
+
+def _pooled(name: str, pools: Sequence[Pool]) -> dict[int, Quantiles]:
+    """Pooled quantiles of a parameter over all types, by index of the fleet."""
+    return {
+        number: found
+        for pool in pools
+        if pool.name == name
+        for number, found in pool.motors.items()
+    }
+
+
+def _pool(pool: Pool, refits: Sequence[Refit]) -> dict[str, Any]:
+    """Row of a pooled quantity; widths are those of the 90 % intervals of the pooled motors."""
+    ratios = []
+    for number, (low, _, high) in pool.motors.items():
+        own = pool.own[number]
+        if own.usable and own.q05 is not None and own.q95 is not None and own.q95 > own.q05:
+            ratios.append((high - low) / (own.q95 - own.q05))
+    spread = [percent_text(v) for v in pool.spread] if pool.is_relative else None
+    return {
+        "type": pool.type,
+        "name": pool.name,
+        "count": pool.count,
+        "given": sum(not pool.own[number].usable for number in pool.motors),
+        "left_out": [refits[number].motor for number in pool.left_out],
+        "mean": _range_text(pool.mean, pool.unit),
+        "spread": f"{spread[1]} ({spread[0]} … {spread[2]})"
+        if spread
+        else _range_text(pool.spread, pool.unit),
+        "narrower": f"{statistics.median(ratios):.2f}" if ratios else "–",
+    }
+
+
+def _range_text(quantiles: Quantiles, unit: str) -> str:
+    low, median, high = quantiles
+    shown = interval_text(median, low, high)
+    symbol = "" if unit in ("-", "1", "") else f" {unit_text(unit)}"
+    return f"{shown.median} ({shown.low} … {shown.high}){shown.power}{symbol}"
 
 
 def _motor(refit: Refit) -> dict[str, Any]:

@@ -13,7 +13,9 @@ from typing import Any
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.entries import known_only_from
 
-__all__ = ["Estimate", "Refit", "compared_with", "estimate_of", "refit_of"]
+__all__ = ["Estimate", "Refit", "Size", "compared_with", "estimate_of", "refit_of"]
+
+_OF_SINGLE_RUNS = frozenset({"load_step", "inertia_change", "unlisted"})
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,22 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Size:
+    """Size of an effect: the first parameter of its entry in the result.
+
+    Args:
+        estimate: Its estimate.
+        unit: Its unit.
+        meaning: Its definition with the variant of the effect.  Two sizes are comparable only if
+            their definitions are equal: the size of a drag refers to a speed, for example.
+    """
+
+    estimate: Estimate
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
 class Refit:
     """Result of one motor of a batch.
 
@@ -61,6 +79,9 @@ class Refit:
         warnings: Warnings of the result, in its order.
         previous: Previous refit of the same motor.
         link: Address of its report relative to the page; empty if there is none.
+        type: Type of the motor; motors without one are of one unnamed type.
+        sizes: Sizes of the effects that are properties of the motor or of the bench and not of
+            single runs, by name such as ``"brush_drop.voltage"``.
     """
 
     motor: str
@@ -75,6 +96,8 @@ class Refit:
     warnings: tuple[str, ...] = ()
     previous: Refit | None = None
     link: str = ""
+    type: str = ""
+    sizes: Mapping[str, Size] = field(default_factory=dict)
 
 
 def refit_of(
@@ -85,6 +108,7 @@ def refit_of(
     fit: str = "",
     ended_at: str | None = None,
     link: str = "",
+    motor_type: str = "",
 ) -> Refit:
     """Extract the compared parts of a result.
 
@@ -95,6 +119,7 @@ def refit_of(
         fit: Id or location of the fit.
         ended_at: End of the fit, UTC, ISO 8601.
         link: Address of its report.
+        motor_type: Type of the motor.
     """
     parameters = result.get("parameters") or {}
     after = (result.get("errors") or {}).get("after") or {}
@@ -121,7 +146,24 @@ def refit_of(
         ended_at=ended_at,
         warnings=tuple(str(warning) for warning in result.get("warnings") or ()),
         link=link,
+        type=motor_type,
+        sizes=dict(map(_size, _lasting(result))),
     )
+
+
+def _lasting(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Entries of the effects that have a size and do not belong to single runs."""
+    return [
+        effect
+        for effect in result.get("effects") or ()
+        if effect["name"] not in _OF_SINGLE_RUNS and effect.get("parameters")
+    ]
+
+
+def _size(effect: Mapping[str, Any]) -> tuple[str, Size]:
+    name, entry = next(iter(effect["parameters"].items()))
+    meaning = f"{entry.get('meaning', '')} {effect.get('variant') or ''}".strip()
+    return f"{effect['name']}.{name}", Size(estimate_of(entry), entry.get("unit", ""), meaning)
 
 
 def compared_with(refit: Refit, previous: Refit | None) -> Refit:

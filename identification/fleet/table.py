@@ -8,8 +8,14 @@ NAME_drift_relative         drift over the magnitude of the previous median
 NAME_drift_sds              drift over the combined standard deviation
 NAME_drift_probability      p-value of the drift, adjusted over the whole table
 NAME_drift_significant      whether the adjusted p-value is at most 0.05
+NAME_pooled, NAME_pooled_q05, NAME_pooled_q95
+                            median and 90 % interval with the other motors of the type, only for
+                            the temperature coefficients
 
-`identification.fleet.drift` describes the statistics.  An unknown cell is empty or null.
+`identification.fleet.drift` and `identification.fleet.pooling` describe the statistics.
+
+A second table has a row per motor and pooled quantity, effect sizes included.  An
+unknown cell is empty or null.
 """
 
 from __future__ import annotations
@@ -17,15 +23,24 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from identification.errors import InputError
 from identification.fleet.drift import Drift, drifts
+from identification.fleet.pooling import POOLED_PARAMETERS, Pool, pools_of
 from identification.fleet.refit import Estimate, Refit
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["COLUMNS", "MissingParquet", "csv_text", "parquet_bytes", "rows_of"]
+__all__ = [
+    "COLUMNS",
+    "POOLED_COLUMNS",
+    "MissingParquet",
+    "csv_text",
+    "parquet_bytes",
+    "pooled_rows",
+    "rows_of",
+]
 
 Row = dict[str, Any]
 
@@ -49,6 +64,7 @@ _OF_PARAMETER: dict[str, tuple[type, bool]] = {
     "_drift_probability": (float, False),
     "_drift_significant": (bool, False),
 }
+_QUANTILES = ("q05", "median", "q95")
 _RATIOS = {
     f"{role}_noise_ratio_{channel}": (role, channel)
     for role in ("training", "validation")
@@ -57,11 +73,17 @@ _RATIOS = {
 
 COLUMNS: dict[str, tuple[type, str]] = {
     "motor": (str, ""),
+    "type": (str, ""),
     "status": (str, ""),
     **{
         f"{parameter.name}{ending}": (kind, parameter.unit if has_unit else "")
         for parameter in DECLARED_PARAMETERS.values()
         for ending, (kind, has_unit) in _OF_PARAMETER.items()
+    },
+    **{
+        f"{name}_pooled{ending}": (float, DECLARED_PARAMETERS[name].unit)
+        for name in POOLED_PARAMETERS
+        for ending in ("", "_q05", "_q95")
     },
     "effects": (str, ""),
     **dict.fromkeys(_RATIOS, (float, "")),
@@ -76,6 +98,14 @@ COLUMNS: dict[str, tuple[type, str]] = {
     "first_warning": (str, ""),
 }
 """Columns in order, each with its cell type and unit."""
+
+POOLED_COLUMNS = (
+    "type", "parameter", "unit", "motor",
+    *_QUANTILES, "identified", "left_out", *(f"pooled_{level}" for level in _QUANTILES),
+    "type_motors", *(f"type_mean_{level}" for level in _QUANTILES),
+    "type_spread_is_relative", *(f"type_spread_{level}" for level in _QUANTILES),
+)  # fmt: skip
+"""Columns of the table of pooled quantities, in order."""
 
 
 class MissingParquet(InputError):
@@ -94,13 +124,32 @@ def rows_of(refits: Sequence[Refit]) -> list[Row]:
     Args:
         refits: All motors of the table, because p-values are adjusted over all of them.
     """
-    return [_row(refit, changes) for refit, changes in zip(refits, drifts(refits), strict=True)]
+    rows = [_row(refit, changes) for refit, changes in zip(refits, drifts(refits), strict=True)]
+    for pool in pools_of(refits):
+        if pool.name in POOLED_PARAMETERS:
+            for number, (low, median, high) in pool.motors.items():
+                found = {"": median, "_q05": low, "_q95": high}
+                rows[number] |= {f"{pool.name}_pooled{end}": v for end, v in found.items()}
+    return rows
 
 
-def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+def pooled_rows(refits: Sequence[Refit]) -> list[Row]:
+    """Rows with the columns of `POOLED_COLUMNS`: each motor of each pooled quantity.
+
+    Args:
+        refits: All motors of the table.
+    """
+    return [
+        _pooled_row(pool, number, refits[number].motor)
+        for pool in pools_of(refits)
+        for number in pool.own
+    ]
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = COLUMNS) -> str:
     """Table as CSV, numbers in full precision, protected against formula injection."""
     table = io.StringIO()
-    writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(table, list(columns), lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
     return table.getvalue()
@@ -135,9 +184,11 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 def _row(refit: Refit, changes: Mapping[str, Drift]) -> Row:
     before = refit.previous
-    row: Row = {"motor": refit.motor, "status": refit.status}
+    row: Row = {"motor": refit.motor, "type": refit.type or None, "status": refit.status}
     for name in DECLARED_PARAMETERS:
         row |= _parameter(name, refit.estimates.get(name), changes.get(name))
+    pooled = [f"{name}_pooled{end}" for name in POOLED_PARAMETERS for end in ("", "_q05", "_q95")]
+    row |= dict.fromkeys(pooled)
     return row | {
         "effects": " ".join(refit.effects),
         **{column: refit.noise_ratios.get(key) for column, key in _RATIOS.items()},
@@ -166,6 +217,31 @@ def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row
         f"{name}_drift_probability": drift and drift.probability,
         f"{name}_drift_significant": drift and drift.is_significant,
     }
+
+
+def _pooled_row(pool: Pool, number: int, motor: str) -> Row:
+    own = pool.own[number]
+    pooled = pool.motors.get(number, (None, None, None))
+    return {
+        "type": pool.type or None,
+        "parameter": pool.name,
+        "unit": pool.unit,
+        "motor": motor,
+        "q05": own.q05,
+        "median": own.median,
+        "q95": own.q95,
+        "identified": own.is_identified,
+        "left_out": number in pool.left_out,
+        **_levels("pooled", pooled),
+        "type_motors": pool.count,
+        **_levels("type_mean", pool.mean),
+        "type_spread_is_relative": pool.is_relative,
+        **_levels("type_spread", pool.spread),
+    }
+
+
+def _levels(name: str, quantiles: Sequence[float | None]) -> Row:
+    return {f"{name}_{level}": v for level, v in zip(_QUANTILES, quantiles, strict=True)}
 
 
 def _cell(value: object) -> object:

@@ -2,6 +2,7 @@
 
     DIR/MOTOR/             output of `motorid fit` for each motor
     DIR/results.csv        one row per motor; results.parquet has the same content
+    DIR/pooled.csv         one row per motor and pooled quantity
     DIR/fleet.html         all motors on one page
 
 A motor is not fitted again if its result was made from the same runs with the same options,
@@ -25,7 +26,14 @@ from app.commands.files import writable_directory
 from app.commands.motor import Show
 from identification.errors import ComputationError, InputError, OptionError
 from identification.fleet.refit import Refit, compared_with, refit_of
-from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
+from identification.fleet.table import (
+    POOLED_COLUMNS,
+    MissingParquet,
+    csv_text,
+    parquet_bytes,
+    pooled_rows,
+    rows_of,
+)
 from identification.options import FitOptions
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.atomic import replacing, write_text
@@ -145,10 +153,12 @@ class _Batch:
         self._written_at = time.monotonic()
 
     def write_all(self, title: str) -> str:
-        """Write the page and the Parquet table; return a note if Parquet is not available."""
+        """Write the page and the other tables; return a note if Parquet is not available."""
         from identification.fleet.page import render_fleet
 
         write_text(self._out / "fleet.html", render_fleet(title, self.refits))
+        pooled = csv_text(pooled_rows(self.refits), POOLED_COLUMNS)
+        write_text(self._out / "pooled.csv", pooled)
         try:
             content = parquet_bytes(rows_of(self.refits))
         except MissingParquet as error:
@@ -165,8 +175,15 @@ class _Batch:
             return False
         result, ended_at = found
         name = job.motor.name
-        link = f"{name}/report.html"
-        refit = refit_of(name, status, result, fit=name, ended_at=ended_at, link=link)
+        refit = refit_of(
+            name,
+            status,
+            result,
+            fit=name,
+            ended_at=ended_at,
+            link=f"{name}/report.html",
+            motor_type=job.motor.type,
+        )
         self._found[name] = compared_with(refit, previous_refit(name, job.out))
         return True
 

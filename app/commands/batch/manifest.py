@@ -1,11 +1,12 @@
 """Manifest of a batch: motors with their run files and options, as CSV or YAML.
 
-    motor,training,validation,seed
-    pump-17,pump17/run1.csv;pump17/run2.csv,pump17/check.csv,3
+    motor,type,training,validation,seed
+    pump-17,RE40,pump17/run1.csv;pump17/run2.csv,pump17/check.csv,3
 
     options: {posterior: false}
     motors:
       - motor: pump-17
+        type: RE40
         training: [pump17/run1.csv, pump17/run2.csv]
         validation: [pump17/check.csv]
         mapping: pump17/columns.json
@@ -33,12 +34,15 @@ from identification.options import FitOptions
 __all__ = ["Motor", "read_manifest"]
 
 _FILES: Final = ("training", "validation")
-_FIELDS: Final = ("motor", *_FILES, "mapping")
+_FIELDS: Final = ("motor", *_FILES, "mapping", "type")
 _OPTIONS: Final = tuple(FitOptions.__dataclass_fields__)
 # The motor name is used as a directory name.
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,99}")
 # The batch writes its own files to the same directory.
-_RESERVED: Final = frozenset({"results.csv", "results.parquet", "fleet.html", "service.json"})
+_RESERVED: Final = frozenset(
+    {"results.csv", "results.parquet", "pooled.csv", "fleet.html", "service.json"}
+)
+_LONGEST_TYPE: Final = 100
 _LARGEST_BYTES: Final = 20_000_000
 
 
@@ -52,6 +56,7 @@ class Motor:
         validation: Validation run files.
         options: Options of the fit.
         mapping: JSON file that assigns columns to channels, or None.
+        type: Type of the motor; empty if the manifest gives none.
     """
 
     name: str
@@ -59,6 +64,7 @@ class Motor:
     validation: tuple[Path, ...]
     options: FitOptions
     mapping: Path | None = None
+    type: str = ""
 
 
 def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
@@ -189,7 +195,20 @@ def _motor(entry: Mapping[str, Any], place: Place, defaults: FitOptions) -> Moto
     mapping = entry.get("mapping")
     mapped = _path(folder, str(mapping), place.at("mapping")) if mapping else None
     options = options_with(defaults, entry["options"], place)
-    return Motor(name, training, validation, options, mapped)
+    return Motor(name, training, validation, options, mapped, _type(entry.get("type"), place))
+
+
+def _type(value: object, place: Place) -> str:
+    if value is None:
+        return ""
+    is_text = isinstance(value, str | int) and not isinstance(value, bool)
+    text = str(value).strip()
+    if not is_text or len(text) > _LONGEST_TYPE or not text.isprintable():
+        raise place.at("type").wrong(
+            f"{ascii(value)[:60]} is not a valid motor type; expected up to {_LONGEST_TYPE} "
+            "printable characters"
+        )
+    return text
 
 
 def _path(folder: Path, file: str, place: Place) -> Path:

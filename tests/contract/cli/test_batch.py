@@ -302,6 +302,7 @@ def test_second_batch_in_the_same_directory_is_refused(
             "motors: [{motor: m, training: a, options: {temperatures: [1" + "0" * 400 + "]}}]\n",
             "is not valid",
         ),
+        ("m.yaml", "motors: [{motor: m, training: a, type: [x]}]\n", "not a valid motor type"),
         (
             "m.csv",
             "motor,training\nresults.csv,a.csv\n",
