@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from identification import FitOptions, InputError, OptionError, Run, identify, read_run
 from identification.ingest import write_run
 from identification.prediction import model_of
+from identification.quantities import DECLARED_PARAMETERS
+from identification.result.draws import chain_draws
 from tests.motors import campaign, motor_named
 
 RUN = campaign(motor_named("servo 100 W"), seed=1)[0]
@@ -149,3 +152,20 @@ def test_warnings_about_the_result_precede_those_about_the_files() -> None:
     codes = [one["code"] for one in details]
     assert (codes[0], codes[-1]) == ("parameters_not_identified", "unknown_temperature")
     assert all(message.endswith(one["fix"]) for message, one in zip(said, details, strict=True))
+
+
+def test_correlation_is_that_of_the_posterior_draws(tmp_path: Path) -> None:
+    """Independent reference: NumPy on all draws of posterior.nc; the result uses some of them.
+
+    Above 25 degC, Ra25 (1 + alpha_Ra (T - 25)) is determined better than its two factors, so their
+    correlation is negative.
+    """
+    identify(RUN, (), FitOptions(effects=False, effort="quick")).write(tmp_path)
+    stored = json.loads((tmp_path / "result.json").read_text())["correlation"]
+    with (tmp_path / "posterior.nc").open("rb") as file:
+        draws = chain_draws(file, 1_000_000)
+
+    names, matrix = stored["names"], np.array(stored["matrix"])
+    assert names[:7] == list(DECLARED_PARAMETERS)
+    assert matrix == pytest.approx(np.corrcoef([draws[n] for n in names]), abs=0.05)
+    assert matrix[0, 1] < -0.5

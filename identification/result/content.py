@@ -19,6 +19,7 @@ from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
+from identification.effects.effect import effects_of
 from identification.feedback import feedback_metrics
 from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
@@ -59,6 +60,7 @@ __all__ = ["assemble"]
 
 Array = NDArray[np.float64]
 
+_CORRELATION_DIGITS = 6
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
@@ -83,6 +85,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         **_checks(findings.admission, implausible),
         "declared": {"hold": declared.simulator.model.hold, "parameters": before},
         "parameters": after,
+        "correlation": _correlation(final, findings.draws),
         "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
         "diagnosis": {
             "residual": detection_entry(findings.before),
@@ -111,6 +114,22 @@ def assemble(findings: Findings) -> dict[str, object]:
         "warnings": [str(warning) for warning in warnings],
         "warning_details": [warning.details() for warning in warnings],
     }
+
+
+def _correlation(final: Fit, draws: dict[str, Array]) -> dict[str, object]:
+    """Member ``correlation`` of the result: the parameters of the nominal model and of the effects.
+
+    A parameter whose draws are equal has no correlation; null stands for it.
+    """
+    prefixes = tuple(f"{effect.name}." for effect in effects_of(final.simulator.model.terms))
+    names = [
+        name
+        for name in final.coordinates.names
+        if name in DECLARED_PARAMETERS or name.startswith(prefixes)
+    ]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        matrix = np.atleast_2d(np.corrcoef([draws[name] for name in names]))
+    return {"names": names, "matrix": finite_or_null(matrix.round(_CORRELATION_DIGITS))}
 
 
 def _suited(findings: Findings) -> list[dict[str, Any]]:
