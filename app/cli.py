@@ -27,10 +27,10 @@ from app.commands.exits import (
     raised_signals,
 )
 from app.commands.keys import keys
+from app.commands.tune import tune
 from app.logging import warnings_logged
 
 __all__ = ["app", "main"]
-
 
 app = typer.Typer(
     cls=CommandGroup,
@@ -188,6 +188,9 @@ def feedback(
         result=result,
         show=motor.Show(as_json=json, quiet=quiet),
     )
+
+
+app.command(cls=SeveralWords)(tune)
 
 
 @app.command(cls=SeveralWords)

@@ -60,7 +60,8 @@ class SeveralWords(typer.core.TyperCommand):
     several: ClassVar[dict[str, Callable[[str], bool]]] = {
         "--validation": _is_word,
         "--temperature": _is_number,
-        "--controller": lambda word: re.match(r"(?i)[a-z]{1,3}:", word) is not None,
+        "--controller": lambda word: re.match(r"(?i)[a-z+]{1,5}:", word) is not None,
+        "--kind": lambda word: re.fullmatch(r"(?i)p|pi|pi\+ff|pid", word) is not None,
         "--known": lambda word: re.match(r"\w+=", word) is not None,
         "--nameplate": lambda word: re.match(r"\w+=", word) is not None,
         "--set": lambda word: re.match(r"\w+=", word) is not None,

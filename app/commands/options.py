@@ -99,7 +99,8 @@ Controllers = Annotated[
     typer.Option(
         "--controller",
         metavar="C...",
-        help="Controllers of the speed loop: P:kp, PI:kp,ki or PID:kp,ki,kd.  [default: P:1]",
+        help="Controllers of the speed loop: P:kp, PI:kp,ki, PI+FF:kp,ki,kff or PID:kp,ki,kd.  "
+        "[default: P:1]",
     ),
 ]
 Seed = Annotated[

@@ -9,6 +9,7 @@
     turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly
+    delayed_margins.py  the same margins with a delay
     tuning.py         the PI controller that suits a motor
     spread.py         the feedback list of a result: these metrics at each temperature
     curves.py         step responses with bands, for plotting

@@ -29,7 +29,7 @@ from identification.model.step import advance
 from identification.model.step_plan import plan_for
 from identification.model.term import AbstractTemperature, AbstractTerm, Expression
 
-__all__ = ["ClosedLoop", "LoopRun", "acting_terms", "simulated_loop"]
+__all__ = ["ClosedLoop", "LoopRun", "acting_terms", "fastest_rate", "simulated_loop"]
 
 Array = NDArray[np.float64]
 
@@ -230,7 +230,7 @@ def simulated_loop(
         start[2 : 2 + own_states.size] = own_states[:, None]
         starts.append(_kicked(loop, start, row, parameters, step))
     x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
-    rate = _fastest(loop, starts, rows, parameters) * time[1]
+    rate = fastest_rate(loop, starts, rows, parameters) * time[1]
     plan = plan_for(_MARGIN * rate, linear=not loop.terms)
     rates = loop.rates(x, u, p)
     seen = ca.vertcat(x[1], rates[1], x[0], loop.command(x, u, p))
@@ -264,10 +264,20 @@ def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step:
     return state
 
 
-def _fastest(loop: ClosedLoop, starts: list[Array], rows: list[Array], parameters: Array) -> float:
-    """Largest spectral radius of the Jacobian, at standstill and at the reference speed [1/s]."""
-    x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
-    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(loop.rates(x, u, p), x)])
+def fastest_rate(
+    model: MotorModel, starts: list[Array], rows: list[Array], parameters: Array
+) -> float:
+    """Largest spectral radius of the Jacobian, at standstill and at the reference speed [1/s].
+
+    Args:
+        model: Closed loop or motor.
+        starts: For each simulation the states at standstill, (n_state, n_draw).
+        rows: For each simulation the inputs, (n_time, n_input); the input ``voltage`` of the first
+            row is taken as the speed.
+        parameters: (n_parameter, n_draw) physical.
+    """
+    x, u, p = _symbols(len(model.state_names), len(model.parameters))
+    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])
     largest, size = 0.0, x.numel()
     for start, row in zip(starts, rows, strict=True):
         moving = start.copy()

@@ -1,4 +1,4 @@
-"""Speed controllers: P, PI and PID, the class that others extend, and the parser.
+"""Speed controllers: P, PI, PI+FF and PID, the class that others extend, and the parser.
 
 A controller maps the reference r and the speed w to the motor's voltage v,
 
@@ -7,6 +7,8 @@ A controller maps the reference r and the speed w to the motor's voltage v,
 P, PI and PID control the error in the ideal parallel form
 
     C(s) = kp + ki / s + kd s          kp [V s/rad], ki [V/rad], kd [V s^2/rad]
+
+PI+FF adds the static feed-forward kff r [V s/rad] of the reference to PI.
 
 The derivative acts on the error and has no filter.  It needs none: the motor has two poles and no
 zero from voltage to speed, so C(s) w/v is strictly proper, and every response and margin of the
@@ -32,6 +34,7 @@ __all__ = [
     "ACCEPTED_CONTROLLERS",
     "PI",
     "PID",
+    "PIFF",
     "AbstractController",
     "P",
     "TransferFunction",
@@ -39,7 +42,9 @@ __all__ = [
     "parse_controllers",
 ]
 
-ACCEPTED_CONTROLLERS: Final = "P:kp, PI:kp,ki or PID:kp,ki,kd, such as P:1 or PI:2,0.5"
+ACCEPTED_CONTROLLERS: Final = (
+    "P:kp, PI:kp,ki, PI+FF:kp,ki,kff or PID:kp,ki,kd, such as P:1 or PI:2,0.5"
+)
 
 _LONGEST_SHOWN: Final = 60
 
@@ -137,6 +142,33 @@ class PI(AbstractController):
 
 
 @dataclass(frozen=True)
+class PIFF(AbstractController):
+    """Proportional-integral controller with static feed-forward of the reference.
+
+    Args:
+        text: Specification as the user wrote it.
+        proportional: Gain kp [V s/rad].
+        integral: Gain ki [V/rad].
+        forward: Feed-forward gain kff [V s/rad].
+    """
+
+    text: str
+    proportional: float
+    integral: float
+    forward: float
+
+    def transfer_function(self) -> TransferFunction:
+        """Feedback kp + ki / s, and kff from the reference alone."""
+        control = _parallel(self.proportional, self.integral, 0.0)
+        if not self.integral:
+            return TransferFunction(
+                control.numerator, reference=(self.proportional + self.forward,)
+            )
+        direct = self.proportional + self.forward
+        return TransferFunction(control.numerator, (1.0, 0.0), (0.0, direct, self.integral))
+
+
+@dataclass(frozen=True)
 class PID(AbstractController):
     """Proportional-integral-derivative controller.
 
@@ -162,7 +194,7 @@ def _parallel(kp: float, ki: float, kd: float) -> TransferFunction:
     return TransferFunction((kd, kp, ki), (1.0, 0.0)) if ki else TransferFunction((kd, kp))
 
 
-_KINDS: Final[dict[str, type[P | PI | PID]]] = {"P": P, "PI": PI, "PID": PID}
+_KINDS: Final[dict[str, type[P | PI | PIFF | PID]]] = {"P": P, "PI": PI, "PI+FF": PIFF, "PID": PID}
 
 
 def parse_controller(text: str) -> AbstractController:

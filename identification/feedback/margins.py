@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.feedback.loop import Loop
 from identification.feedback.roots import monic_roots
 
-__all__ = ["Margins", "bandwidth", "stability_margins"]
+__all__ = ["Margins", "bandwidth", "gain_crossovers", "open_loop", "stability_margins"]
 
 Array = NDArray[np.float64]
 
@@ -68,11 +68,25 @@ def bandwidth(loop: Loop) -> Array:
     return np.where(has_value, np.nanmin(_positive(closed), axis=1, initial=np.inf), np.nan)
 
 
-def _phase_margin(loop: Loop) -> Array:
+def open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
+    """L(j omega) of each loop at its own frequencies, (n_loop, n_frequency) [rad/s]."""
+    s = 1j * frequency
+    value = [np.zeros_like(s), np.zeros_like(s)]
+    for k, polynomial in enumerate((loop.numerator, loop.open_denominator)):
+        for coefficient in polynomial.T:
+            value[k] = value[k] * s + coefficient[:, None]
+    return np.asarray(value[0] / value[1], dtype=np.complex128)
+
+
+def gain_crossovers(loop: Loop) -> Array:
+    """Frequencies at which the open-loop gain is 1, (n_loop, n_root), padded with NaN [rad/s]."""
     crossing = _squared_modulus(loop.open_denominator)
     crossing[:, 1:] -= _squared_modulus(loop.numerator)
-    frequency = _positive(crossing)
-    lead = np.angle(-_open_loop(loop, frequency), deg=True)
+    return _positive(crossing)
+
+
+def _phase_margin(loop: Loop) -> Array:
+    lead = np.angle(-open_loop(loop, gain_crossovers(loop)), deg=True)
     margin = _nearest_to_zero(lead)
     return np.where(np.isnan(margin), np.inf, margin)
 
@@ -90,7 +104,7 @@ def _gain_margin(loop: Loop) -> Array:
     # Without an integrator the DC loop gain is finite and may be negative.
     at_rest = np.where(loop.open_denominator[:, -1:] == 0, np.nan, 0.0)
     crossings = np.concatenate([at_rest, _positive(phase[:, ::-1])], axis=1)
-    value = _open_loop(loop, crossings).real
+    value = open_loop(loop, crossings).real
     margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
     return np.where(np.isnan(margin), np.inf, margin)
 
@@ -100,16 +114,6 @@ def _nearest_to_zero(candidates: Array) -> Array:
     size = np.where(np.isnan(candidates), np.inf, np.abs(candidates))
     rows = np.arange(candidates.shape[0])
     return np.asarray(candidates[rows, size.argmin(axis=1)])
-
-
-def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
-    """L(j omega) of each loop at its own frequencies, (n_loop, n_frequency) [rad/s]."""
-    s = 1j * frequency
-    value = [np.zeros_like(s), np.zeros_like(s)]
-    for k, polynomial in enumerate((loop.numerator, loop.open_denominator)):
-        for coefficient in polynomial.T:
-            value[k] = value[k] * s + coefficient[:, None]
-    return np.asarray(value[0] / value[1], dtype=np.complex128)
 
 
 def _positive(squared: Array) -> Array:

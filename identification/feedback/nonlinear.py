@@ -35,7 +35,7 @@ from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
 
-__all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops"]
+__all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops", "with_some_inductance"]
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class _Bench:
     ) -> None:
         self.fit, self.temperatures = fit, temperatures
         self.model = MotorModel(terms)
-        self.draws = _with_some_inductance(draws)
+        self.draws = with_some_inductance(draws)
         self.values = np.array([self.draws[p.name] for p in self.model.parameters])
         records = fit.simulator.records
         self.peak = max(float(r.column("peak_temperature").max()) for r in records)
@@ -237,7 +237,7 @@ class _Bench:
         return runs, events
 
 
-def _with_some_inductance(draws: dict[str, Array]) -> dict[str, Array]:
+def with_some_inductance(draws: dict[str, Array]) -> dict[str, Array]:
     """Draws whose electrical time constant is at least 1e-6 of the mechanical one.
 
     A shorter one could not be simulated; this one changes no reported digit.

@@ -43,15 +43,18 @@ def is_at_rest(speed: Array) -> Bool:
         return np.asarray(np.abs(last - before) <= _STILL * np.maximum(np.abs(last), _LEAST_FINAL))
 
 
-def sampled_metrics(time: Array, speed: Array, slope: Array) -> StepMetrics:
+def sampled_metrics(
+    time: Array, speed: Array, slope: Array, final: Array | None = None
+) -> StepMetrics:
     """Metrics of simulated step responses; the settling time is NaN if a response does not settle.
 
     Args:
         time: (n_time,) uniform, from 0 [s].
         speed: (n_time, n_loop) divided by the step [-].
         slope: (n_time, n_loop) its time derivative [1/s].
+        final: (n_loop,) known final values [-]; None to take them from the responses.
     """
-    final = _ends(speed)[0]
+    final = _ends(speed)[0] if final is None else final
     usable = np.isfinite(speed).all(axis=0) & (np.abs(final) > _LEAST_FINAL)
     columns = np.full((5, final.size), np.nan)
     if usable.any():

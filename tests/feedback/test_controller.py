@@ -57,7 +57,7 @@ def test_invalid_controller_is_refused_with_the_accepted_forms(text: str, messag
     with pytest.raises(OptionError, match=message) as caught:
         parse_controller(text)
 
-    assert "expected P:kp, PI:kp,ki or PID:kp,ki,kd" in str(caught.value)
+    assert "expected P:kp, PI:kp,ki, PI+FF:kp,ki,kff or PID:kp,ki,kd" in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
 

@@ -1,0 +1,29 @@
+"""Tuning of speed controllers that meet a specification over the uncertainty of the motor.
+
+    specification.py  required metrics, limits and timing of the drive
+    motor.py          motor with draws of all parameters, nominal or with effects
+    drive.py          simulation of the sampled loop with limits and anti-windup
+    judge.py          metrics of each draw at each temperature, distance from the limits
+    search.py         search for gains
+    statement.py      judgement in words
+    tune.py           `tune`: content of the file of ``motorid tune``
+
+Each module imports only modules above it.
+"""
+
+from __future__ import annotations
+
+from identification.tuning.motor import UncertainMotor, motor_of
+from identification.tuning.search import KINDS
+from identification.tuning.specification import METRICS, Specification, parse_specification
+from identification.tuning.tune import tune
+
+__all__ = [
+    "KINDS",
+    "METRICS",
+    "Specification",
+    "UncertainMotor",
+    "motor_of",
+    "parse_specification",
+    "tune",
+]

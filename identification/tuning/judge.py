@@ -1,0 +1,204 @@
+"""Judgement of controllers: metrics of each draw and temperature, and distance from the limits.
+
+Margins belong to the linear loop with its delay; all other metrics are those of the simulated loop
+with effects, sampling and limits.  A draw meets the specification if it meets every requirement at
+every temperature, so the probability is that of one motor over the whole temperature range.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.feedback.delayed_margins import delayed_margins
+from identification.feedback.loop import Loop
+from identification.feedback.sampled import sampled_metrics
+from identification.tuning.drive import GAINS, Drive, Response, most_samples
+from identification.tuning.motor import UncertainMotor
+from identification.tuning.specification import METRICS, Specification
+
+__all__ = ["Judge", "Judgement", "slack_at"]
+
+Array = NDArray[np.float64]
+
+_NUMBERS_AT_ONCE: Final = 2e7
+_LEAST_SAMPLES: Final = 40
+_BEYOND: Final = {"rise_time": 8.0, "settling_time": 3.0}
+_TIME_CONSTANTS: Final = 8.0
+_LAST: Final = 0.1
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Metrics of controllers.
+
+    Args:
+        metrics: For each name of `METRICS` (n_controller, n_temperature, n_draw).
+        slack: For each required metric its distance from the limit, of the same shape [-].
+        limited: Whether voltage or current reach their limit, of the same shape.
+        peak_current: Largest current, of the same shape [A].
+        peak_voltage: Largest voltage at the motor, of the same shape [V].
+    """
+
+    metrics: dict[str, Array]
+    slack: dict[str, Array]
+    limited: NDArray[np.bool_]
+    peak_current: Array
+    peak_voltage: Array
+
+    @property
+    def of_draws(self) -> Array:
+        """Smallest distance over requirements and temperatures, (n_controller, n_draw) [-]."""
+        return np.asarray(np.min(np.stack(list(self.slack.values())), axis=(0, 2)))
+
+    @property
+    def probability(self) -> Array:
+        """Fraction of the draws that meet the specification, (n_controller,)."""
+        return np.asarray((self.of_draws >= 0).mean(axis=1))
+
+
+def slack_at(of_draws: Array, probability: float) -> Array:
+    """Distance that the fraction `probability` of the draws (last axis) reaches or exceeds.
+
+    It is at least 0 if and only if at least that fraction meets the specification.
+    """
+    count = of_draws.shape[-1]
+    index = min(count - 1, math.floor((1 - probability) * count + 1e-9))
+    return np.asarray(np.sort(of_draws, axis=-1)[..., index])
+
+
+class Judge:
+    """Judge of controllers for one motor and specification.
+
+    Args:
+        motor: The motor.
+        specification: The specification.
+        temperatures: Temperatures of winding and magnet [degC].
+        step: Step of the reference [rad/s].
+        anti_windup: Whether the integral stops at the limits.
+    """
+
+    def __init__(
+        self,
+        motor: UncertainMotor,
+        specification: Specification,
+        temperatures: list[float],
+        step: float,
+        *,
+        anti_windup: bool = True,
+    ) -> None:
+        self.motor, self.specification = motor, specification
+        self.temperatures, self.step, self.anti_windup = temperatures, step, anti_windup
+
+    def of(self, motor: UncertainMotor, temperatures: list[float] | None = None) -> Judge:
+        """The same judge for other draws or temperatures."""
+        asked = temperatures or self.temperatures
+        return Judge(motor, self.specification, asked, self.step, anti_windup=self.anti_windup)
+
+    def samples(self) -> int:
+        """Number of sample times that the required times need."""
+        spec = self.specification
+        needed = [factor * (getattr(spec, name) or 0.0) for name, factor in _BEYOND.items()]
+        if not any(needed):
+            _, denominator = self.motor.plants(self.temperatures[0])
+            needed.append(_TIME_CONSTANTS * float(np.median(denominator[:, 1] / denominator[:, 2])))
+        count = math.ceil(max(needed) / spec.sample_time)
+        return min(max(count, _LEAST_SAMPLES), most_samples(spec))
+
+    def judged(self, gains: Array, samples: int | None = None) -> Judgement:
+        """Metrics of controllers for every draw at every temperature.
+
+        Args:
+            gains: (4, n_controller), in the order of `GAINS`.
+            samples: Simulated number of sample times; default: as the required times need.
+        """
+        count, samples = gains.shape[1], samples or self.samples()
+        motors = replace(self.motor, values=np.tile(self.motor.values, (1, count)))
+        columns = np.repeat(gains, self.motor.count, axis=1)
+        found = self.margins(gains) | self._simulated(motors, columns, samples)
+        found = {name: value.reshape(count, -1, self.motor.count) for name, value in found.items()}
+        slack = {
+            name: METRICS[name].slack(found[name], limit)
+            for name, limit in self.specification.required.items()
+        }
+        metrics = {name: found[name] for name in METRICS}
+        return Judgement(
+            metrics,
+            slack,
+            found["limited"] > 0,
+            found["peak_current"],
+            found["peak_voltage"],
+        )
+
+    def margins(self, gains: Array) -> dict[str, Array]:
+        """Margins, (n_controller, n_temperature, n_draw): gain [dB] and phase [deg]."""
+        plants = [self.motor.plants(temperature) for temperature in self.temperatures]
+        gain = np.concatenate([plant[0] for plant in plants])
+        poles = np.concatenate([plant[1] for plant in plants])
+        count, loops = gains.shape[1], gain.size
+        loop = _loops(np.tile(gain, count), np.tile(poles, (count, 1)), gains.repeat(loops, axis=1))
+        found = delayed_margins(
+            loop, self.specification.lag, np.pi / self.specification.sample_time
+        )
+        shape = (count, len(plants), self.motor.count)
+        return {
+            "gain_margin": found.gain_db.reshape(shape),
+            "phase_margin": found.phase_deg.reshape(shape),
+        }
+
+    def responses(self, gains: Array, samples: int, reference: float = 0.0) -> list[Response]:
+        """Step responses of one controller, for each temperature, with every draw."""
+        drive = Drive(self.motor, self.specification, anti_windup=self.anti_windup)
+        return drive.responses(gains, reference or self.step, self.temperatures, samples)
+
+    def _simulated(self, motors: UncertainMotor, gains: Array, samples: int) -> dict[str, Array]:
+        """Metrics of the responses, (n_controller * n_temperature * n_draw,) each."""
+        drive = Drive(motors, self.specification)
+        rows = samples * drive.substeps * 5 * len(self.temperatures)
+        # Whole controllers, so that the columns of a block stay together.
+        block = self.motor.count * max(1, int(_NUMBERS_AT_ONCE / rows / self.motor.count))
+        parts: list[dict[str, Array]] = []
+        for first in range(0, motors.count, block):
+            lanes = slice(first, first + block)
+            some = replace(motors, values=motors.values[:, lanes])
+            drive = Drive(some, self.specification, anti_windup=self.anti_windup)
+            found = drive.responses(gains[:, lanes], self.step, self.temperatures, samples)
+            each = [_metrics(one, self.step, gains[:, lanes]) for one in found]
+            parts.append({name: np.stack([one[name] for one in each]) for name in each[0]})
+        whole = {name: np.concatenate([p[name] for p in parts], axis=1) for name in parts[0]}
+        # (n_temperature, n_controller * n_draw) to (n_controller, n_temperature, n_draw).
+        shape = (len(self.temperatures), -1, self.motor.count)
+        return {name: v.reshape(shape).transpose(1, 0, 2) for name, v in whole.items()}
+
+
+def _metrics(response: Response, step: float, gains: Array) -> dict[str, Array]:
+    speed = response.speed / step
+    integrates = gains[GAINS.index("ki")] != 0
+    last = max(2, int(_LAST * speed.shape[0]))
+    with np.errstate(all="ignore"):
+        end = speed[-last:].mean(axis=0)
+        # With integral action the final speed is the reference, also before it is reached.
+        final = np.where(integrates, 1.0, end)
+        found = sampled_metrics(response.time, speed, response.acceleration / step, final)
+        return {
+            "rise_time": found.rise_time,
+            "settling_time": found.settling_time,
+            "overshoot": found.overshoot,
+            "steady_error": 100 * np.abs(1 - end),
+            "limited": response.limited.max(axis=0),
+            "peak_current": np.abs(response.current).max(axis=0),
+            "peak_voltage": np.abs(response.voltage).max(axis=0),
+        }
+
+
+def _loops(gain: Array, poles: Array, gains: Array) -> Loop:
+    """Open loops, without a cancelled integrator if no controller has one."""
+    kp, ki, kd, _ = gains
+    if not ki.any():
+        return Loop(gain[:, None] * np.stack([kd, kp], axis=1), poles)
+    numerator = gain[:, None] * np.stack([kd, kp, ki], axis=1)
+    return Loop(numerator, np.pad(poles, ((0, 0), (0, 1))))

@@ -1,0 +1,109 @@
+"""Identified motor with its uncertainty: model of the closed loop and draws of all parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.errors import InputError, OptionError
+from identification.feedback.closed_loop import acting_terms
+from identification.feedback.loop import motor_draws, plant
+from identification.feedback.nonlinear import with_some_inductance
+from identification.model.composite import MotorModel
+from identification.prediction import model_of
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+
+__all__ = ["UncertainMotor", "motor_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class UncertainMotor:
+    """Motor whose parameters are known by draws.
+
+    Args:
+        model: Nominal model with the effects that act in a closed loop.
+        values: (n_parameter, n_draw) physical, in the order of `model.parameters`.
+        omitted: Names of the effects of the result that do not act in the loop.
+        peak: Highest temperature that the motor has had [degC].
+    """
+
+    model: MotorModel
+    values: Array
+    omitted: tuple[str, ...] = ()
+    peak: float = REFERENCE_TEMPERATURE_DEGC
+
+    @property
+    def count(self) -> int:
+        """Number of draws."""
+        return int(self.values.shape[1])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(parameter.name for parameter in self.model.parameters)
+
+    @property
+    def draws(self) -> dict[str, Array]:
+        """(n_draw,) for each parameter."""
+        return dict(zip(self.names, self.values, strict=True))
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects in the loop."""
+        return tuple(term.name for term in self.model.terms)
+
+    def thinned(self, most: int) -> UncertainMotor:
+        """The motor with at most `most` draws, evenly spaced."""
+        kept = np.unique(np.linspace(0, self.count - 1, most).astype(int))
+        return replace(self, values=self.values[:, kept])
+
+    def plants(self, temperature: float) -> tuple[Array, Array]:
+        """Gain and denominator of the linear motor for each draw, as `feedback.loop.plant`."""
+        return plant(self.draws, temperature)
+
+
+def motor_of(
+    draws: Mapping[str, ArrayLike], result: Mapping[str, Any] | None = None
+) -> UncertainMotor:
+    """Motor of a result with its posterior draws, or of nominal parameters alone.
+
+    Args:
+        draws: Values by name, (n_draw,) or single numbers; others than those of the model are
+            ignored.  A parameter of an effect without draws keeps its estimate.
+        result: Content of result.json; None for the nominal model.
+
+    Raises:
+        OptionError: A nominal parameter is missing or not accepted.
+        InputError: The result lacks a parameter or an effect.
+    """
+    if result is None:
+        model, estimate, peak = MotorModel(()), None, REFERENCE_TEMPERATURE_DEGC
+        omitted: tuple[str, ...] = ()
+    else:
+        whole, values = model_of(result)
+        estimate = dict(zip((p.name for p in whole.parameters), values, strict=True))
+        model = MotorModel(acting_terms(whole))
+        omitted = tuple(term.name for term in whole.terms if term not in model.terms)
+        runs = [run for run in result.get("runs") or () if isinstance(run, Mapping)]
+        peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
+        peak = max(peaks, default=REFERENCE_TEMPERATURE_DEGC)
+    nominal = motor_draws({"alpha_Ra": 0.0, "alpha_Kt": 0.0, **draws}, [0.0])
+    count = nominal["J"].size
+    rows = dict(nominal)
+    for parameter in model.parameters[len(nominal) :]:
+        value = draws.get(parameter.name, (estimate or {}).get(parameter.name))
+        if value is None:
+            raise InputError(f"no value of {parameter.name}; expected a result of 'motorid fit'")
+        rows[parameter.name] = np.broadcast_to(np.asarray(value, dtype=np.float64), (count,))
+    if not nominal["Kt25"].all():
+        raise OptionError("Kt25 is 0 N m/A; expected a number above 0: no controller moves it")
+    rows = with_some_inductance(rows)
+    return UncertainMotor(
+        model, np.array([rows[p.name] for p in model.parameters]), omitted, float(peak)
+    )

@@ -1,0 +1,171 @@
+"""Specification of a speed loop: required metrics, and limits and timing of the drive.
+
+    parse_specification("rise_time=0.02,overshoot=10,phase_margin=45,voltage=24,sample_time=1e-3")
+
+The requirements bound the metrics of each posterior draw at each temperature.  The other values
+describe the drive: the simulation saturates voltage and current, samples the speed every
+`sample_time` and applies the voltage `delay` later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import OptionError
+from identification.numerals import decimal_of
+
+__all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
+
+Array = NDArray[np.float64]
+
+_LEAST_SAMPLE: Final = 1e-7
+_MOST_DELAY: Final = 20.0
+"""Largest delay [sample times]."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Required metric.
+
+    Args:
+        unit: Its unit.
+        is_upper: Whether the requirement is an upper limit.
+        is_margin: Whether it is a margin of the linear loop; others come from the simulation.
+    """
+
+    unit: str
+    is_upper: bool
+    is_margin: bool = False
+
+    def slack(self, values: Array, limit: float) -> Array:
+        """Distance of values from the limit, relative to it; negative if it is not met [-].
+
+        At most 1.  A value that does not exist (NaN: the speed does not settle) gives -inf.
+        """
+        ratio = values / limit
+        with np.errstate(invalid="ignore"):
+            slack = 1.0 - ratio if self.is_upper else ratio - 1.0
+        return np.minimum(np.where(np.isnan(slack), -np.inf, slack), 1.0)
+
+
+METRICS: Final = {
+    "rise_time": Metric("s", is_upper=True),
+    "settling_time": Metric("s", is_upper=True),
+    "overshoot": Metric("%", is_upper=True),
+    "steady_error": Metric("%", is_upper=True),
+    "gain_margin": Metric("dB", is_upper=False, is_margin=True),
+    "phase_margin": Metric("deg", is_upper=False, is_margin=True),
+}
+"""Metrics that a specification may require, by name."""
+
+
+@dataclass(frozen=True)
+class Specification:
+    """Requirements and drive of a speed loop; a requirement that is None is not made.
+
+    Args:
+        rise_time: Longest rise time from 10 % to 90 % [s].
+        settling_time: Longest time until the speed stays within 2 % [s].
+        overshoot: Largest overshoot [%].
+        steady_error: Largest deviation of the final speed from the reference [%].
+        gain_margin: Smallest gain margin [dB].
+        phase_margin: Smallest phase margin [deg].
+        voltage: Largest voltage of the drive [V].
+        current: Largest current of the drive [A].
+        sample_time: Sample time of the controller [s].
+        delay: Time between sampling the speed and applying the voltage [s].
+
+    Raises:
+        OptionError: Values are not accepted; the message names all of them.
+    """
+
+    rise_time: float | None = None
+    settling_time: float | None = None
+    overshoot: float | None = None
+    steady_error: float | None = None
+    gain_margin: float | None = None
+    phase_margin: float | None = None
+    voltage: float = math.inf
+    current: float = math.inf
+    sample_time: float = 1e-3
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        wrong = [
+            f"{field.name} is {value:g}; expected a number above 0"
+            for field in fields(self)
+            if (value := getattr(self, field.name)) is not None
+            and field.name != "delay"
+            and not value > 0
+        ]
+        if not 0 <= self.delay <= _MOST_DELAY * max(self.sample_time, 0.0):
+            wrong.append(
+                f"delay is {self.delay:g} s; expected 0 to {_MOST_DELAY:g} sample times of "
+                f"{self.sample_time:g} s"
+            )
+        if not _LEAST_SAMPLE <= self.sample_time < math.inf:
+            wrong.append(f"sample_time is {self.sample_time:g} s; expected at least 1e-7 s")
+        if not self.required:
+            wrong.append(f"it requires nothing; expected at least one of {', '.join(METRICS)}")
+        if wrong:
+            raise OptionError(f"specification: {'; '.join(wrong)}")
+
+    @property
+    def required(self) -> dict[str, float]:
+        """Limit of each required metric."""
+        return {name: limit for name, limit in asdict(self).items() if name in METRICS and limit}
+
+    @property
+    def lag(self) -> float:
+        """Delay of the voltage on average: computation and half a sample time of the hold [s]."""
+        return self.delay + 0.5 * self.sample_time
+
+    def content(self) -> dict[str, float | None]:
+        """Values by name; null for a requirement or limit that is not made."""
+        return {
+            name: value if value is not None and math.isfinite(value) else None
+            for name, value in asdict(self).items()
+        }
+
+
+def parse_specification(text: str | Mapping[str, float]) -> Specification:
+    """Parse a specification such as ``rise_time=0.02,overshoot=10,voltage=24``.
+
+    Args:
+        text: NAME=VALUE, separated by commas, semicolons or blanks; or values by name.
+
+    Raises:
+        OptionError: Names or values are not accepted; the message names all of them.
+    """
+    if not isinstance(text, str):
+        return _specification(dict(text), [])
+    values: dict[str, float] = {}
+    wrong = []
+    for word in text.replace(";", ",").replace(" ", ",").split(","):
+        name, equals, cell = (part.strip() for part in word.partition("="))
+        if not name and not cell:
+            continue
+        if name in values:
+            wrong.append(f"{name} is given twice")
+        try:
+            values[name] = decimal_of(cell)
+        except ValueError:
+            wrong.append(f"{word[:60]!r} is not {'a number' if equals else 'NAME=VALUE'}")
+    return _specification(values, wrong)
+
+
+def _specification(values: dict[str, float], wrong: list[str]) -> Specification:
+    known = [field.name for field in fields(Specification)]
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        wrong.append(f"{', '.join(unknown)} is not known; expected {', '.join(known)}")
+    wrong += [f"{name} is not a number" for name, value in values.items() if math.isnan(value)]
+    if wrong:
+        raise OptionError(f"specification: {'; '.join(wrong)}")
+    return Specification(**values)
