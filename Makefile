@@ -130,6 +130,10 @@ bench: $(READY) ## measure the speed relative to hand-written numba and scipy co
 coverage: $(READY) ## measure the coverage of the 90 % intervals on simulated campaigns (long)
 	$(BIN)/python -m benchmarks.coverage
 
+.PHONY: calibration
+calibration: $(READY) ## measure ranks, coverage and reliability on 400 simulated campaigns; ARGS="--campaigns 60" (long)
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.calibration $(ARGS)
+
 .PHONY: same-results
 same-results: $(READY) ## compare results with those of another version; ARGS="--against DIR" (long)
 	$(BIN)/python -m benchmarks.same_results --out $(OUT)/results $(ARGS)

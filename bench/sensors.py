@@ -1,8 +1,8 @@
 """Sensor noise and quantisation.
 
 Noise levels are relative to rated values, so one setting suits motors of any size.  White noise,
-autocorrelated noise (first order) and noise with outliers have the same standard deviation and
-differ only in character.
+autocorrelated noise (first order), noise with outliers and heavy-tailed noise have the same
+standard deviation and differ only in character.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-NoiseKind = Literal["white", "coloured", "spiky"]
+NoiseKind = Literal["white", "coloured", "spiky", "heavy"]
 _COLOUR = 0.9
 _SPIKE_SHARE = 0.005
 _SPIKE_SIZE = 10.0
+_FREEDOM = 4.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ def draw_noise(rows: int, sd: float, kind: str, rng: np.random.Generator) -> Arr
     Args:
         rows: Number of samples.
         sd: Standard deviation, the same for every noise type.
-        kind: white, coloured (first-order autoregressive) or spiky (with outliers).
+        kind: white, coloured (first-order autoregressive), spiky (with outliers) or heavy
+            (Student t with four degrees of freedom).
         rng: Random generator.
 
     Returns:
@@ -88,7 +90,9 @@ def draw_noise(rows: int, sd: float, kind: str, rng: np.random.Generator) -> Arr
         is_spike = rng.random(rows) < _SPIKE_SHARE
         noise = np.where(is_spike, _SPIKE_SIZE * white, white)
         return sd * noise / math.sqrt(1.0 + _SPIKE_SHARE * (_SPIKE_SIZE**2 - 1.0))
-    raise ValueError(f"noise kind '{kind}'; expected white, coloured or spiky")
+    if kind == "heavy":
+        return sd * rng.standard_t(_FREEDOM, rows) * math.sqrt((_FREEDOM - 2.0) / _FREEDOM)
+    raise ValueError(f"noise kind '{kind}'; expected white, coloured, spiky or heavy")
 
 
 def quantise(values: Array, step: float) -> Array:

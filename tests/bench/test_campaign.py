@@ -89,7 +89,7 @@ def test_columns_are_the_canonical_ones() -> None:
     assert angle["position_rad"].iloc[0] == 0.0
 
 
-@pytest.mark.parametrize("kind", ["white", "coloured", "spiky"])
+@pytest.mark.parametrize("kind", ["white", "coloured", "spiky", "heavy"])
 def test_noise_has_the_level_of_the_truth(kind: NoiseKind) -> None:
     """Logged minus true over 35,000 samples; coloured noise has fewer independent ones."""
     campaign = make_campaign("wiper_60w", seed=6, rows=5000, noise=Noise(kind=kind))
@@ -114,9 +114,17 @@ def test_types_of_noise_differ_in_character_and_not_in_level() -> None:
     assert np.mean(spiky**4) / np.var(spiky) ** 2 > 20.0
 
 
+def test_heavy_tailed_noise_is_a_student_t_of_its_level() -> None:
+    """The median of |t| with 4 degrees of freedom is 0.7407; its variance is 2."""
+    noise = draw_noise(100_000, 2.0, "heavy", np.random.default_rng(1))
+
+    assert np.median(np.abs(noise)) == pytest.approx(2.0 * 0.7407 / np.sqrt(2.0), rel=0.02)
+    assert noise.std() == pytest.approx(2.0, rel=0.05)
+
+
 def test_unknown_type_of_noise_is_refused() -> None:
     """The message lists the known types."""
-    with pytest.raises(ValueError, match="'pink'; expected white, coloured or spiky"):
+    with pytest.raises(ValueError, match="'pink'; expected white, coloured, spiky or heavy"):
         draw_noise(10, 1.0, "pink", np.random.default_rng(0))
 
 

@@ -1,0 +1,1 @@
+"""Calibration of intervals and probabilities on simulated campaigns."""

@@ -1,0 +1,74 @@
+"""Calibration of intervals and probabilities on simulated campaigns.
+
+    python -m benchmarks.calibration [--campaigns 400] [--first 0] [--log out/calibration.jsonl]
+
+The number determines the campaign.  Each campaign appends one line of JSON to the log, and those in
+the log are not repeated, so an interrupted measurement can be resumed.  The page is generated from
+the whole log.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.calibration.campaign import measured
+from benchmarks.calibration.page import figures, page
+from benchmarks.calibration.plan import item_of
+
+__all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Identify the campaigns that are missing from the log and write the page."""
+    chosen = _arguments(arguments)
+    chosen.log.parent.mkdir(parents=True, exist_ok=True)
+    lines = []
+    if chosen.log.exists():
+        lines = [json.loads(line) for line in chosen.log.read_text("utf-8").splitlines()]
+    known = {line["number"] for line in lines}
+    for number in range(chosen.first, chosen.first + chosen.campaigns):
+        if number in known:
+            continue
+        line = measured(item_of(number))
+        lines.append(line)
+        with chosen.log.open("a", encoding="utf-8") as log:
+            log.write(json.dumps(line) + "\n")
+        print(json.dumps(line), flush=True)
+    command = f"python -m benchmarks.calibration --campaigns {chosen.campaigns}"
+    command += f" --first {chosen.first}"
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    chosen.out.write_text(page(lines, command, _processor()), encoding="utf-8")
+    pictures = chosen.out.parent.parent / "pictures" / "calibration"
+    pictures.mkdir(parents=True, exist_ok=True)
+    for name, drawing in figures(lines).items():
+        (pictures / name).write_text(drawing, encoding="utf-8")
+
+
+def _processor() -> str:
+    """Name of the processor and number of its cores."""
+    listed = Path("/proc/cpuinfo")
+    text = listed.read_text("utf-8") if listed.exists() else ""
+    found = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    name = found[1] if found else platform.processor() or platform.machine()
+    return f"{name}, {os.cpu_count()} cores"
+
+
+def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.calibration", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument("--campaigns", type=int, default=400, help="number of campaigns")
+    parser.add_argument("--first", type=int, default=0, help="number of the first campaign")
+    parser.add_argument("--log", type=Path, default=Path("out/calibration.jsonl"))
+    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/calibration.md"))
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    main()
