@@ -15,6 +15,7 @@ from identification.checks.finding import Finding
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.identity import identity_findings
 from identification.checks.magnitude import magnitude_findings
+from identification.checks.noise import unlogged_voltage_findings
 from identification.checks.plausible import plausibility_findings
 from identification.checks.shift import shifted_findings
 from identification.ingest.run import Run
@@ -85,11 +86,12 @@ def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
         return [*jumps, _idle(run, float(np.max(moved / strongest)))]
-    if moved[0] < _DRIVEN * strongest[0]:
-        return jumps
     signals = signals_of(run)
+    if moved[0] < _DRIVEN * strongest[0]:
+        return unlogged_voltage_findings(run, signals) + jumps
     for check in (
         copied_findings,
+        unlogged_voltage_findings,
         dead_findings,
         stuck_findings,
         magnitude_findings,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from identification.checks.balance import (
     regress,
 )
 from identification.checks.finding import Finding
+from identification.checks.noise import NOISE_PROBABILITY, is_noise, noise_probability
 from identification.ingest.run import Run
 
 __all__ = ["copied_findings", "dead_findings", "stuck_findings"]
@@ -25,6 +27,8 @@ _NEEDED: Final = 0.02
 """Fraction of the voltage that the dead channel would have to explain."""
 _OTHER: Final = 0.12
 """Explained fraction of the other channel that proves that the motor responded."""
+_FEWEST_SAMPLES: Final = 40
+"""Samples from which noise is told from a response."""
 _STAY: Final = 20
 _STAYS: Final = 5.0
 _STUCK: Final = 1.8
@@ -69,8 +73,10 @@ def dead_findings(run: Run, signals: Signals) -> list[Finding]:
         signals: Its signals.
     """
     balances = balances_of(signals)
-    if not balances or np.ptp(signals.voltage) == 0.0:
+    if np.ptp(signals.voltage) == 0.0:
         return []
+    if not balances:
+        return _noise_findings(run, signals)
     current = max(_explained(b, "current") for b in balances)
     speed = max(_explained(b, "speed") for b in balances)
     found = []
@@ -81,6 +87,23 @@ def dead_findings(run: Run, signals: Signals) -> list[Finding]:
     if current < _FOLLOWS and speed < _FOLLOWS:
         found.append(_dead(run, None, "the voltage", max(current, speed)))
     return found
+
+
+def _noise_findings(run: Run, signals: Signals) -> list[Finding]:
+    """Findings of a run too short for the balances over windows."""
+    if signals.time.size < _FEWEST_SAMPLES or is_noise(signals, "voltage"):
+        return []
+    noisy = [name for name in ("current", "speed") if is_noise(signals, name)]
+    columns = {"current": "current_A", "speed": "speed_rad_s"}
+    return [
+        replace(
+            _dead(run, columns[name], "the voltage and the other channel", 0.0),
+            statistic="probability of noise that is explained as well",
+            value=noise_probability(signals, name),
+            limit=NOISE_PROBABILITY,
+        )
+        for name in noisy
+    ]
 
 
 def _dead(run: Run, column: str | None, others: str, explained: float) -> Finding:
