@@ -1,4 +1,4 @@
-"""From what the bench simulator measured to what a search is given."""
+"""Records of a bench simulation for the search."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["records_of_bench"]
 
 
 def records_of_bench(measured: Measured) -> Campaign:
-    """The runs as the reader would give them."""
+    """The runs as the reader returns them."""
     return campaign_of(
         [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)],
         [run_of(run, f"v{k}.csv") for k, run in enumerate(measured.validation)],

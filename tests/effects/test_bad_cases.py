@@ -1,4 +1,4 @@
-"""Campaigns that a search must survive: little data, one run, effects that are hardly there."""
+"""Difficult campaigns: little data, one run, effects near the detection limit."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def _names(result: dict[str, Any]) -> list[str]:
     return [effect["name"] for effect in result["effects"]]
 
 
-def test_an_effect_of_the_validation_runs_alone_is_said_and_not_added() -> None:
-    """The bench simulator put friction into the runs left out and nowhere else."""
+def test_an_effect_of_the_validation_runs_alone_is_reported_and_not_added() -> None:
+    """The bench adds friction to the validation runs only."""
     hidden = [EffectRequest("coulomb_friction", 0.05, role="validation")]
     training, validation = _runs(hidden, rows=800, training=2, validation=1)
 
@@ -45,7 +45,7 @@ def test_an_effect_of_the_validation_runs_alone_is_said_and_not_added() -> None:
 
 
 def test_one_short_run_is_enough_for_a_large_friction() -> None:
-    """Eighty samples; nothing is left out, so the result rests on chance and size."""
+    """Eighty samples without validation: significance and size decide."""
     training, _ = _runs([EffectRequest("coulomb_friction", 0.08)], rows=80, training=1)
 
     result: Any = identify(training, [], FAST).result
@@ -55,7 +55,7 @@ def test_one_short_run_is_enough_for_a_large_friction() -> None:
 
 
 def test_a_load_in_one_run_is_found_in_that_run() -> None:
-    """The bench simulator loads one training run for a while; its number is in the truth."""
+    """The bench loads one training run for a while; the truth contains its number."""
     hidden = [EffectRequest("load_step", 0.15)]
     measured = make_campaign("servo_150w", hidden, seed=31, rows=800, training=4, validation=1)
     training = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
@@ -69,7 +69,7 @@ def test_a_load_in_one_run_is_found_in_that_run() -> None:
 
 
 def test_a_motor_that_is_not_driven_is_refused() -> None:
-    """No voltage in any run: expected is an error that names the column."""
+    """The voltage is zero in all runs; the error names the column."""
     training, _ = _runs([], rows=300, training=2, validation=1)
     still = [
         Run(run.name, run.sha256, run.time, 0.0 * run.voltage, run.current, run.speed)
@@ -81,7 +81,7 @@ def test_a_motor_that_is_not_driven_is_refused() -> None:
 
 
 def test_a_result_with_effects_is_plain_numbers() -> None:
-    """Shifts and loops of a motor with friction: finite, and the friction had been in `b`."""
+    """All numbers are finite; `b` of the nominal model had absorbed the friction."""
     training, validation = _runs(
         [EffectRequest("coulomb_friction", 0.05)], rows=800, training=3, validation=1
     )
@@ -96,10 +96,9 @@ def test_a_result_with_effects_is_plain_numbers() -> None:
 
 
 def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
-    """A zero error of the current in one run: the noise stays that of the sensors.
+    """Offset of ten times the noise in one of four runs: five times the noise as RMS.
 
-    The error is a zero of the current sensor that each run has for itself: of four runs one is off
-    by ten times the noise, so that their root mean square is five times the noise.
+    The noise estimate must stay that of the sensors.
     """
     runs = campaign(motor_named("servo 100 W"), seed=6, noise=0.005, runs=5, rows=800)
     clean: Any = identify(runs[:4], runs[4:], FAST).result
@@ -118,8 +117,8 @@ def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
     assert not any("other runs" in warning for warning in clean["warnings"])
 
 
-def test_a_stuck_thermometer_leaves_nothing_that_the_runs_left_out_refuse() -> None:
-    """Fitted by force: thermal kinds stand in, but not against the prediction."""
+def test_a_stuck_thermometer_leaves_no_effect_that_validation_refuses() -> None:
+    """Fitted with `force`: thermal effects are surrogates, but only if they predict."""
     runs = campaign(motor_named("servo 100 W"), seed=9, noise=0.01, runs=4, rows=800)
     hottest = max(range(3), key=lambda k: float(np.mean(temperature_of(runs[k]))))
     runs[hottest] = replace(runs[hottest], temperature=np.full(runs[hottest].rows, 25.0))
@@ -131,7 +130,7 @@ def test_a_stuck_thermometer_leaves_nothing_that_the_runs_left_out_refuse() -> N
 
 
 def test_a_load_of_a_few_samples_is_none() -> None:
-    """A lost sample looks like one; a load that lasts for a twentieth of a second is real."""
+    """A lost sample resembles a short load; a real one lasts for a twentieth of a second."""
     term = LoadStep(0, 1.0, 2e-3, 1.0)
 
     assert "ten samples" in term.flaw({"torque": 2.0, "start": 0.3, "stop": 0.3016})
@@ -139,6 +138,6 @@ def test_a_load_of_a_few_samples_is_none() -> None:
 
 
 def temperature_of(run: Run) -> Any:
-    """What the thermometer logged [degC]."""
+    """Logged temperature [degC]."""
     assert run.temperature is not None
     return run.temperature

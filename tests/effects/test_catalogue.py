@@ -1,4 +1,4 @@
-"""The catalogue: what every effect promises, whoever wrote it."""
+"""Catalogue: properties that each effect must have."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_the_catalogue_begins_with_the_effects_that_users_script_against() -> No
 
 
 def test_the_schema_of_a_result_names_every_effect() -> None:
-    """`python -m identification.report.effects_page` writes them anew."""
+    """`python -m identification.report.effects_page` writes the names."""
     text = resources.files("identification.result").joinpath("result.schema.json").read_text()
     names = json.loads(text)["$defs"]["effect"]["properties"]["name"]["enum"]
 
@@ -91,7 +91,7 @@ def test_the_schema_of_a_result_names_every_effect() -> None:
 
 
 def test_a_second_effect_of_a_name_is_refused() -> None:
-    """The message names both classes, and the first one stays."""
+    """The message names both classes, and the first class remains."""
     first = CATALOGUE["brush_drop"]
     second = type("Other", (first,), {"__module__": "elsewhere"})
 
@@ -115,7 +115,7 @@ def test_each_effect_is_in_the_equation_and_has_the_drivers_that_are_published(n
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
-    """A start outside the bounds would be moved by the fit before it began."""
+    """The fit would move a start outside the bounds."""
     candidates = _candidates(name)
 
     assert candidates
@@ -127,7 +127,7 @@ def test_each_effect_offers_prototypes_inside_its_own_bounds(name: str) -> None:
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_each_prototype_changes_what_the_sensors_log(name: str) -> None:
-    """A prototype that changes nothing could never be found; simulated on two moving runs."""
+    """A prototype without any effect on two moving runs could never be found."""
     records = _records()
     base = Simulator.fitting(MotorModel(), records, VALUES)
     states = [initial_states(MotorModel(), record) for record in records]
@@ -169,7 +169,7 @@ def test_each_prototype_changes_what_the_sensors_log(name: str) -> None:
     ],
 )
 def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: str) -> None:
-    """At zero amplitude the right-hand side is that of the declared model, by the definition."""
+    """By definition the rates at zero amplitude are those of the nominal model."""
     candidate = _candidates(name)[0]
     model = MotorModel().adding(candidate.term)
     x, u = ca.SX.sym("x", len(model.state_names)), ca.SX.sym("u", len(INPUTS))
@@ -194,7 +194,7 @@ def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: st
 
 
 def test_every_effect_with_amplitudes_of_each_record_takes_their_prior() -> None:
-    """The prior standard deviation given is that of the states that are per-record amplitudes."""
+    """The prior standard deviation is that of the states that are amplitudes of a record."""
     kinds = [*CATALOGUE.values(), *SURROGATES]
     terms = [candidate.term for kind in kinds for candidate in kind.candidates(_scales())]
     terms += [variant for term in terms for variant in term.richer]

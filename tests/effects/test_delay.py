@@ -1,4 +1,4 @@
-"""A channel that lags, in runs that begin and end in motion: what is beyond them is not known."""
+"""Channel delay in runs that start and end in motion, whose history is unknown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.effects.hidden import records_of_bench
 
 
 def late(channel: str, motor: int, size: float) -> tuple[Recorded, Fit, Fit]:
-    """What was measured, the declared fit, and the fit with the delay of that channel."""
+    """Measured signal, nominal fit, and fit with the delay of that channel."""
     measured = make_campaign(
         motor,
         [EffectRequest("channel_delay", size=size, law=channel)],
@@ -48,7 +48,7 @@ def late(channel: str, motor: int, size: float) -> tuple[Recorded, Fit, Fit]:
 def test_a_lag_comes_down_to_the_noise_whatever_was_before_the_run(
     channel: str, motor: int, size: float, samples: float
 ) -> None:
-    """Expected is the bench's lag; a held voltage is logged as of the sample before it."""
+    """The true delay is that of the bench; a held voltage belongs to the sample before it."""
     measured, declared, fit = late(channel, motor, size)
 
     noise = np.array([measured.truth["noise"][n] for n in ("current_A", "speed_rad_s")])
@@ -61,7 +61,7 @@ def test_a_lag_comes_down_to_the_noise_whatever_was_before_the_run(
 
 
 def test_a_channel_that_counts_at_the_edges_alone_counts_there() -> None:
-    """Eight good samples at the beginning are all there are of the current."""
+    """Only the first eight samples of the current are valid."""
     _, declared, _ = late("current", 8_010_348, 0.2505)
     record = declared.simulator.records[0]
     weight = record.weight.copy()
@@ -75,7 +75,7 @@ def test_a_channel_that_counts_at_the_edges_alone_counts_there() -> None:
 
 
 def test_samples_that_a_lag_cannot_know_count_again_without_it() -> None:
-    """As many samples are counted with the delay as without, so that the costs compare."""
+    """The number of weighted samples is the same with and without delay, for comparable costs."""
     _, declared, fit = late("current", 8_010_348, 0.2505)
 
     again = refitted_without(fit, "channel_delay")

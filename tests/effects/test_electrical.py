@@ -1,4 +1,4 @@
-"""The laws of effects in the armature circuit are wide enough for those of real motors."""
+"""Laws of the armature circuit cover those of real motors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAMES = [parameter.name for parameter in TERM.parameters]
 
 
 def drop_of(current: Array, *values: float) -> Array:
-    """Voltage lost by each current, with the sign of the current [V]."""
+    """Brush voltage at each current, with the sign of the current [V]."""
     i = ca.SX.sym("i")
     nothing = ca.SX(0)
     signals = Signals(i, *[nothing] * 7)
@@ -45,7 +45,7 @@ def drop_of(current: Array, *values: float) -> Array:
     ids=["hyperbola", "root", "tanh", "erf", "exponential", "arctan"],
 )
 def test_knees_of_every_usual_law_are_met(law: Callable[[Any], Any], tolerance: float) -> None:
-    """Errors are in units of the full drop, from far below to far above the knee."""
+    """Errors relative to the full drop, from far below to far above the knee."""
     current = np.geomspace(1e-2, 20.0, 150)
     wanted = law(current)
 
@@ -60,7 +60,7 @@ def test_knees_of_every_usual_law_are_met(law: Callable[[Any], Any], tolerance: 
 @pytest.mark.parametrize("sharpness", [0.6, 2.0, 8.0])
 @pytest.mark.parametrize("openness", [0.04, 1.0, 2.5])
 def test_near_no_current_brushes_are_a_resistance(sharpness: float, openness: float) -> None:
-    """Whatever the shape, the drop is odd and without a gap where its series takes over."""
+    """For each shape the drop is odd and continuous where its series takes over."""
     current = np.geomspace(3e-3, 3.0, 4000)
 
     drop = drop_of(current, 1.0, 1.0, sharpness, openness, 0.0)

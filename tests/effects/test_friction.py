@@ -1,4 +1,4 @@
-"""The laws of friction are wide enough for those of real motors."""
+"""Laws of friction cover those of real motors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEAT = np.linspace(-10.0, 100.0, 120)
 
 
 def factor(rate: float, form: float) -> Array:
-    """Friction at each temperature over that at 25 degC."""
+    """Friction at each temperature relative to 25 degC."""
     t = ca.SX.sym("t")
     none = [ca.SX(0)] * 4
     signals = Signals(none[0], none[1], none[2], t, *none)
@@ -37,7 +37,7 @@ def factor(rate: float, form: float) -> Array:
     ids=["exponential", "straight", "hyperbola", "Vogel"],
 )
 def test_grease_of_every_usual_law_is_met(law: Array, tolerance: float) -> None:
-    """From -10 to 100 degC, over the friction there; that of Vogel falls by a factor of 200."""
+    """From -10 to 100 degC, relative error; Vogel's law falls by a factor of 200."""
 
     def error(x: Array) -> Array:
         return np.asarray(np.log(x[2] * factor(x[0], x[1])) - np.log(law))
@@ -50,7 +50,7 @@ def test_grease_of_every_usual_law_is_met(law: Array, tolerance: float) -> None:
 
 
 def test_the_form_of_grease_has_no_gap_where_it_is_exponential() -> None:
-    """Through zero the factor changes by as little as the form does."""
+    """Through zero the factor changes by as little as the shape parameter."""
     forms = np.linspace(-1e-2, 1e-2, 41)
 
     factors = np.array([factor(0.02, form) for form in forms])
@@ -60,7 +60,7 @@ def test_the_form_of_grease_has_no_gap_where_it_is_exponential() -> None:
 
 
 def test_a_fan_may_differ_between_its_directions() -> None:
-    """Half the difference over the mean is the asymmetry."""
+    """The asymmetry is half the difference over the mean."""
     w = ca.SX.sym("w")
     none = [ca.SX(0)] * 6
     signals = Signals(none[0], w, *none)

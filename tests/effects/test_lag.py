@@ -1,4 +1,4 @@
-"""A thermometer that lags the winding, and a winding that lags the thermometer."""
+"""Thermometer that lags the winding, and winding that lags the thermometer."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def _lagging(temperature: Array, lag: float = LAG) -> Array:
 
 
 def _campaign(direction: str) -> Campaign:
-    """Runs that heat up and begin to heat harder on the way; the log has noise and steps of 0.1 K.
+    """Runs whose heating increases on the way; the log has noise and a resolution of 0.1 K.
 
     Args:
-        direction: What lags what.
+        direction: Which temperature lags which.
     """
     rng = np.random.default_rng(4)
     time = MOTOR.interval * np.arange(ROWS, dtype=np.float64)
@@ -70,7 +70,7 @@ def _campaign(direction: str) -> Campaign:
     ],
 )
 def test_a_lag_is_found_in_its_direction(direction: str, variant: str) -> None:
-    """The closed form of the motor at the true temperatures; the lag is 1.5 s."""
+    """Runs in closed form at the true temperatures; the lag is 1.5 s."""
     campaign = _campaign(direction)
 
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
@@ -89,8 +89,8 @@ def _in_steps(lag: float, step: float, noise: float, drifts: Sequence[float]) ->
     Args:
         lag: Time constant of the thermometer [s].
         step: Step of its log [K].
-        noise: Standard deviation of what it logs, before the steps [K].
-        drifts: What each run warms by [K].
+        noise: Standard deviation of its noise before rounding [K].
+        drifts: Temperature rise of each run [K].
     """
     rng = np.random.default_rng(6)
     time = MOTOR.interval * np.arange(ROWS, dtype=np.float64)
@@ -113,10 +113,9 @@ def _in_steps(lag: float, step: float, noise: float, drifts: Sequence[float]) ->
 def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
     lag: float, drifts: tuple[float, ...]
 ) -> None:
-    """The motor lacks nothing and its thermometer lags by more than a run, in steps of 1 K.
+    """Nominal motor in closed form, with a thermometer that lags by more than a run, in 1 K steps.
 
-    The closed form of the motor at the true temperatures has no other effect; its parameters and
-    noise are what has to come out.  A log that moves by two or three steps tells no derivative.
+    A log that moves by two or three steps determines no derivative, so no effect may absorb it.
     """
     campaign = _in_steps(lag, 1.0, 0.0, drifts)
 
@@ -133,7 +132,7 @@ def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
     ("step", "noise", "coarse"), [(1.0, 0.0, 1.0), (0.1, 0.0, 0.1), (0.1, 0.1, 0.0)]
 )
 def test_a_log_leaves_open_what_no_noise_dithers(step: float, noise: float, coarse: float) -> None:
-    """Means over noise as large as a step find what is between steps; without, nothing does."""
+    """The mean resolves less than a step only if the noise is as large as the step."""
     records = _in_steps(3.0, step, noise, (8.0, -8.0, 4.0, -4.0)).training
 
     assert {round(record.resolution, 6) for record in records} == {coarse}

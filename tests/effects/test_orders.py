@@ -1,4 +1,4 @@
-"""Orders in which a residual repeats with the angle, whole or not."""
+"""Orders in which a residual repeats with the shaft angle, integer or not."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROWS = 6000
 
 
 def record(speed: np.ndarray) -> Record:
-    """A record at these speeds; its angle is their integral."""
+    """Record at these speeds; the angle is their integral."""
     time = 1e-3 * np.arange(speed.size, dtype=np.float64)
     run = Run("run.csv", "0" * 64, time, speed * 0.1, speed * 0.01, speed, None, None)
     return records_of([run])[0]
@@ -22,7 +22,7 @@ def record(speed: np.ndarray) -> Record:
 @pytest.mark.parametrize("order", [1.0, 4.5, 13.96, 30.2])
 @pytest.mark.parametrize("reverses", [False, True])
 def test_a_ripple_of_any_order_is_found(order: float, reverses: bool) -> None:
-    """Orders are as sharp as one over the revolutions; the first of them is the one put in."""
+    """The resolution is one over the number of revolutions; the first order is the true one."""
     time = np.arange(ROWS) * 1e-3
     speed = 60.0 * np.sin(1.3 * time) if reverses else 50.0 + 15.0 * np.sin(3.0 * time)
     made = record(speed)
@@ -36,7 +36,7 @@ def test_a_ripple_of_any_order_is_found(order: float, reverses: bool) -> None:
 
 
 def test_white_noise_has_no_order() -> None:
-    """A place in a spectrum stands out by chance in one of 65,000; a record has 4,000 or so."""
+    """By chance one line in 65,000 exceeds the limit; a record has about 4,000 lines."""
     rng = np.random.default_rng(5)
     made = record(50.0 + 15.0 * np.sin(3e-3 * np.arange(ROWS)))
 
@@ -46,7 +46,7 @@ def test_white_noise_has_no_order() -> None:
 
 
 def test_a_motor_that_does_not_turn_has_no_order() -> None:
-    """Two revolutions are the least that shows a period."""
+    """Two revolutions are required to detect a period."""
     made = record(np.full(ROWS, 1e-3))
 
     assert orders_of([made], [np.ones((ROWS, 2))], 36.0) == ()

@@ -1,4 +1,4 @@
-"""A second inertia behind a shaft or a play: what pulls it is what holds the rotor back."""
+"""Second inertia behind a springy shaft or backlash: action equals reaction."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SIGNALS = [field.name for field in fields(Signals)]
 
 @pytest.mark.parametrize("term", [SHAFT, LOOSE], ids=["shaft", "play"])
 def test_the_joint_neither_makes_nor_takes_momentum(term: AbstractSecondInertia) -> None:
-    """What the rotor loses is what the second inertia gains: tau = -J_2 dw_2/dt."""
+    """The rotor loses the momentum that the second inertia gains: tau = -J_2 dw_2/dt."""
     for twist, slip in ((1e-3, 0.0), (0.0, 0.5), (-2e-3, 0.3)):
         signals = Signals(**(dict.fromkeys(SIGNALS, 0.0) | {"speed": 100.0 + slip}))
         states = Values(twist=twist, speed=100.0)
@@ -39,7 +39,7 @@ def test_the_joint_neither_makes_nor_takes_momentum(term: AbstractSecondInertia)
 
 
 def test_a_part_with_hardly_any_play_moves_as_one_behind_a_springy_shaft() -> None:
-    """Play, rounding and all, is a ten-thousandth of the twist; so is the difference."""
+    """Backlash with its rounding is 1e-4 of the twist; so is the difference."""
     twists, slips = np.meshgrid([-3e-3, -1e-3, 1e-3, 5e-3], [-0.5, 0.0, 0.5])
 
     for twist, slip in zip(twists.flat, slips.flat, strict=True):
@@ -48,7 +48,7 @@ def test_a_part_with_hardly_any_play_moves_as_one_behind_a_springy_shaft() -> No
 
 
 def test_within_the_play_nothing_is_pulled() -> None:
-    """A tenth of the play from the middle, the rounded corners leave a few thousandths of it."""
+    """At a tenth of the backlash from its centre the rounding leaves a few thousandths."""
     wide = Values(**(vars(VALUES) | {"play": 0.1}))
 
     free, met = (float(LOOSE.pull(twist, 0.0, wide)) for twist in (0.01, 0.06))
@@ -57,8 +57,8 @@ def test_within_the_play_nothing_is_pulled() -> None:
     assert met == pytest.approx(400.0**2 * 0.01, rel=0.2)
 
 
-def test_a_springy_shaft_is_named_as_the_kind_it_is() -> None:
-    """And not as the loose part without a name, which can do all that it does."""
+def test_a_springy_shaft_is_not_called_backlash() -> None:
+    """The unlisted backlash law can describe the same motion and is not selected."""
     measured = make_campaign(
         "servo_150w", ["shaft_compliance"], seed=16, rows=1500, training=3, validation=1
     )

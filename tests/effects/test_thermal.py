@@ -1,4 +1,4 @@
-"""Where the heat is: several reasons together."""
+"""Several thermal effects together."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def test_a_winding_that_lags_is_heated_by_its_losses_all_the_same() -> None:
-    """In either order the same motor, and another one than with the lag alone."""
+    """The order of the two effects does not matter; the lag alone is another motor."""
     motor = motor_named("servo 100 W")
     records = records_of(campaign(motor, seed=2, runs=1))
     heats, lags = SelfHeating(1.0, 0.01, 10.0), WindingLag(0.01, 10.0)

@@ -1,4 +1,4 @@
-"""The example of docs/write-an-effect.md, run as the page has it."""
+"""Example of docs/write-an-effect.md, run as printed."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ print(confusions_of(["eddy_brake"])[0].parameters)
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the file of the law and nothing else."""
+    """Folder that contains only the file of the law."""
     (tmp_path / "eddy_brake.py").write_text(LAW, "utf-8")
     return tmp_path
 
 
 def output(folder: Path, program: str, *arguments: str) -> str:
-    """What a program prints that finds the folder's modules."""
+    """Output of a program that imports modules from the folder."""
     command = [sys.executable, "-c", program, *arguments]
     environment = os.environ | {"PYTHONPATH": str(folder)}
     done = subprocess.run(
@@ -45,14 +45,14 @@ def output(folder: Path, program: str, *arguments: str) -> str:
 
 
 def test_the_search_finds_the_law_of_the_page(folder: Path) -> None:
-    """Expected are name, torque and speed as the page prints them, which it simulated with."""
+    """Name, torque and speed are those of the simulation on the page."""
     assert output(folder, SCRIPT) == PRINTED
     assert "TORQUE, SPEED = 0.05, 60.0" in SCRIPT
     assert "'torque': 0.05, 'speed': 60.0" in PRINTED
 
 
 def test_a_file_in_the_package_is_in_the_catalogue_and_the_schema(folder: Path) -> None:
-    """Nothing imports the module by its name; it comes after the effects of the project."""
+    """Nothing imports the module by name; it follows the built-in effects."""
     first, second = output(folder, IN_TREE, str(folder)).splitlines()
 
     assert first == "eddy_brake identification.effects.eddy_brake eddy_brake"

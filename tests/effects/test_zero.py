@@ -1,4 +1,4 @@
-"""Zero errors of the current sensor that differ from run to run by no rule."""
+"""Zero errors of the current sensor that differ from run to run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.motors import campaign, motor_named
 
 
 def with_zeros(name: str, shares: tuple[float, ...], seed: int = 5) -> Campaign:
-    """Three training runs and a validation run, with current zeros relative to the current."""
+    """Three training runs and a validation run with current offsets, relative to the current."""
     clean = campaign(motor_named(name), seed=seed, runs=4, rows=1500)
     size = float(np.sqrt(np.mean(clean[0].current ** 2)))
     runs = [
@@ -28,13 +28,13 @@ def with_zeros(name: str, shares: tuple[float, ...], seed: int = 5) -> Campaign:
 
 
 def outcome_of(found: Campaign) -> Outcome:
-    """What the search ends with."""
+    """Outcome of the search."""
     return search(fit_declared(found.training, "zoh"), found)
 
 
 @pytest.mark.parametrize("shares", [(0.03, -0.02, 0.05, -0.04), (0.02, 0.05, 0.06, 0.02)])
 def test_zeros_that_differ_by_no_rule_are_offsets_of_each_run(shares: tuple[float, ...]) -> None:
-    """The zeros that were added to the runs; a line through the second ones misses them."""
+    """True offsets of the runs; those of the second case are not linear in the run number."""
     found = with_zeros("servo 100 W", shares)
 
     outcome = outcome_of(found)
@@ -49,7 +49,7 @@ def test_zeros_that_differ_by_no_rule_are_offsets_of_each_run(shares: tuple[floa
 
 
 def test_one_zero_of_all_runs_stays_one_number() -> None:
-    """The same zero everywhere asks for one number, which is the simpler law."""
+    """An equal offset of all runs needs one parameter, the simpler law."""
     outcome = outcome_of(with_zeros("servo 100 W", (0.04,) * 4))
 
     assert [effect.name for effect in outcome.effects] == ["current_offset"]
@@ -59,7 +59,7 @@ def test_one_zero_of_all_runs_stays_one_number() -> None:
 
 
 def test_an_offset_of_each_run_comes_back_from_a_result() -> None:
-    """Settings that were written before the law existed still make the constant zero."""
+    """Settings written before this law existed give the constant offset."""
     assert term_of(
         {"name": "current_offset", "settings": {"size": 2.0, "drifts": False, "own": True}}
     ) == CurrentOffset(2.0, own=True)

@@ -1,4 +1,4 @@
-"""What the runs left out have to say before an effect is believed."""
+"""Acceptance criteria of an effect: significance, size and prediction of the validation runs."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ REAL = AcceptanceCriteria(
 
 
 def test_an_effect_that_all_runs_support_passes() -> None:
-    """Far above chance, larger than two per cent, and foretold."""
+    """Gain far above chance, error more than 2 % smaller, validation runs predicted better."""
     assert REAL.passed
 
 
 def test_the_limits_of_the_criteria_are_those_of_the_policy() -> None:
-    """A fall of 1.5 % is too small by default, and not for a policy that asks for one per cent."""
+    """A fall of 1.5 % fails the default limit of 2 % and passes a limit of 1 %."""
     small = replace(REAL, training=0.015, validation=0.015)
 
     assert "limit -2.0 %" in small.refusal
@@ -50,24 +50,24 @@ def test_the_limits_of_the_criteria_are_those_of_the_policy() -> None:
 
 
 @pytest.mark.parametrize("log_odds", [-5.0, 0.0, 2.9])
-def test_runs_left_out_that_hardly_prefer_it_refuse_an_effect(log_odds: float) -> None:
-    """Nothing is to be gained there, since training runs are the louder ones; e^3 to 1 is asked."""
+def test_validation_runs_that_hardly_prefer_an_effect_refuse_it(log_odds: float) -> None:
+    """Only the training runs leave room for a fall; odds of e^3 to 1 are required instead."""
     idle = replace(REAL, validation=0.0006, possible=-0.15, log_odds=log_odds)
 
     assert "not confirmed by the validation runs" in idle.refusal
     assert replace(idle, log_odds=3.1).passed
 
 
-def test_an_event_of_one_training_run_is_not_asked_of_other_runs() -> None:
-    """They only must not get worse by a quarter of what that run gains."""
+def test_an_event_of_one_training_run_is_not_required_in_other_runs() -> None:
+    """The error of the other runs may grow by at most a quarter of the gain of that run."""
     event = replace(REAL, validation=0.0, possible=0.0, log_odds=0.0, local=True)
 
     assert event.passed
     assert not replace(event, validation=-0.1).passed
 
 
-def test_a_candidate_without_finite_normal_equations_is_refused_and_said() -> None:
-    """Its score is infinite and its probability zero; numpy's least squares raised for it."""
+def test_a_candidate_without_finite_normal_equations_is_refused_with_a_reason() -> None:
+    """The score is infinite and the probability zero; numpy's least squares would raise."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     broken = replace(fit.equations, matrix=np.full_like(fit.equations.matrix, np.nan))
     declared, candidate = (
@@ -80,8 +80,8 @@ def test_a_candidate_without_finite_normal_equations_is_refused_and_said() -> No
     assert probabilities([np.inf, np.inf]).tolist() == pytest.approx([1.0, 0.0])
 
 
-def test_what_keeps_a_model_from_running_away_is_needed() -> None:
-    """Without it the model cannot be simulated: it passes, and the other is never preferred."""
+def test_a_term_that_stabilises_the_model_is_kept() -> None:
+    """The simulation diverges without the term, so the model with it is always preferred."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     alone = EvaluatedModel(replace(fit, cost=np.inf, converged=False), 1.0)
     mended = EvaluatedModel(fit, 1.0)
@@ -92,8 +92,8 @@ def test_what_keeps_a_model_from_running_away_is_needed() -> None:
     assert scores_of([coloured, alone])[0] == scores_of([coloured])[0]
 
 
-def test_a_fit_that_starts_where_nothing_can_be_simulated_says_so() -> None:
-    """An inertia of nothing: the speed is infinite at once."""
+def test_a_fit_from_a_diverging_start_does_not_converge() -> None:
+    """Without inertia the speed is infinite at once."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     position = fit.position.copy()
     position[fit.coordinates.names.index("J")] = -1e4
@@ -104,10 +104,10 @@ def test_a_fit_that_starts_where_nothing_can_be_simulated_says_so() -> None:
     assert not lost.converged
 
 
-def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
+def test_a_diverging_fit_is_repeated_from_the_nominal_parameters(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The first fit without the term is lost; the second begins where the declared model ended."""
+    """The first fit without the term diverges; the second starts from the nominal fit."""
     hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
     runs = records_of_bench(hidden)
     work = Trials(runs)
@@ -131,8 +131,8 @@ def test_a_model_that_runs_away_is_begun_again_at_the_declared_parameters(
     assert not np.allclose(begun[0].values[:7], declared.fit.values, rtol=1e-3)
 
 
-def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
-    """Its residuals are infinite, so that every score would be nonsense."""
+def test_no_candidate_is_screened_against_a_diverging_model() -> None:
+    """The residuals are infinite, so no score is defined."""
     runs = records_of_bench(make_campaign("servo_150w", seed=5, rows=800, training=2))
     work = Trials(runs)
     lost = replace(fit_declared(runs.training, "zoh"), cost=np.inf, converged=False)
@@ -143,8 +143,8 @@ def test_nothing_is_screened_beside_a_model_that_runs_away() -> None:
     assert work.scores(judged) == []
 
 
-def test_the_times_of_an_event_count_twice_by_chance() -> None:
-    """A load has a size and two times; of 4500 samples each time takes another half logarithm."""
+def test_the_times_of_an_event_count_as_two_parameters_each() -> None:
+    """A load step has an amplitude and two times: 1 + 2 * 2 half logarithms of the samples."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     simpler = EvaluatedModel(fit, 1.0)
     load = LoadStep(0, 0.1, 2e-3, 1.5)
@@ -156,8 +156,8 @@ def test_the_times_of_an_event_count_twice_by_chance() -> None:
     assert criteria.needed == pytest.approx(0.5 * 5 * np.log(samples) + np.log(100))
 
 
-def test_a_model_that_predicts_worse_is_told() -> None:
-    """Errors on runs left out that are a tenth larger, and alike."""
+def test_a_model_that_predicts_worse_is_detected() -> None:
+    """Errors on the validation runs that are 10 % larger, and equal ones."""
     fit = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     square, count = np.array([0.01, 1.0]), np.array([1500.0, 1500.0])
     one = EvaluatedModel(fit, 1.0, ValidationErrors(square, count, np.zeros(2)))
@@ -170,7 +170,7 @@ def test_a_model_that_predicts_worse_is_told() -> None:
 
 
 def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
-    """It claims nothing new: half a per cent is enough, if it is far from chance and foretold."""
+    """A richer form is no new effect: 0.5 % suffices if it is significant and predicts."""
     small = replace(REAL, training=0.005, validation=0.1)
 
     assert not small.passed
@@ -180,7 +180,7 @@ def test_a_richer_form_of_a_law_may_be_small_but_not_by_chance() -> None:
 
 
 def test_a_second_body_that_is_warm_within_a_sample_is_no_heat() -> None:
-    """A loss with the square of the current was taken for heat of a millisecond; ten are asked."""
+    """A time constant below ten milliseconds is implausible for heat."""
     declared = fit_declared(records_of(campaign(SERVO, seed=1)), "zoh")
     heated = SelfHeating(power_size=10.0, fastest=0.01, slowest=100.0)
     single = refitted_with(declared, heated, [Start(np.array([1.0, 1.0]))], TerminationLimits(1))

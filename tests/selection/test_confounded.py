@@ -1,4 +1,4 @@
-"""A lag in the current is that of the winding or of the sensor, and the result says which it is."""
+"""Electrical time constant or lag of the current sensor: the result reports the confounding."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.motors import Excitation, campaign, motor_named
 
 
 def interval(fit: Fit, name: str) -> tuple[float, float]:
-    """90 % interval of a parameter with what it may be taken for."""
+    """90 % interval of a parameter, including its confounding."""
     posterior = Posterior(fit, effective_fraction(fit))
     draws = with_omitted_drawn(posterior.normal_draws(1), fit, confounded_terms(fit), 1)
     low, high = np.quantile(draws[name], [0.05, 0.95])
@@ -37,7 +37,7 @@ def interval(fit: Fit, name: str) -> tuple[float, float]:
 
 
 def is_identified(fit: Fit, name: str) -> bool:
-    """Whether a parameter is identified with what it may be taken for."""
+    """Whether a parameter is identified in spite of its confounding."""
     variances = consider_variances(fit, confounded_terms(fit))
     return identified(fit, effective_fraction(fit), variances)[name]
 
@@ -64,7 +64,7 @@ def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: 
 
 @pytest.mark.parametrize("motor", ["coreless_10w", "wiper_60w"])
 def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str) -> None:
-    """Nine tenths of what looks like L / Ra are a filter's: L is open, and a warning says why."""
+    """A filter causes nine tenths of the apparent L / Ra: L is not identifiable, with a warning."""
     hidden = make_campaign(motor, [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500)
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
     share, terms = effective_fraction(fit), confounded_terms(fit)
@@ -78,7 +78,7 @@ def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str
 
 
 def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor() -> None:
-    """A filter of 4 ms before a winding of 0.109 ms: what is named instead are these two."""
+    """Truth: a filter of 4 ms and a winding of 0.109 ms; the alternative optimum is these two."""
     hidden = make_campaign(
         "coreless_10w", [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500
     )
@@ -97,7 +97,7 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor() -> None:
 
 @pytest.mark.parametrize("motor", ["coreless 10 W", "servo 100 W", "ferrite 50 W", "pump 2 kW"])
 def test_inductance_of_a_resolved_transient_stays_narrow(motor: str) -> None:
-    """Speed and current together tell a winding from a sensor: L is known to 5 % and is true."""
+    """Speed and current together separate winding and sensor: L is correct within 5 %."""
     chosen = motor_named(motor)
     fit = fit_declared(records_of(campaign(chosen, seed=4)), "zoh")
     truth = dict(zip(fit.coordinates.names, chosen.values, strict=True))["L"]
@@ -123,8 +123,8 @@ def test_warning_is_given_beside_parameters_that_were_not_considered() -> None:
     assert less == pytest.approx(2.0 * np.exp(-1.0), rel=0.02)
 
 
-def test_known_inductance_is_taken_from_no_sensor() -> None:
-    """A user who has measured L has excluded that its lag is the sensor's."""
+def test_known_inductance_is_not_confounded_with_a_sensor() -> None:
+    """A measured L leaves no lag that a sensor could cause."""
     hidden = make_campaign(
         "coreless_10w", [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500
     )
@@ -142,7 +142,7 @@ def test_known_inductance_is_taken_from_no_sensor() -> None:
 def test_friction_of_one_direction_may_be_a_constant_torque(
     kind: Excitation, *, is_open: bool
 ) -> None:
-    """B w and a constant torque are collinear at one sign of speed, and not at two."""
+    """Terms b w and constant torque are collinear for one sign of the speed, but not for two."""
     chosen = motor_named("servo 100 W")
     fit = fit_declared(records_of(campaign(chosen, seed=4, kind=kind)), "zoh")
 
@@ -157,7 +157,7 @@ def test_friction_of_one_direction_may_be_a_constant_torque(
 def test_constant_torque_of_one_direction_is_friction_or_load(
     direction: Literal["forward", "both"],
 ) -> None:
-    """Dry friction turns its sign with the speed; where the speed does not, nothing tells."""
+    """Dry friction changes sign with the speed; without a reversal it equals a load."""
     hidden = make_campaign(
         "wiper_60w",
         [EffectRequest("coulomb_friction")],
@@ -176,5 +176,5 @@ def test_constant_torque_of_one_direction_is_friction_or_load(
 
 
 def test_limit_is_the_quantile_of_one_in_a_thousand() -> None:
-    """Half of chi-squared with one degree of freedom: 3.29 standard deviations, 3.29^2 / 2."""
+    """Half of chi-squared with one degree of freedom at 3.29 standard deviations: 3.29^2 / 2."""
     assert pytest.approx(3.2905**2 / 2, rel=1e-3) == DEFAULT.exclusion_loss

@@ -1,4 +1,4 @@
-"""The response to small forces along a trajectory, against simulations with the force in them."""
+"""Response to small forces along a trajectory, compared with simulations of the forced motor."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SIZE = 1e-4
 
 @pytest.fixture(scope="module")
 def fit() -> Fit:
-    """A declared motor, fitted."""
+    """Fit of a nominal motor."""
     measured = make_campaign("servo_150w", [], seed=3, rows=600, training=2, validation=1)
     runs = [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
     return fit_declared(campaign_of(runs, []).training, "zoh")
 
 
 def pushed(fit: Fit, term: AbstractTerm, size: float) -> list[np.ndarray]:
-    """What a term of that size changes, by simulation."""
+    """Change of the simulation by a term of that amplitude."""
     simulator = Simulator(
         fit.simulator.model.adding(term),
         fit.simulator.records,
@@ -48,7 +48,7 @@ def pushed(fit: Fit, term: AbstractTerm, size: float) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("stride", [1, 7])
 def test_a_torque_moves_the_motor_as_a_load_does(fit: Fit, stride: int) -> None:
-    """A constant torque is a load: expected is its simulation."""
+    """A constant torque is a load; the reference is its simulation."""
     expected = pushed(fit, LoadTorque(1.0), SIZE)
     rows = [record.rows for record in fit.simulator.records]
 
@@ -63,7 +63,7 @@ def test_a_torque_moves_the_motor_as_a_load_does(fit: Fit, stride: int) -> None:
 
 
 def test_a_voltage_moves_the_motor_as_an_offset_does(fit: Fit) -> None:
-    """A constant voltage is a zero error of the logged one: expected is its simulation."""
+    """A constant voltage is an offset of the logged one; the reference is its simulation."""
     expected = pushed(fit, VoltageOffset(1.0), SIZE)
     rows = [record.rows for record in fit.simulator.records]
 
@@ -74,8 +74,8 @@ def test_a_voltage_moves_the_motor_as_an_offset_does(fit: Fit) -> None:
         np.testing.assert_allclose(one[:, :, 0] / scale, other / scale, atol=1e-6)
 
 
-def test_the_response_follows_a_motor_with_divided_intervals() -> None:
-    """Along dry friction the motor is linear between reversals; expected is a small simulation."""
+def test_the_response_follows_a_motor_with_substeps() -> None:
+    """With dry friction the motor is linear between reversals; the reference is a simulation."""
     measured = make_campaign(
         "servo_150w", [("coulomb_friction", 0.05)], seed=3, rows=600, training=2, validation=1
     )

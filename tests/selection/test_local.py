@@ -1,4 +1,4 @@
-"""What belongs to some runs or to a time is in those runs and in no other."""
+"""Effects of single runs or of a time span act only there."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CURVE = MissingTorque("time", "", 1.0, 0.0, 2.4, 1.0, 1.0, 1.0, (0.0, 0.8, 1.6, 
 
 
 def _logged(runs: list[Run], values: Array, *terms: AbstractTerm, first: int = 0) -> list[Array]:
-    """Current and speed of each run, started alike."""
+    """Current and speed of each run from the same initial state."""
     records = records_of(runs, first)
     model = MotorModel(terms)
     states = [initial_states(model, record) for record in records]
@@ -43,7 +43,7 @@ def _logged(runs: list[Run], values: Array, *terms: AbstractTerm, first: int = 0
 
 
 def _loaded_in_first_and_third(runs: list[Run]) -> list[Run]:
-    """The runs with the load step, and the noise of one per cent anew."""
+    """The runs with the load step, with new noise of 1 %."""
     rng = np.random.default_rng(8)
     made = []
     for run, y in zip(runs, _logged(runs, VALUES, STEP), strict=True):
@@ -101,7 +101,7 @@ def test_what_belongs_to_training_runs_leaves_other_runs_and_the_loop_alone(
 
 
 def test_a_coefficient_that_drifted_is_kept_by_later_runs() -> None:
-    """A friction that has run in is that of the motor from then on."""
+    """Friction that has fallen by running-in stays so in all later runs."""
     worn = MissingTorque("time", "direction", 1.0, 0.0, 2.4, 1.0, 1.0, 1.0, (0.0, 0.8, 1.6, 2.4))
     runs = campaign(MOTOR, seed=7, runs=1, rows=800)
     own = np.concatenate([MOTOR.vector, np.full(HEIGHTS, TORQUE)])
@@ -114,7 +114,7 @@ def test_a_coefficient_that_drifted_is_kept_by_later_runs() -> None:
 
 
 def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
-    """Errors of 3 and of 1 times the noise, and the other way round."""
+    """Errors of 3 and 1 times the noise, and the reverse."""
     (record,) = records_of(campaign(MOTOR, seed=7, runs=1, rows=800))
     noise = np.array([0.1, 1.0])
     close = Simulated(record, record.measured + noise)

@@ -1,4 +1,4 @@
-"""What of a curve may be a declared parameter's is said to be open, and the rest is measured."""
+"""Curves that are collinear with nominal parameters: the shared direction is non-identifiable."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
-    """The fit with a curve beside it."""
+    """Fit of the nominal model with a curve added."""
     (candidate,) = [
         c for kind in (MissingTorque, MissingVoltage) for c in kind.candidates(scales_of(fit))
         if isinstance(c.term, AbstractCurve)
@@ -45,7 +45,7 @@ def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
 
 @pytest.fixture(scope="module")
 def declared() -> Fit:
-    """A servo with nothing hidden in it."""
+    """Fit of a servo without hidden effects."""
     return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
 
 
@@ -92,8 +92,8 @@ def test_a_line_moves_parameters_and_not_the_motor(
         assert np.all(np.abs(lines - alone).max(axis=(0, 2)) < tolerance * record.span)
 
 
-def test_what_a_curve_cannot_form_is_left_in_it() -> None:
-    """Cubic curves form a straight line and no step does, however alike the two are."""
+def test_a_parameter_that_a_curve_cannot_form_stays_in_it() -> None:
+    """Cubic splines form a straight line; steps do not, however well they correlate."""
     x = np.linspace(-1.0, 1.0, 401)
     smooth = np.column_stack([x**k for k in range(4)])
     steps = np.column_stack([np.sign(x), np.abs(x), x**2])
@@ -104,8 +104,8 @@ def test_what_a_curve_cannot_form_is_left_in_it() -> None:
     np.testing.assert_array_equal(imitated(steps, x[:, None]), 0.0)
 
 
-def test_of_two_signals_only_what_is_formed_of_both_is_taken() -> None:
-    """Functions of a sum of two signals take away the sum and leave the difference."""
+def test_of_two_signals_only_the_combination_that_is_formed_is_taken() -> None:
+    """Functions of the sum of two signals remove the sum and leave the difference."""
     rng = np.random.default_rng(1)
     one, other = rng.standard_normal((2, 5000))
     basis = np.column_stack([one + other, (one + other) ** 3])
@@ -125,7 +125,7 @@ def test_of_two_signals_only_what_is_formed_of_both_is_taken() -> None:
          "mechanical", ""),
     ],
 )  # fmt: skip
-def test_parameters_beside_a_curve_are_right_or_called_open(
+def test_parameters_of_a_model_with_a_curve_are_correct_or_not_identified(
     effect: EffectRequest, along: str, carrier: str, equation: str, open_: str
 ) -> None:
     """Without the line, resistance or friction was off by hundreds of its standard deviations.

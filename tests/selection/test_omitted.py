@@ -1,4 +1,4 @@
-"""A term that the model lacks pulls at its parameters, and the intervals include how far."""
+"""Omitted terms bias the parameters; the intervals include that bias."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 KINDS = (CoulombFriction, BrushDrop)
 
 
-def left_out(fit: Fit) -> tuple[OmittedTerm, ...]:
-    """The two kinds that promise more than chance beside a fit."""
+def detectable_terms(fit: Fit) -> tuple[OmittedTerm, ...]:
+    """The two effect types whose predicted gain exceeds chance."""
     candidates = [c for kind in KINDS for c in kind.candidates(scales_of(fit))]
     tried = sum(candidate.prototypes for candidate in candidates)
     return omitted_terms(fit, effective_fraction(fit), screened(fit, candidates), tried)
@@ -41,13 +41,13 @@ def left_out(fit: Fit) -> tuple[OmittedTerm, ...]:
 
 @pytest.fixture(scope="module")
 def clean() -> Fit:
-    """A servo with nothing hidden in it."""
+    """Fit of a servo without hidden effects."""
     return fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
 
 
 @pytest.fixture(scope="module")
 def rubbing() -> tuple[Fit, dict[str, float]]:
-    """A servo with dry friction, fitted without it, and its true parameters."""
+    """Servo with dry friction, fitted without it, and its true parameters."""
     hidden = make_campaign(
         "servo_150w", [EffectRequest(name="coulomb_friction")], seed=5, rows=1500
     )
@@ -56,21 +56,21 @@ def rubbing() -> tuple[Fit, dict[str, float]]:
 
 
 def test_clean_motor_omits_nothing(clean: Fit) -> None:
-    """Neither kind promises more than chance reaches, and the draws stay as they are."""
+    """No predicted gain exceeds chance, so the draws stay unchanged."""
     posterior = Posterior(clean, effective_fraction(clean))
     draws = posterior.normal_draws(1, 50)
 
-    assert left_out(clean) == ()
+    assert detectable_terms(clean) == ()
     assert with_omitted_drawn(draws, clean, (), 1) is draws
 
 
 def test_step_of_the_missing_term_leads_to_the_true_friction(
     rubbing: tuple[Fit, dict[str, float]],
 ) -> None:
-    """Viscous friction has stood in for the dry one; the step takes most of that away."""
+    """Viscous friction has absorbed the dry friction; the step removes most of the error."""
     fit, truth = rubbing
     row = fit.coordinates.names.index("b")
-    term = next(term for term in left_out(fit) if term.name == "coulomb_friction")
+    term = next(term for term in detectable_terms(fit) if term.name == "coulomb_friction")
 
     position = fit.position.copy()
     position[row] += term.steps["b"]
@@ -82,10 +82,10 @@ def test_step_of_the_missing_term_leads_to_the_true_friction(
 def test_intervals_with_an_omitted_term_hold_the_true_parameters(
     rubbing: tuple[Fit, dict[str, float]],
 ) -> None:
-    """By noise alone the interval of the friction is narrow and wrong."""
+    """By noise alone the interval of the friction is too narrow and misses the true value."""
     fit, truth = rubbing
     narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1)
-    wide = with_omitted_drawn(narrow, fit, left_out(fit), 1)
+    wide = with_omitted_drawn(narrow, fit, detectable_terms(fit), 1)
 
     def holds(draws: dict[str, Array], name: str) -> bool:
         low, high = np.quantile(draws[name], [0.05, 0.95])
@@ -96,9 +96,9 @@ def test_intervals_with_an_omitted_term_hold_the_true_parameters(
 
 
 def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str, float]]) -> None:
-    """Noise and omitted terms are independent: their variances add."""
+    """Noise and omitted terms are independent, so their variances add."""
     fit, _ = rubbing
-    omitted = left_out(fit)
+    omitted = detectable_terms(fit)
     narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1, 20_000)
     wide = with_omitted_drawn(narrow, fit, omitted, 1)
 
@@ -111,8 +111,8 @@ def test_draws_have_the_variance_that_is_considered(rubbing: tuple[Fit, dict[str
     np.testing.assert_allclose(variance(wide), expected, rtol=0.05)
 
 
-def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> None:
-    """A step by the whole of it leaves nothing of what the data say."""
+def test_parameter_that_a_term_could_absorb_is_not_identified(clean: Fit) -> None:
+    """A step by the whole value leaves no information in the data."""
     share = effective_fraction(clean)
     taken = (OmittedTerm("brush_drop", 100.0, 10.0, {"Ra25": 1.0}),)
 
@@ -121,7 +121,7 @@ def test_parameter_that_a_term_could_take_away_is_not_identified(clean: Fit) -> 
 
 
 def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) -> None:
-    """Two runs that disagree by a factor of two: Ra, L, J and b are known up to it, Kt is known."""
+    """Two runs differ by a factor of two: Ra, L, J and b are known up to it, Kt exactly."""
     gain = unknown_gain(clean, [0.5, 1.0])
     share = effective_fraction(clean)
 
@@ -137,10 +137,10 @@ def test_unknown_gain_of_the_current_leaves_only_the_motor_constant(clean: Fit) 
 def test_warning_names_the_terms_and_the_parameter_they_change_most(
     rubbing: tuple[Fit, dict[str, float]],
 ) -> None:
-    """Dry friction is taken for viscous friction: b is what it changes most."""
+    """Dry friction is confounded with viscous friction, so b changes most."""
     fit, _ = rubbing
 
-    (message,) = map(str, omitted_warnings(fit, left_out(fit)))
+    (message,) = map(str, omitted_warnings(fit, detectable_terms(fit)))
 
     assert "none passes the acceptance criteria (coulomb_friction" in message
     assert "which is most for b: " in message

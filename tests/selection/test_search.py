@@ -1,4 +1,4 @@
-"""The search: effects that are there are found, and where there is none, none is."""
+"""Search for effects: hidden effects are found; without any, none is reported."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _outcome(motor: str, effects: list[str], seed: int) -> Outcome:
 
 @pytest.mark.parametrize("motor", ["servo_150w", "ferrite_fan_30w"])
 def test_a_motor_without_hidden_effects_comes_out_clean(motor: str) -> None:
-    """The bench simulator put none in."""
+    """The bench simulates the nominal motor."""
     outcome = _outcome(motor, [], seed=11)
 
     assert [effect.name for effect in outcome.effects] == []
@@ -30,7 +30,7 @@ def test_a_motor_without_hidden_effects_comes_out_clean(motor: str) -> None:
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "current_offset", "flux_saturation"])
 def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: str) -> None:
-    """The bench simulator put exactly this one in; its own physics code knows nothing of ours."""
+    """The bench simulates exactly this effect, with physics code of its own."""
     outcome = _outcome("servo_150w", [effect], seed=12)
 
     assert [found.name for found in outcome.effects] == [effect]
@@ -40,7 +40,7 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
 
 
 def test_a_withheld_kind_is_no_candidate() -> None:
-    """Dry friction is hidden, and found where it is not withheld (above); here it is not tried."""
+    """Dry friction is hidden; without the restriction the search finds it (above)."""
     measured = make_campaign(
         "servo_150w", ["coulomb_friction"], seed=12, rows=1500, training=3, validation=1
     )
@@ -99,7 +99,7 @@ def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
 
 
 def test_two_hidden_effects_are_both_named_and_nothing_else() -> None:
-    """The bench simulator put these two in, in different balances."""
+    """The bench simulates these two, in different balances."""
     outcome = _outcome("servo_150w", ["brush_drop", "coulomb_friction"], seed=13)
 
     assert sorted(effect.name for effect in outcome.effects) == ["brush_drop", "coulomb_friction"]
@@ -107,7 +107,7 @@ def test_two_hidden_effects_are_both_named_and_nothing_else() -> None:
 
 @pytest.mark.parametrize("seed", [40, 43])
 def test_a_friction_that_stands_for_two_gives_way_to_both(seed: int) -> None:
-    """A Stribeck friction bends until it is dry friction as well, and leaves a little."""
+    """A Stribeck law approximates dry and quadratic friction, with a small residual."""
     requests = [EffectRequest("coulomb_friction", 0.1), EffectRequest("stribeck_friction", 0.06)]
     measured = make_campaign("servo_150w", requests, seed=seed, rows=1000, training=3, validation=1)
     campaign = records_of_bench(measured)
@@ -119,7 +119,7 @@ def test_a_friction_that_stands_for_two_gives_way_to_both(seed: int) -> None:
 
 
 def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
-    """A brush drop whose two directions differ and whose knee is a hyperbolic tangent."""
+    """Brush drop with unequal directions and a hyperbolic tangent as knee."""
     measured = make_campaign(
         "disc_servo_750w",
         [EffectRequest("brush_drop", law="uneven")],
@@ -135,8 +135,8 @@ def test_a_kind_is_named_under_another_law_than_the_catalogue_has() -> None:
     assert outcome.effects[0].name == "brush_drop"
 
 
-def test_an_inductance_that_falls_far_promises_enough_to_be_fitted() -> None:
-    """To a third at the usual current, which is what the declared model takes for all of it."""
+def test_an_inductance_that_falls_far_has_a_predicted_gain() -> None:
+    """L falls to a third at the usual current, for which the nominal model fits one constant."""
     request = EffectRequest("inductance_saturation", 0.174, law="exponential")
     measured = make_campaign(
         7_010_102, [request], seed=7_000_102, rows=1500, noise=Noise(kind="coloured")

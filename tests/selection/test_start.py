@@ -1,4 +1,4 @@
-"""Where refits start: along the direction the score predicts, at the best of several prototypes."""
+"""Start of refits: along the direction that the score predicts, from the best prototype."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.effects.hidden import records_of_bench
 
 
 def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Campaign:
-    """Three training runs and one left out of a servo motor with a hidden effect."""
+    """Three training runs and a validation run of a servo motor with a hidden effect."""
     measured = make_campaign(
         "servo_150w",
         [EffectRequest(effect, size=size, law=law)],
@@ -40,8 +40,8 @@ def campaign(effect: str, size: float, seed: int, law: str | None = None) -> Cam
     return records_of_bench(measured)
 
 
-def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
-    """A small load is nearly linear; expected is where a whole refit ends."""
+def test_parameters_move_as_the_score_predicts() -> None:
+    """A small load is nearly linear; the reference is the complete refit."""
     declared = fit_declared(campaign("load_torque", 0.002, seed=31).training, "zoh")
     (score,) = screened(declared, LoadTorque.candidates(scales_of(declared)))
 
@@ -56,8 +56,8 @@ def test_what_was_fitted_moves_along_as_the_score_predicts() -> None:
     assert np.abs((moved - share * score.along.position) / spread).max() < 0.5
 
 
-def test_nothing_promises_more_than_all_that_is_left() -> None:
-    """No effect removes more than the weighted residual itself, even where the fit is far off."""
+def test_no_predicted_gain_exceeds_the_residual() -> None:
+    """No effect removes more than the whole weighted residual, even from a poor fit."""
     declared = fit_declared(campaign("coulomb_friction", 0.05, seed=34).training, "zoh")
     white = Weighting.white(declared.simulator.records)
     white = replace(white, deviation=declared.weighting.deviation)
@@ -76,8 +76,8 @@ def test_nothing_promises_more_than_all_that_is_left() -> None:
     assert max(score.gain for score in scores) < left
 
 
-def test_every_fourth_sample_promises_no_more_than_all() -> None:
-    """An offset beside a fitted brush drop hides in its parameters; there is none on this motor."""
+def test_every_fourth_sample_predicts_no_larger_gain() -> None:
+    """A voltage offset is collinear with a fitted brush drop; this motor has none."""
     declared = fit_declared(campaign("brush_drop", 0.03, seed=35).training, "zoh")
     best = screened(declared, BrushDrop.candidates(scales_of(declared)))[0]
     fit = refitted_with(declared, best.candidate.final, best.starts, TerminationLimits())
@@ -91,7 +91,7 @@ def test_every_fourth_sample_promises_no_more_than_all() -> None:
 
 
 def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
-    """A delay of 1.2 samples: of three starts the nearest is taken, whatever comes first."""
+    """True delay 1.2 samples: of three starts the nearest is chosen, not the first."""
     hidden = campaign("channel_delay", 0.12, seed=32, law="speed")
     declared = fit_declared(hidden.training, "zoh")
     interval = scales_of(declared).interval
@@ -108,8 +108,8 @@ def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
     assert coordinates.values(position)[-1] / interval == pytest.approx(1.3, abs=0.05)
 
 
-def test_a_lost_magnetisation_is_foretold_by_the_start_alone() -> None:
-    """With Kt moved along it gains most of what is promised, and with Kt held hardly any."""
+def test_the_start_of_a_demagnetisation_has_most_of_its_gain() -> None:
+    """Moving Kt along gives half of the predicted gain more than a start with fixed Kt."""
     declared = fit_declared(campaign("demagnetization", 0.06, seed=36).training, "zoh")
     score = screened(declared, Demagnetization.candidates(scales_of(declared)))[0]
     model = declared.simulator.model.adding(score.candidate.final)
@@ -128,8 +128,8 @@ def test_a_lost_magnetisation_is_foretold_by_the_start_alone() -> None:
     assert cost(along) < cost(replace(along, along=None)) - 0.5 * score.gain
 
 
-def test_runs_left_out_remember_the_hottest_training_run() -> None:
-    """They are recorded after the training runs; what was lost there stays lost."""
+def test_validation_runs_remember_the_hottest_training_run() -> None:
+    """They are recorded after the training runs, and demagnetisation is permanent."""
     hidden = campaign("demagnetization", 0.06, seed=33)
     hottest = max(float(record.column("temperature").max()) for record in hidden.training)
 
@@ -138,7 +138,7 @@ def test_runs_left_out_remember_the_hottest_training_run() -> None:
 
 
 def test_a_winding_that_heats_itself_is_fitted_though_resistance_seemed_to_fall() -> None:
-    """Without the heat the declared coefficient is negative, from where no heating raises it."""
+    """Without self-heating alpha_Ra is negative, from where no heating can raise Ra."""
     hidden = [("self_heating", 0.3)]
     measured = make_campaign("servo_150w", hidden, seed=31, rows=1200, training=4, validation=1)
     declared = fit_declared(records_of_bench(measured).training, "zoh")
@@ -152,8 +152,8 @@ def test_a_winding_that_heats_itself_is_fitted_though_resistance_seemed_to_fall(
     assert fit.weighting.deviation[0] < 0.2 * declared.weighting.deviation[0]
 
 
-def test_an_inductance_gives_back_the_lag_it_had_taken_of_a_filter() -> None:
-    """From the five-fold inductance of the declared fit the filter ended at seven noises."""
+def test_an_inductance_returns_to_its_value_when_the_filter_is_added() -> None:
+    """From the nominal fit, with five times the true L, the fit stopped at seven noises."""
     measured = make_campaign(
         8_010_110,
         [EffectRequest("current_filter", size=0.2276)],

@@ -1,4 +1,4 @@
-"""The part of long records that a search works on is short, and holds what happens in them."""
+"""Search on a representative subset of long records."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ MOTOR = motor_named("servo 100 W")
 
 @pytest.fixture(scope="module")
 def long_campaign() -> Campaign:
-    """Three runs of 20,000 samples, the last for validation; only their third quarter is lively."""
+    """Three runs of 20,000 samples, the last for validation; only the third quarter is excited."""
     runs = campaign(MOTOR, seed=3, rows=20_000, runs=3)
     return campaign_of([_quiet(run) for run in runs[:2]], [_quiet(runs[2])])
 
 
 def _quiet(run: Run) -> Run:
-    """The run as if the motor had stood still but for its third quarter."""
+    """The run with a motor at rest except in its third quarter."""
     lively = np.zeros(run.rows, dtype=bool)
     lively[10_000:12_500] = True
     return replace(
@@ -36,7 +36,7 @@ def _quiet(run: Run) -> Run:
 
 
 def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign: Campaign) -> None:
-    """5,000 of 20,000 samples each; the lively 2,500 begin at sample 10,000."""
+    """5,000 of 20,000 samples each; the excited 2,500 start at sample 10,000."""
     declared = fit_declared(long_campaign.training, "zoh")
 
     found = representative_subset(long_campaign, declared)
@@ -56,7 +56,7 @@ def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign:
 
 
 def test_short_records_are_searched_whole() -> None:
-    """Three runs of 1,500 samples are fewer than a part has."""
+    """Three runs of 1,500 samples are shorter than a subset."""
     runs = campaign_of(campaign(MOTOR, seed=3), [])
 
     assert representative_subset(runs, fit_declared(runs.training, "zoh")) is None

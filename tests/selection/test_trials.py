@@ -1,4 +1,4 @@
-"""What a search spends on a model that may get further terms, and on the one that stays."""
+"""Cost of the trials of a search: intermediate models are cheap, the final model is complete."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.effects.hidden import records_of_bench
 
 
 def first_round(longest: float) -> tuple[Trials, EvaluatedModel, float]:
-    """A servo with a brush drop: its model after the round, and what finishing it took."""
+    """Servo with a brush drop: its model after the first round, and the operations spent."""
     measured = make_campaign(
         "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
     )
@@ -37,7 +37,7 @@ def first_round(longest: float) -> tuple[Trials, EvaluatedModel, float]:
 
 
 def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
-    """What is saved in a round is made up for once, when nothing is added any more."""
+    """The final fit completes once what the rounds cut short."""
     with metered():
         _, free, cost_of_free = first_round(np.inf)
         trials, capped, cost_of_capped = first_round(1e7)
@@ -49,7 +49,7 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
 
 
 def test_a_kind_far_behind_the_best_is_refitted_only_by_itself() -> None:
-    """Five times a promise of a tenth of what the drop gained is not 85 % of it."""
+    """Five times a tenth of the gain of the brush drop is less than 85 % of it."""
     measured = make_campaign(
         "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
     )
@@ -71,7 +71,7 @@ def test_a_kind_far_behind_the_best_is_refitted_only_by_itself() -> None:
 
 
 def test_nothing_is_refitted_that_cannot_come_near_a_rival() -> None:
-    """A rival that gains six times what a kind promises is beyond five times the promise."""
+    """A rival with six times the predicted gain exceeds the limit of five times."""
     measured = make_campaign(
         "servo_150w", ["brush_drop"], seed=12, rows=800, training=2, validation=1
     )
@@ -86,7 +86,7 @@ def test_nothing_is_refitted_that_cannot_come_near_a_rival() -> None:
 
 
 def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() -> None:
-    """Dry friction is hidden and was judged; the model at hand has a drag in its place."""
+    """Dry friction is hidden and evaluated; the current model has a quadratic drag instead."""
     measured = make_campaign(
         "servo_150w", ["coulomb_friction"], seed=12, rows=800, training=2, validation=1
     )

@@ -1,4 +1,4 @@
-"""A curve is smooth, and goes on beyond what was seen as it ended there."""
+"""Curves: smooth, and linear beyond the range of the data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def term() -> MissingTorque:
-    """A curve in the speed, nothing taken away from it."""
+    """Curve over the speed, without removal of the collinear part."""
     fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
     for candidate in MissingTorque.candidates(scales_of(fit)):
         found = candidate.term
@@ -42,7 +42,7 @@ def basis(term: MissingTorque, speed: Array) -> Array:
 
 
 def speeds(term: MissingTorque, beyond: float) -> Array:
-    """Speeds over what was seen and a share of it beyond, even in the drawn coordinate."""
+    """Speeds over the range of the data and beyond, equidistant in the plotted coordinate."""
     reach = term.upper - term.lower
     drawn = np.linspace(term.lower - beyond * reach, term.upper + beyond * reach, 900)
     return np.asarray(term.zero * np.sinh(drawn))
@@ -51,12 +51,12 @@ def speeds(term: MissingTorque, beyond: float) -> Array:
 def test_heights_that_are_all_alike_are_a_constant_everywhere(
     term: MissingTorque,
 ) -> None:
-    """Beyond the ends as well."""
+    """This also holds beyond the ends."""
     np.testing.assert_allclose(basis(term, speeds(term, 0.3)).sum(axis=1), 1.0, atol=1e-12)
 
 
 def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque) -> None:
-    """In the coordinate in which it is drawn second differences vanish there, without a jump."""
+    """Second differences vanish in the plotted coordinate, without a jump."""
     found = basis(term, speeds(term, 0.3))
 
     bend = np.abs(np.diff(found, 2, axis=0)).max(axis=1)
@@ -66,7 +66,7 @@ def test_beyond_its_ends_a_curve_keeps_its_slope(term: MissingTorque) -> None:
 
 
 def test_what_is_scored_is_what_is_simulated(term: MissingTorque) -> None:
-    """Tables and expressions give the same basis, within what was seen and beyond."""
+    """Tables and expressions give the same basis, inside and outside the range of the data."""
     (record, *_) = records_of(campaign(motor_named("servo 100 W"), seed=4))
     speed = np.interp(np.arange(record.rows), np.linspace(0, record.rows, 900), speeds(term, 0.3))
 

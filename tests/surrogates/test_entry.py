@@ -1,4 +1,4 @@
-"""Effects of a result that was edited, or that is of another program."""
+"""Effects of a result that was edited or that another program wrote."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INTERNALS = ("__init__", "argument", "object is", "indices", "unhashable", "unpa
 
 
 def result(*effects: object, **changes: object) -> dict[str, Any]:
-    """A result with every declared parameter, and effects."""
+    """Result with all nominal parameters and effects."""
     declared: tuple[Parameter, ...] = MotorModel().parameters
     parameters = {parameter.name: {"median": 0.5} for parameter in declared}
     whole = {"declared": {"hold": "zoh", "parameters": parameters}, "parameters": parameters}
@@ -26,7 +26,7 @@ def result(*effects: object, **changes: object) -> dict[str, Any]:
 
 
 def test_entry_becomes_the_term_that_it_describes() -> None:
-    """What is left out has its default."""
+    """Omitted members have their defaults."""
     assert term_of(COGGING) == CoggingTorque(torque_size=0.1)
 
 
@@ -55,7 +55,7 @@ def test_entry_becomes_the_term_that_it_describes() -> None:
     ],
 )
 def test_what_a_result_lacks_is_said_in_its_own_words(content: dict[str, Any], told: str) -> None:
-    """Which effect lacks what, and what to do; nothing of the program's insides."""
+    """The message names the effect, the missing member and the remedy."""
     with pytest.raises(InputError, match=told) as caught:
         model_of(content)
 

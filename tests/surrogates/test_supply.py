@@ -1,4 +1,4 @@
-"""A supply that sags behind a chopper, where the voltage is logged as it was commanded."""
+"""Supply that sags behind a chopper, with the commanded voltage as log."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def outcome_of(seed: int, share: float) -> tuple[Outcome, float, float]:
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_supply_behind_a_chopper_is_named_with_its_resistance(seed: int) -> None:
-    """Known are the resistance at full duty and the voltage there: R (v_0 / V)^2 at v_0."""
+    """Known: the resistance at full duty and the voltage there, R (v_0 / V)^2 at v_0."""
     outcome, source, full = outcome_of(seed, 0.2)
 
     assert [effect.name for effect in outcome.effects] == ["unlisted"]
@@ -56,12 +56,12 @@ def test_a_supply_behind_a_chopper_is_named_with_its_resistance(seed: int) -> No
 
 
 def test_an_ideal_source_has_no_sag() -> None:
-    """The same motor with nothing in series comes out clean."""
+    """The same motor without a series resistance has no effect."""
     assert outcome_of(3, 0.0)[0].effects == ()
 
 
 def test_a_sag_comes_back_from_a_result() -> None:
-    """By its settings, as every form of the unlisted does."""
+    """Its settings restore it, as for each unlisted term."""
     settings = {"voltage_size": 12.0, "resistance_size": 0.5}
 
     entry = {"name": "unlisted", "equation": "electrical", "settings": settings}

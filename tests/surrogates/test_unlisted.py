@@ -1,4 +1,4 @@
-"""Effects that no catalogue knows: a curve stands in, in the right balance and signals."""
+"""Effects outside the catalogue: a curve in the right balance over the right signals."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _outcome(motor: str | int, effect: str, size: float, seed: int) -> Outcome:
 def test_an_effect_in_no_catalogue_is_called_unlisted(
     effect: str, equation: str, driver: str
 ) -> None:
-    """The bench simulator put it in; equation and driver are those it declares."""
+    """The bench declares equation and driver of the effect."""
     outcome = _outcome("servo_150w", effect, 0.1, seed=21)
 
     assert "unlisted" in [found.name for found in outcome.effects]
@@ -69,7 +69,7 @@ def test_an_effect_in_no_catalogue_is_called_unlisted(
 
 
 def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
-    """A rub above a speed with a square law: its best power is beyond that of a fan."""
+    """Square-law rubbing above a speed: its best exponent exceeds that of a fan."""
     rub = EffectRequest("rub_above_speed", 0.065, law="square")
     campaign = _campaign("servo_150w", [rub], seed=25)
 
@@ -80,7 +80,7 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
 
 
 def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
-    """The same rub at half the size: the runs hardly tell it from a steep drag."""
+    """The same rubbing at half the amplitude is hardly distinguishable from a steep drag."""
     rub = EffectRequest("rub_above_speed", 0.027, law="square")
     campaign = _campaign("servo_150w", [rub], seed=25)
 
@@ -92,7 +92,7 @@ def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
 
 
 def test_a_drag_of_another_power_is_still_a_drag() -> None:
-    """A power that fans and windage have, with no curve in its place."""
+    """An exponent of fans and windage, without a curve."""
     drag = EffectRequest("quadratic_drag", 0.1, law="power_2.3")
     campaign = _campaign("servo_150w", [drag], seed=26)
 
@@ -103,7 +103,7 @@ def test_a_drag_of_another_power_is_still_a_drag() -> None:
 
 
 def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance() -> None:
-    """Of single signals the one that the bench simulator's torque depends on comes first."""
+    """Of the single signals, the driver of the simulated torque ranks first."""
     campaign = _campaign("servo_150w", [("rub_above_speed", 0.1)], seed=22)
 
     traces = traced(missing_curves(fit_declared(campaign.training, "zoh")))
@@ -115,7 +115,7 @@ def test_a_friction_above_a_speed_is_traced_to_speed_in_the_mechanical_balance()
 
 
 def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
-    """Each basis function is orthogonal to current and speed over the runs, by construction."""
+    """By construction each basis function is orthogonal to current and speed over the runs."""
     campaign = _campaign("servo_150w", [], seed=23)
     scales = scales_of(fit_declared(campaign.training, "zoh"))
     term = next(c.term for c in MissingTorque.candidates(scales) if c.term.drivers == ("speed",))
@@ -129,7 +129,7 @@ def test_a_curve_leaves_to_the_declared_parameters_what_they_can_do() -> None:
 
 
 def test_a_search_that_begins_with_a_curve_adds_no_second_one() -> None:
-    """Two torques are hidden that no curve holds both of; the name of a term is there once."""
+    """No single curve describes both hidden torques; the name of a term occurs once."""
     hidden = [EffectRequest("time_ripple", 0.1), EffectRequest("rub_above_speed", 0.1)]
     campaign = _campaign("servo_150w", list(hidden), seed=25)
     declared = fit_declared(campaign.training, "zoh")
@@ -143,7 +143,7 @@ def test_a_search_that_begins_with_a_curve_adds_no_second_one() -> None:
 
 
 def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
-    """Its settings go through JSON; expected are the same rates of the same motor."""
+    """Its settings pass through JSON; the rates of the motor are the same."""
     campaign = _campaign("servo_150w", [], seed=24)
     scales = replace(scales_of(fit_declared(campaign.training, "zoh")), frequencies=(20.0,))
 
@@ -163,7 +163,7 @@ def test_an_unlisted_term_comes_back_from_a_result_as_it_was() -> None:
 
 
 def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
-    """What is scored along a trajectory is what the model with the term in it has as torque."""
+    """The torque scored along a trajectory equals that of the model with the term."""
     campaign = _campaign("servo_150w", [], seed=24)
     (candidate,) = AngularFriction.candidates(scales_of(fit_declared(campaign.training, "zoh")))
     term = candidate.term
@@ -185,7 +185,7 @@ def test_a_friction_round_the_turn_pushes_as_its_torque_says() -> None:
 
 
 def run_in(motor: Motor, run: Run, rng: np.random.Generator) -> Run:
-    """The run with a dry friction that fades within it, from an integrator of SciPy."""
+    """Run with dry friction that decays during the run, integrated by SciPy."""
     ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = motor.values
     assert run.temperature is not None
     resistance = ra * (1 + alpha_ra * (run.temperature - 25.0))
@@ -207,7 +207,7 @@ def run_in(motor: Motor, run: Run, rng: np.random.Generator) -> Run:
 
 
 def test_a_friction_that_runs_in_anew_is_traced_to_the_time_in_the_run() -> None:
-    """Dry friction that fades within each run, in the run left out as in the others."""
+    """Dry friction decays within each run, also in the validation run."""
     motor, rng = motor_named("servo 100 W"), np.random.default_rng(3)
     clean = campaign(motor, seed=12, noise=0.0, runs=4, rows=1200)
     runs = [run_in(motor, run, rng) for run in clean]
