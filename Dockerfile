@@ -31,6 +31,20 @@ RUN tools/bin/python -m hatchling build --target wheel --directory wheel \
     && pip --python /opt/motorid/bin/python install --no-deps wheel/*.whl
 
 
+FROM build AS site
+
+# The tools of the documentation stay behind in this stage.  The site links to some of the files
+# below by their paths, and its build checks that they exist.
+COPY requirements/dev.txt requirements/
+RUN pip install --require-hashes --only-binary :all: --requirement requirements/dev.txt
+COPY mkdocs.yml Dockerfile ./
+COPY docs docs
+COPY bench bench
+COPY benchmarks benchmarks
+COPY data data
+RUN NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict --site-dir /opt/help
+
+
 FROM ${BASE}
 
 # tini is PID 1: it hands signals on and reaps what a killed fit leaves behind.
@@ -42,6 +56,7 @@ RUN apt-get update \
     && install --directory --owner 10001 --group 10001 --mode 0700 /data
 
 COPY --from=build /opt/motorid /opt/motorid
+COPY --from=site /opt/help /opt/help
 
 # The root may be read-only, so everything that is written goes to the volume.
 # `docker stop` kills after 10 s, so requests may take half of that to end.
@@ -51,6 +66,7 @@ ENV PATH=/opt/motorid/bin:$PATH \
     MOTORID_HOST=0.0.0.0 \
     MOTORID_PORT=8000 \
     MOTORID_DATA_DIR=/data \
+    MOTORID_HELP_DIR=/opt/help \
     MOTORID_SHUTDOWN_S=5 \
     HOME=/data \
     TMPDIR=/data

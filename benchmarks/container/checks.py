@@ -7,6 +7,7 @@ import re
 import signal
 import socket
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,6 +43,7 @@ def run(image: Image, work: Path) -> Iterator[Outcome]:
         yield _reaped(box)
         key = box.execute("motorid", "keys", "create", "bench-1").stdout.strip()
         with box.network(), Client(f"http://{ADDRESS}:8000", key) as client:
+            yield _helped()
             yield _reported(client, work / "first")
             fit = _begun(client)
             with _half_an_upload(key):
@@ -125,6 +127,14 @@ def _reaped(box: Box) -> Outcome:
     states = [Path(f"/proc/{p}/stat").read_text().rsplit(")", 1)[1][1] for p in box.processes()]
     words = f"{states.count('Z')} zombies of {len(states)} processes"
     return Outcome("orphans", "reaped by PID 1", words, "Z" not in states)
+
+
+def _helped() -> Outcome:
+    """Fetch the page of the documentation to which the pages link."""
+    with urllib.request.urlopen(f"http://{ADDRESS}:8000/help/troubleshooting.html") as answer:
+        text = answer.read().decode()
+    words = f"{answer.status}, {len(text) / 1e3:.0f} kB"
+    return Outcome("documentation", "served without a key", words, 'id="unknown_unit"' in text)
 
 
 def _reported(client: Client, out: Path) -> Outcome:

@@ -33,11 +33,11 @@ def variables() -> dict[str, str]:
 
 
 def settings() -> Settings:
-    """Settings of the service in the environment of the image."""
+    """Settings of the service in the environment of the image, whose documentation is not here."""
     given = {
         name.removeprefix("MOTORID_").lower(): value
         for name, value in variables().items()
-        if name.startswith("MOTORID_")
+        if name.startswith("MOTORID_") and name != "MOTORID_HELP_DIR"
     }
     assert set(given) <= set(Settings.model_fields)
     return Settings.model_validate(given)
@@ -137,6 +137,17 @@ def test_build_context_contains_only_the_copied_sources() -> None:
 
     assert ignored[1] == "*"
     assert {line[1:] for line in ignored if line.startswith("!")} == sources
+
+
+def test_image_has_the_documentation_and_not_its_tools() -> None:
+    """The last stage takes the directory of the site and nothing else of that stage."""
+    [built] = [line for line in LINES if "mkdocs build" in line]
+    taken = [line.split()[1:] for line in LINES if line.startswith("COPY --from=site")]
+    directory = variables()["MOTORID_HELP_DIR"]
+
+    assert taken == [["--from=site", directory, directory]]
+    assert shlex.split(built)[-2:] == ["--site-dir", directory]
+    assert "--strict" in built
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")

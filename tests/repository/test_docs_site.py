@@ -6,6 +6,7 @@ import html.parser
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,11 +31,24 @@ LOADING = {"script", "img", "iframe", "source", "embed", "object", "video", "aud
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Site built strictly: a broken link, anchor or reference is an error."""
+    """Site built strictly: a broken link, anchor or reference is an error.
+
+    The build has the files that the Dockerfile copies for it, and no others.
+    """
     out = tmp_path_factory.mktemp("site")
+    tree = tmp_path_factory.mktemp("sources")
+    stages = (ROOT / "Dockerfile").read_text("utf-8").partition("mkdocs build")[0]
+    for words in re.findall(r"^COPY (?!--from)(.+)$", stages, flags=re.MULTILINE):
+        *sources, target = words.split()
+        for source in sources:
+            if (ROOT / source).is_dir():
+                shutil.copytree(ROOT / source, tree / target)
+            else:
+                (tree / target).mkdir(exist_ok=True)
+                shutil.copy(ROOT / source, tree / target)
     built = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(out)],
-        cwd=ROOT,
+        cwd=tree,
         capture_output=True,
         text=True,
         check=False,
