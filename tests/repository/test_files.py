@@ -111,14 +111,18 @@ def test_version_is_written_once() -> None:
 
 
 def test_image_is_built_from_pinned_names_and_does_not_run_as_root() -> None:
-    """The base has a version tag and a digest; the last USER is numeric and not 0."""
+    """The base has a version tag and a digest; the last USER is numeric and not 0.
+
+    A stage may also continue an earlier one.
+    """
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
-    bases = [line.split()[1] for line in lines if line.startswith("FROM ")]
+    stages = [line.split()[1:] for line in lines if line.startswith("FROM ")]
+    bases = {words[0] for words in stages} - {words[-1] for words in stages if "AS" in words}
     users = [line.split()[1] for line in lines if line.startswith("USER ")]
 
     [name] = [line.removeprefix("ARG BASE=") for line in lines if line.startswith("ARG BASE=")]
 
-    assert set(bases) == {"${BASE}"}
+    assert bases == {"${BASE}"}
     assert re.fullmatch(r"[a-z/]+:\d+\.\d+-[\w-]+@sha256:[0-9a-f]{64}", name)
     assert re.fullmatch(r"[1-9]\d*(:[1-9]\d*)?", users[-1])
 
