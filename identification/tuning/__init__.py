@@ -4,6 +4,8 @@
     motor.py          motor with draws of all parameters, nominal or with effects
     drive.py          simulation of the sampled loop with limits and anti-windup
     judge.py          metrics of each draw at each temperature, distance from the limits
+    blame.py          contribution of each parameter's uncertainty
+    hunting.py        limit cycles and stick-slip
     search.py         search for gains
     statement.py      judgement in words
     tune.py           `tune`: content of the file of ``motorid tune``

@@ -52,6 +52,7 @@ _DRAWS: Final = (6, 20)
 _SIMULATED: Final = 160
 _REFINED: Final = 2
 _STEPS: Final = (1.3, 1.12, 1.05)
+_REPEATS: Final = 4
 _FINAL: Final = 4
 
 
@@ -91,7 +92,11 @@ def searched(judge: Judge, kind: str, probability: float) -> Array:
     gains = _with_margins(few, gains, probability)
     best = _best(few, gains, probability, _REFINED)
     for factor in _STEPS:
-        best = _best(more, _neighbours(best, factor), probability, _REFINED)
+        for _ in range(_REPEATS):
+            before = best[:, 0]
+            best = _best(more, _neighbours(best, factor), probability, _REFINED)
+            if (best[:, 0] == before).all():
+                break
     best = _best(judge.of(judge.motor, temperatures), best, probability, _FINAL)
     return np.asarray(best[:, 0])
 

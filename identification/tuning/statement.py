@@ -9,6 +9,8 @@ from identification.tuning.specification import METRICS
 
 __all__ = ["statement"]
 
+_LEAST_RISE: Final = 0.02
+
 LABELS: Final = {
     "rise_time": "rise time",
     "settling_time": "settling time",
@@ -30,18 +32,27 @@ def statement(
         step: Step of the reference [rad/s].
         reach: Steady speed that the drive reaches; None without limits [rad/s].
     """
+    return "; ".join(
+        [*_judgement(entry, probability, step, reach), *_blame(entry), *_hunting(entry)]
+    )
+
+
+def _judgement(
+    entry: Mapping[str, Any], probability: float, step: float, reach: float | None
+) -> list[str]:
     worst = entry["worst"]
     label = LABELS[worst["metric"]]
     share = f"{100 * entry['probability']:.3g} %"
     if entry["meets"]:
         first = f"{entry['controller']} meets the specification in {share} of the draws"
         if worst["value"] is None:
-            return first
-        return (
-            f"{first}; closest to its limit is the {label} at {worst['temperature_degC']:g} degC: "
+            return [first]
+        return [
+            first,
+            f"closest to its limit is the {label} at {worst['temperature_degC']:g} degC: "
             f"{_value(worst)} at the {100 * worst['quantile']:.3g} % quantile, "
-            f"limit {worst['limit']:g} {worst['unit']}"
-        )
+            f"limit {worst['limit']:g} {worst['unit']}",
+        ]
     words = [
         f"{entry['controller']} meets the specification in {share} of the draws; "
         f"{100 * probability:.3g} % are required"
@@ -62,7 +73,46 @@ def statement(
         words.append(
             f"the limits of the drive allow {reach:.3g} rad/s, less than the step of {step:g} rad/s"
         )
-    return "; ".join(words)
+    return words
+
+
+def _blame(entry: Mapping[str, Any]) -> list[str]:
+    """The parameter whose uncertainty costs most, if the specification is not met."""
+    if entry["meets"] or not entry["blame"]:
+        return []
+    first = entry["blame"][0]
+    if first["rise"] < _LEAST_RISE:
+        return [
+            "no single uncertainty is to blame: the motor itself, as it is known, does not allow it"
+        ]
+    name = first["parameter"]
+    cause = "the temperature range" if name == "temperature" else f"the uncertainty of {name}"
+    known = "at the middle temperature" if name == "temperature" else "if it were known"
+    return [
+        f"{cause} is most to blame: {known}, {100 * first['probability']:.3g} % of the draws would "
+        "meet the specification"
+    ]
+
+
+def _hunting(entry: Mapping[str, Any]) -> list[str]:
+    """The largest reference of each kind of behaviour."""
+    words = []
+    for kind in dict.fromkeys(one["kind"] for one in entry["hunting"]):
+        found = [one for one in entry["hunting"] if one["kind"] == kind]
+        worst = max(found, key=lambda one: (one["reference_rad_s"], one["probability"]))
+        at = (
+            f"at a reference of {worst['reference_rad_s']:.3g} rad/s and "
+            f"{worst['temperature_degC']:g} degC in {100 * worst['probability']:.3g} % of the draws"
+        )
+        if kind == "standstill":
+            words.append(f"the shaft does not turn {at}")
+            continue
+        label = "stick-slip" if kind == "stick-slip" else "a limit cycle"
+        words.append(
+            f"{label} {at}: amplitude {worst['amplitude_rad_s']:.3g} rad/s, period "
+            f"{worst['period_s']:.3g} s"
+        )
+    return words
 
 
 def _value(worst: Mapping[str, Any]) -> str:

@@ -13,7 +13,9 @@ from identification.errors import OptionError
 from identification.feedback.controller import AbstractController, parse_controllers
 from identification.feedback.metrics import quantity
 from identification.feedback.spread import checked_temperatures
+from identification.tuning.blame import blamed
 from identification.tuning.drive import GAINS, most_samples
+from identification.tuning.hunting import hunting
 from identification.tuning.judge import Judge, Judgement, slack_at
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.search import KINDS, controller_of, gains_of, searched
@@ -65,14 +67,12 @@ def tune(
     reach = _reach(thinned, specification, temperatures)
     step = _default_step(reach) if step is None else float(step)
     judge = Judge(thinned, specification, temperatures, step)
-    given = [(one.text, gains_of(one)) for one in parse_controllers(controllers)] \
-        if controllers else []  # fmt: skip
-    for kind in () if controllers else kinds:
-        gains = searched(judge, kind, probability)
-        given.append((controller_of(kind, gains), gains))
-    entries = [_entry(judge, text, gains, probability) for text, gains in given]
-    for entry in entries:
-        entry["statement"] = statement(entry, probability, step, reach)
+    if controllers:
+        given = [(one.text, gains_of(one)) for one in parse_controllers(controllers)]
+    else:
+        found = [searched(judge, kind, probability) for kind in kinds]
+        given = [(controller_of(k, gains), gains) for k, gains in zip(kinds, found, strict=True)]
+    entries = [_entry(judge, one, probability, reach) for one in given]
     return {
         "schema_version": 1,
         "specification": specification.content(),
@@ -91,6 +91,8 @@ def tune(
 def _check(kinds: Sequence[str], probability: float, step: float | None) -> None:
     wrong = [f"kind {kind!r} is not known; expected {', '.join(KINDS)}"
              for kind in kinds if kind not in KINDS]  # fmt: skip
+    if not kinds:
+        wrong.append(f"no kind given; expected some of {', '.join(KINDS)}")
     if not 0.0 < probability <= 1.0:
         wrong.append(f"probability is {probability:g}; expected above 0 and at most 1")
     if step is not None and not 0.0 < step < np.inf:
@@ -123,8 +125,24 @@ def _default_step(reach: float | None) -> float:
     return _SPEED if reach is None else float(f"{_OF_REACH * reach:.2g}")
 
 
-def _entry(judge: Judge, text: str, gains: Array, probability: float) -> dict[str, Any]:
+def _entry(
+    judge: Judge, controller: tuple[str, Array], probability: float, reach: float | None
+) -> dict[str, Any]:
+    """Entry of one controller: its judgement, what is to blame, limit cycles and responses."""
+    gains = controller[1]
     samples, found = _long_enough(judge, gains)
+    entry = _judgement(judge, controller, found, probability)
+    entry["hunting"] = hunting(judge, gains, samples)
+    is_certain = entry["probability"] == 1.0
+    entry["blame"] = [] if is_certain else blamed(judge, gains, samples, probability)
+    entry["responses"] = _bands(judge, gains, samples)
+    return entry | {"statement": statement(entry, probability, judge.step, reach)}
+
+
+def _judgement(
+    judge: Judge, controller: tuple[str, Array], found: Judgement, probability: float
+) -> dict[str, Any]:
+    text, gains = controller
     of_draws = found.of_draws[0]
     share = float(found.probability[0])
     met = int(round(share * of_draws.size))
@@ -142,7 +160,6 @@ def _entry(judge: Judge, text: str, gains: Array, probability: float) -> dict[st
         "worst": _worst(judge, found, probability),
         "temperatures": _by_temperature(judge, found),
         "limit_active_probability": float(found.limited[0].any(axis=0).mean()),
-        "responses": _bands(judge, gains, samples),
     }
 
 
