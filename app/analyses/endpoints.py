@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import FileResponse
 
-from app.analyses.schemas import FeedbackIn, FeedbackOut, PredictionOut
+from app.analyses.schemas import FeedbackIn, FeedbackOut, PredictionOut, TuningIn, TuningOut
 from app.http.dependencies import CallerDep, JsonBody, ServicesDep
 from app.http.files import OpenFileResponse
 from app.http.problems import responses
@@ -17,6 +17,7 @@ __all__ = ["router"]
 router = APIRouter(prefix="/fits", tags=["fits"])
 
 _DRAWS = 2000
+_TUNING_DRAWS = 200
 Declared = Annotated[bool, Query(description="Use the nominal model instead of the final one.")]
 
 
@@ -35,6 +36,27 @@ def compute_feedback(
     """
     loop = services.analyses.loop(caller, fit_id, body.controllers, body.temperatures, draws=_DRAWS)
     return FeedbackOut.of(loop)
+
+
+@router.post(
+    "/{fit_id}/tunings",
+    summary="Tune the speed loop",
+    dependencies=[JsonBody],
+    responses=responses(400, 403, 404, 413, 415, 422, 503),
+)
+def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: CallerDep) -> TuningOut:
+    """Find controllers that meet a specification over posterior draws and temperatures.
+
+    The loop is simulated with the effects found, limits, sample time and delay.  The answer takes
+    some seconds and is not stored.
+    """
+    found, remarks = services.analyses.tuning(
+        caller,
+        fit_id,
+        body.request(),
+        draws=_TUNING_DRAWS,
+    )
+    return TuningOut(tuning=found, remarks=list(remarks))
 
 
 # This path comes first: the one below would take `ID.csv` for an ID.

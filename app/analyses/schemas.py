@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, StringConstraints
 
 from app.analyses.prediction import Prediction
-from app.analyses.service import LoopAnalysis
+from app.analyses.service import LoopAnalysis, TuningRequest
 from app.texts import Received, with_example
 
-__all__ = ["ErrorOut", "FeedbackIn", "FeedbackOut", "PredictionOut", "StepOut"]
+__all__ = [
+    "ErrorOut",
+    "FeedbackIn",
+    "FeedbackOut",
+    "PredictionOut",
+    "StepOut",
+    "TuningIn",
+    "TuningOut",
+]
 
 _MOST = 5
 
@@ -32,6 +40,60 @@ class FeedbackIn(Received):
         max_length=_MOST,
         description="Temperatures of winding and magnet [degC].",
     )
+
+
+class TuningIn(Received):
+    """Specification of the speed loop."""
+
+    model_config = with_example(
+        {
+            "specification": {"rise_time": 0.02, "overshoot": 10, "voltage": 24, "current": 8},
+            "kinds": ["PI"],
+            "temperatures": [0.0, 120.0],
+        }
+    )
+
+    specification: dict[
+        Annotated[str, StringConstraints(max_length=30)],
+        Annotated[float, Field(allow_inf_nan=False)],
+    ] = Field(
+        max_length=20,
+        description="Requirements and drive, as `motorid tune --spec` takes them, in SI units, "
+        "%, dB and degrees.",
+    )
+    kinds: list[Literal["P", "PI", "PI+FF", "PID"]] = Field(
+        default=["PI"], min_length=1, max_length=4, description="Kinds of controllers to tune."
+    )
+    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+        default=[], max_length=_MOST, description="Controllers to judge instead."
+    )
+    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default=[25.0, 125.0],
+        min_length=1,
+        max_length=_MOST,
+        description="Temperatures of winding and magnet [degC].",
+    )
+    probability: float = Field(
+        default=0.95, gt=0, le=1, description="Fraction of the draws that shall meet it [-]."
+    )
+    step: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Step of the reference [rad/s]; null: half the speed that the limits allow.",
+    )
+
+    def request(self) -> TuningRequest:
+        """Build the request of the service; each kind once."""
+        fields = self.model_dump()
+        return TuningRequest(**fields | {"kinds": tuple(dict.fromkeys(self.kinds))})
+
+
+class TuningOut(BaseModel):
+    """Controllers and their judgement."""
+
+    tuning: Mapping[str, Any] = Field(description="Content of the file of `motorid tune`.")
+    remarks: list[str] = Field(description="Limits of the numbers, in words.")
 
 
 class StepOut(BaseModel):

@@ -24,9 +24,12 @@ from app.tables import RunRow
 from identification.fleet.refit import Refit
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from identification.result.report_data import StepResponse
 
-__all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis"]
+__all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis", "TuningRequest"]
 
 APPROXIMATE: Final = (
     "The fit has no posterior: independent draws from its medians and standard deviations are "
@@ -53,6 +56,27 @@ class LoopAnalysis:
     remarks: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class TuningRequest:
+    """Request to tune or judge controllers of the speed loop.
+
+    Args:
+        specification: Requirements and drive, by name.
+        kinds: Kinds of controllers to tune.
+        controllers: Controllers to judge instead.
+        temperatures: Temperatures of winding and magnet [degC].
+        probability: Required fraction of the draws.
+        step: Step of the reference [rad/s]; None for the default.
+    """
+
+    specification: str | Mapping[str, float]
+    kinds: Sequence[str]
+    controllers: Sequence[str] = ()
+    temperatures: Sequence[float] = (25.0, 125.0)
+    probability: float = 0.95
+    step: float | None = None
+
+
 class AnalysisService:
     """Analyses of fits; each is restricted to the workspace of its caller."""
 
@@ -64,6 +88,45 @@ class AnalysisService:
         self._storage = storage
         self._predictor = predictor
         self._free = threading.BoundedSemaphore(_AT_ONCE)
+
+    def tuning(
+        self,
+        caller: Caller,
+        fit_id: str,
+        request: TuningRequest,
+        *,
+        draws: int,
+    ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+        """Controllers that meet a specification, as ``motorid tune`` finds them.
+
+        Args:
+            caller: Caller of the request.
+            fit_id: ID of a succeeded fit.
+            request: Specification, controllers and temperatures.
+            draws: Largest number of posterior draws.
+
+        Returns:
+            Content of the file of ``motorid tune``, and limits of the numbers in words.
+
+        Raises:
+            NotFound: As for `loop`; so do the other errors.
+        """
+        from identification.tuning import motor_of, parse_specification, tune
+
+        required = parse_specification(request.specification)
+        fit = self.succeeded(caller, fit_id)
+        with self._turn():
+            motor = motor_of(self._draws(caller, fit, draws), fit.result or {})
+            found = tune(
+                motor,
+                required,
+                kinds=request.kinds,
+                controllers=request.controllers,
+                temperatures=request.temperatures,
+                probability=request.probability,
+                step=request.step,
+            )
+        return found, () if fit.has_posterior else (APPROXIMATE,)
 
     def loop(
         self,
@@ -94,23 +157,28 @@ class AnalysisService:
         # Lazy imports: numpy and scipy would slow down every start.
         from identification.feedback import feedback_metrics, parse_controllers, step_curves
         from identification.feedback.spread import checked_temperatures
-        from identification.result.draws import chain_draws, normal_draws
         from identification.result.report_data import StepResponse
 
         parsed, asked = parse_controllers(controllers), checked_temperatures(temperatures)
         fit = self.succeeded(caller, fit_id)
         with self._turn():
-            if fit.has_posterior:
-                with self._fits.posterior(caller, fit_id) as file:
-                    motors = chain_draws(file, draws, f"posterior.nc of {fit_id}")
-            else:
-                motors = normal_draws(fit.result or {}, draws, f"result.json of {fit_id}")
+            motors = self._draws(caller, fit, draws)
             curves = step_curves(motors, asked, parsed)
             return LoopAnalysis(
                 feedback_metrics(motors, asked, parsed),
                 [StepResponse(**vars(curve)) for curve in curves],
                 () if fit.has_posterior else (APPROXIMATE,),
             )
+
+    def _draws(self, caller: Caller, fit: StoredFit, most: int) -> dict[str, NDArray[np.float64]]:
+        """Draws of the posterior; independent normal draws if there is none."""
+        from identification.result.draws import chain_draws, normal_draws
+
+        name = fit.row.id
+        if not fit.has_posterior:
+            return normal_draws(fit.result or {}, most, f"result.json of {name}")
+        with self._fits.posterior(caller, name) as file:
+            return chain_draws(file, most, f"posterior.nc of {name}")
 
     def prediction(
         self,

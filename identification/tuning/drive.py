@@ -53,7 +53,7 @@ _NO_RUN: Final = -1.0
 _MARGIN: Final = 1.5
 _MOST_SUBSTEPS: Final = 20
 _DELAY_ERROR: Final = 0.01
-_MOST_STEPS: Final = 20_000
+_MOST_STEPS: Final = 10_000
 
 
 @dataclass(frozen=True)

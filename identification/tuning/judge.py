@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.errors import OptionError
 from identification.feedback.delayed_margins import delayed_margins
 from identification.feedback.loop import Loop
 from identification.feedback.sampled import sampled_metrics
@@ -100,14 +101,24 @@ class Judge:
         return Judge(motor, self.specification, asked, self.step, anti_windup=self.anti_windup)
 
     def samples(self) -> int:
-        """Number of sample times that the required times need."""
+        """Number of sample times that the required times need.
+
+        Raises:
+            OptionError: There are too many.
+        """
         spec = self.specification
         needed = [factor * (getattr(spec, name) or 0.0) for name, factor in _BEYOND.items()]
         if not any(needed):
             _, denominator = self.motor.plants(self.temperatures[0])
             needed.append(_TIME_CONSTANTS * float(np.median(denominator[:, 1] / denominator[:, 2])))
         count = math.ceil(max(needed) / spec.sample_time)
-        return min(max(count, _LEAST_SAMPLES), most_samples(spec))
+        if count > most_samples(spec):
+            raise OptionError(
+                f"specification: the response of {max(needed):.3g} s has {count} sample times; "
+                f"expected at most {most_samples(spec)}: shorten the required times or lengthen "
+                "sample_time"
+            )
+        return max(count, _LEAST_SAMPLES)
 
     def judged(self, gains: Array, samples: int | None = None) -> Judgement:
         """Metrics of controllers for every draw at every temperature.

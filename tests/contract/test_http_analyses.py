@@ -94,6 +94,32 @@ def test_refused_controller_is_a_problem(bench: Bench) -> None:
     assert "PD:1,2" in answer.json()["detail"]
 
 
+def test_tuning_by_http_agrees_with_the_judgement_of_its_controller(bench: Bench) -> None:
+    """Judging the gains that were found gives the probability that was found."""
+    address = f"/api/v1/fits/{bench.second}/tunings"
+    asked = {
+        "specification": {"settling_time": 0.2, "overshoot": 10, "voltage": 24, "current": 20},
+        "temperatures": [25.0],
+    }
+
+    [found] = bench.http.post(address, json=asked).json()["tuning"]["controllers"]
+    again = bench.http.post(address, json=asked | {"controllers": [found["controller"]]}).json()
+
+    assert found["controller"].startswith("PI:")
+    assert again["tuning"]["controllers"][0]["probability"] == found["probability"]
+    assert len(again["remarks"]) == 1
+
+
+def test_refused_specification_is_a_problem(bench: Bench) -> None:
+    """The problem names every unknown requirement."""
+    answer = bench.http.post(
+        f"/api/v1/fits/{bench.second}/tunings", json={"specification": {"rise": 1, "fall": 1}}
+    )
+
+    assert answer.status_code == 422
+    assert "rise, fall is not known" in answer.json()["detail"]
+
+
 def test_page_of_the_loop_is_a_form_with_its_answer(bench: Bench) -> None:
     """The address has all fields, so a reload shows the same response without a script."""
     query = {"kind": "PI", "kp": "0.5", "ki": "3", "temperature": "25, 80"}

@@ -86,7 +86,11 @@ def test_every_item_is_404_for_another_workspace(
     about_things = [(method, path) for method, path in closed if PLACE.search(path)]
     assert len(about_things) >= 8
     for method, path in about_things:
-        body = {"controllers": ["P:1"]} if path.endswith("/feedback") else None
+        bodies = {
+            "feedback": {"controllers": ["P:1"]},
+            "tunings": {"specification": {"overshoot": 10}},
+        }
+        body = bodies.get(path.rpartition("/")[2])
         answer = bob.http.request(method, server.url + filled(path, ids), json=body)
 
         assert answer.status_code == 404, (method, path)
